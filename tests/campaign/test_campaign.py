@@ -84,11 +84,10 @@ def test_a_planted_fault_is_found(read, cases, more, kinds, tmp_path):
     assert {f"planted {kind}" for kind in kinds} <= causes(read, tmp_path, cases, **more)
 
 
-@pytest.mark.slow  # the workers wait for their timeouts
 def test_a_hang_a_crash_and_too_much_memory_are_found_and_the_others_go_on(tmp_path):
     def read(path):
         data = path.read_bytes()
-        if b"name" not in data:
+        if b"<robot" not in data:
             while True:
                 pass
         if b"robot>" not in data:
@@ -96,11 +95,11 @@ def test_a_hang_a_crash_and_too_much_memory_are_found_and_the_others_go_on(tmp_p
         if len(data) > len(TEXT) + 500:
             bytearray(2 * workers.MEMORY)
 
-    result = found(read, tmp_path)
+    result = found(read, tmp_path, 38)
     assert {cause.partition(": ")[0] for cause in result.causes} == {
         "planted hang", "planted abort or deadlock", "planted memory",
     }  # fmt: skip
-    assert result.counts["cases"] == 300
+    assert result.counts["cases"] == 38
 
 
 def test_a_case_is_made_from_its_number_alone(tmp_path):

@@ -134,6 +134,17 @@ def test_without_obstacles_nothing_is_near():
     assert len(vortices.states) == 0
 
 
+def test_a_robot_without_joints_meets_nothing(raff):
+    stone = raff("robot r { base { } }")
+    clearance = Clearance(
+        stone, [Body("base", 0, at(0, 0, 0), coal.Sphere(0.1))], obstacles_of([ball(0.1, 0.0, 0.0, 0.0)])
+    )
+    q = stone.q_home
+    assert clearance.least(q) == np.inf
+    assert clearance.near(q, 1.0).rows.shape == (0, 0)
+    assert clearance.motion_bounds(q, q)[0].shape == (0,)
+
+
 @pytest.mark.parametrize("shape", [coal.Halfspace(np.array([1.0, 0.0, 0.0]), 0.0), coal.Plane(np.eye(3)[0], 0.0)])
 def test_a_link_without_end_is_refused(shape):
     endless = Body("endless", 2, at(0, 0, 0), shape)
@@ -275,6 +286,18 @@ def test_pairs_that_are_certain_keep_the_distance_whatever_was_measured_before(s
             assert set(np.flatnonzero(found < 0.1 - 1e-5)) <= set(clearance.nearer(q, 0.1).tolist())
             assert set(clearance.nearer(q, 0.1).tolist()) <= set(np.flatnonzero(found < 0.1 + 1e-5))
             assert clearance.distances(q) == pytest.approx(found, abs=1e-5)
+
+
+@pytest.mark.parametrize("name", ["arm7", "delta4", "gough", "two_arms"])
+def test_most_pairs_are_certain_on_short_motions_of_a_robot_among_obstacles(name):
+    clearance, rng = among(name, around(name, 3)), np.random.default_rng(0)
+    mechanism, kept = clearance.mechanism, 0
+    q, nv = mechanism.q_home, mechanism.model.nv
+    for _ in range(8):
+        straight = 0.02 * rng.normal(size=nv) * mechanism.scale
+        q = mechanism.integrate(q, straight)
+        kept += check_uncertain(clearance, q, np.abs(straight), straight, 0.01 * mechanism.length, rng)
+    assert kept > 5 * len(clearance.pairs)
 
 
 def test_a_box_that_slides_along_a_wall_is_certain_though_it_moves_further_than_it_is_away():

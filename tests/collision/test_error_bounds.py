@@ -9,6 +9,7 @@ import pytest
 import trimesh
 from mesh_contact import tree_of
 from reference import PANDA, load
+from test_exact_distances import clearance_among_links, configurations
 
 from cinegen.collision.body import Body, PlacedShape
 from cinegen.collision.report import collision_report, depth_at_least, excess
@@ -37,6 +38,21 @@ def test_a_hull_exceeds_a_mesh_by_the_depth_of_its_dent():
     exact = tree_of(angle.vertices, angle.faces)
     body = Body("angle", 1, HERE, coal.Convex.convexHull(corners, True, "Qt"), PlacedShape(HERE, exact))
     assert excess(body) == pytest.approx(0.35, abs=0.02)
+
+
+def test_no_distance_is_too_short_by_more_than_the_excess_of_both_bodies():
+    mechanism = load(PANDA)
+    plain, exact = clearance_among_links(mechanism, 0.0), clearance_among_links(mechanism, np.inf)
+    exceeds = np.array([excess(body) for body in plain.links])[plain.pairs].sum(axis=1)
+    tightest = np.inf
+    for q in configurations(mechanism, 20, 8):
+        least, real = plain.distances(q), exact.distances(q)
+        apart = least > 1e-3
+        assert (real >= least - 5e-6)[apart].all()
+        room = (exceeds + 0.05 * exceeds.max() - (real - least))[apart]
+        assert (room >= 0.0).all()
+        tightest = min(tightest, room.min())
+    assert tightest < 0.5 * exceeds.max()
 
 
 # --- depth at home ---------------------------------------------------------------------------------------------------

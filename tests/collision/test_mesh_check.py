@@ -71,6 +71,20 @@ def test_first_contact_is_where_coal_finds_it():
     assert check.first_contact(path[: contact.index + 1]) is None
 
 
+def test_no_random_configuration_with_touching_meshes_is_called_clear():
+    model = panda().model
+    given = scene(panda(), READY, panda().configuration(READY))
+    check, clearance = MeshCheck(given), clearance_of(given)
+    rng = np.random.default_rng(0)
+    touching = 0
+    for q in rng.uniform(model.lowerPositionLimit, model.upperPositionLimit, size=(200, model.nq)):
+        if meshes().touches(q):
+            touching += 1
+            assert check.contact(q)
+            assert clearance.least(q) <= 0.0
+    assert touching >= 20
+
+
 def test_links_whose_solids_always_overlap_are_checked_by_their_meshes():
     """The hull of Talos's arm_left_3 always holds a part of arm_left_5: only the meshes tell them apart."""
     given = scene(talos(), {}, talos().q_home)

@@ -16,6 +16,8 @@ import cinegen
 from cinegen.collision import PlanningError, SceneError, load_scene, scene_of
 from cinegen.errors import CinegenError
 
+FIGURES = ("rod", "generic")
+
 
 def _said(values, folder=".", **options):
     with pytest.raises(SceneError) as error:
@@ -24,6 +26,37 @@ def _said(values, folder=".", **options):
 
 
 # --- the scenes of the paper's figures ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_scenes_of_the_figures_read_back_as_the_same(root, tmp_path, name):
+    path = root / "robots" / "scenes" / f"{name}.toml"
+    scene = load_scene(path)
+    assert (scene.name, scene.path, scene.folder) == (name, path, path.parent)
+    assert (scene.translation, scene.rotation) == (2, 0)
+    again = scene_of(json.loads(json.dumps(scene.document())), path.parent, _given(scene))
+    assert _same(again, scene)
+    # as JSON, beside the robots
+    copied = tmp_path / "scenes" / f"{name}.json"
+    copied.parent.mkdir()
+    (tmp_path / "planar_3r.raff").write_text((root / "robots" / "planar_3r.raff").read_text())
+    copied.write_text(json.dumps(scene.document()))
+    assert _same(load_scene(copied), scene)
+
+
+def _same(one, other):
+    """Whether two scenes say the same, to the rounding of what turns are written as."""
+    assert (one.start == other.start).all()
+    assert one.goal.isApprox(other.goal, 1e-15)
+    for a, b in zip(one.obstacles, other.obstacles, strict=True):
+        assert (a.name, a.written) == (b.name, b.written)
+        assert a.placement.isApprox(b.placement, 1e-15)
+    said, again = ({k: v for k, v in scene.document().items() if k != "obstacle"} for scene in (one, other))
+    return said == again
+
+
+def _given(scene):
+    return None if scene.mobile is not None else scene.mechanism
 
 
 # --- files that are wrong -------------------------------------------------------------------------------------------
@@ -196,6 +229,20 @@ def test_motors_stand_where_they_are_said_to_and_loops_are_closed(robot, name, s
     assert mechanism.closure(scene.start) < 1e-12
     again = scene_of(scene.document(), ".", mechanism)
     assert np.abs(again.start - scene.start).max() < 1e-12
+
+
+def test_a_long_way_from_home_keeps_the_way_of_assembling(robot):
+    linkage = robot("five_bar")
+    home = linkage.q_home
+    # Ahead of the motors' way in a hundred small steps, each closed from the one before: what hardware would do.
+    motors = {joint: float(home[linkage.q_index(joint)]) + move for joint, move in (("joint1", 0.7), ("joint3", -0.5))}
+    q = home.copy()
+    for t in np.linspace(0, 1, 101)[1:]:
+        for joint, value in motors.items():
+            i = linkage.q_index(joint)
+            q[i] = home[i] + t * (value - home[i])
+        q = linkage.close(q, locked=linkage.actuated)
+    assert np.abs(_begins(linkage, motors).start - q).max() < 1e-9
 
 
 @pytest.fixture

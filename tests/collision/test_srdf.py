@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import pickle
-from itertools import pairwise
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from lxml import etree
 from reference import SHARE
 
 import cinegen
+from cinegen.cli import main
 from cinegen.collision import clearance_of, load_scene
 from cinegen.collision.self_collision import PairReason, disabled_by_srdf, link_pairs
 
@@ -129,6 +131,20 @@ def test_moveits_srdf_of_the_panda_is_read_as_its_file_lists_it():
         assert reason is not PairReason.CHECKED or pair not in listed
         assert reason is not PairReason.SRDF or pair in listed
     assert set(links.reasons.values()) >= {PairReason.SRDF, PairReason.CHECKED}
+
+
+def test_info_lists_disabled_pairs_with_the_reason(chain, capsys):
+    urdf = str(chain(AC + '<disable_collisions link1="b" link2="d"/>'))
+    assert main(["info", urdf, "--collision", "--json"]) == 0
+    pairs = {
+        "".join(one["links"]): one["reason"] for one in json.loads(capsys.readouterr().out)[0]["collision"]["pairs"]
+    }
+    assert set(pairs) == {"".join(pair) for pair in combinations(LINKS, 2)}
+    assert pairs["ac"] == "disabled by chain.srdf: Never"
+    assert pairs["bd"] == "disabled by chain.srdf: no reason given"
+    assert pairs["ad"] == "checked"
+    assert main(["info", urdf, "--collision"]) == 0
+    assert "a - c: disabled by chain.srdf: Never" in capsys.readouterr().out
 
 
 def test_a_scene_names_the_srdf_of_its_robot(chain, tmp_path):

@@ -19,6 +19,18 @@ from raff2urdf.raff.document import (
     RaffVariable,
 )
 
+RSSR = """RAFF Rssr
+units mm
+robot rssr {
+  link 1 { parameters { theta 70 alpha 10 epsilon 20 } type 2 pred 0 actuated 1 }
+  link 2 { parameters { gamma 5 theta -40 alpha 15 d 120 epsilon 10 r 30 } joint ball pred 1 }
+  frame 4 { parameters { d 360 r 20 theta 12 } pred 2 }
+  link 3 { parameters { theta 89 d 400 alpha 20 r 60 } type 2 pred 0 }
+  frame 5 { parameters { d 240 alpha 30 } pred 3 }
+  constraint { frame 4 frame 5 type 3 }
+}
+"""
+
 
 def random_robot(rng: np.random.Generator, size: int) -> Document:
     """Return a document of a tree whose links have joints of all kinds."""
@@ -90,3 +102,24 @@ def test_own_variables_are_offsets_of_encoders(seed: int):
         mechanism.jacobian(mechanism.q_home, node)[:, mechanism.v_index(one.joint)],
         atol=1e-12,
     )
+
+
+def test_a_linkage_with_a_ball_joint(tmp_path):
+    (tmp_path / "rssr.raff").write_text(RSSR)
+    parameters = Parameters(tmp_path / "rssr.raff")
+    design, mechanism = Design(parameters), parameters.mechanism
+    assert mechanism.balls == ("joint2",)
+    here, end = design.evaluate(), pin.SE3(mechanism.placement(mechanism.q_home, "frame5"))
+    assert here.opening == ()
+    for k, name in enumerate(design.names):
+        step, poses = 1e-4, []
+        for sign in (1.0, -1.0):
+            changed = parameters.mechanism_with(parameters.values + sign * step * np.eye(len(design.names))[k])
+            q = changed.close(mechanism.q_home, mechanism.actuated)
+            there = design.evaluate(parameters.values + sign * step * np.eye(len(design.names))[k])
+            np.testing.assert_allclose(
+                there.placements("frame5")[0], changed.placement(q, "frame5").homogeneous, atol=1e-10, err_msg=name
+            )
+            poses.append(pin.log6(end.actInv(changed.placement(q, "frame5"))).vector)
+        numeric = (poses[0] - poses[1]) / (2.0 * step)
+        np.testing.assert_allclose(here.pose_derivative("frame5")[0, :, k], numeric, atol=1e-6, err_msg=name)

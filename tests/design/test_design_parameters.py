@@ -84,6 +84,18 @@ def test_text_with_other_values(name):
     assert parameters.with_values(parameters.values) == before
 
 
+def test_text_of_one_value():
+    parameters = Parameters("five_bar")
+    text = parameters.with_values(parameters.with_changed({"link2.d": "251.5mm", "base.d": "1mm"}))
+    before = (ROBOTS / "five_bar.raff").read_text().split("\n")
+    changed = [(old, new) for old, new in zip(before, text.split("\n"), strict=True) if old != new]
+    assert changed == [
+        ("  base { } // midway between the actuated joints",
+         "  base { parameters { d 1 } } // midway between the actuated joints"),
+        ("    parameters { theta -85.310313 d 250.0 }", "    parameters { theta -85.310313 d 251.5 }"),
+    ]  # fmt: skip
+
+
 def test_a_urdf(tmp_path):
     raff2urdf.convert(ROBOTS / "arm7.raff", tmp_path)
     parameters = Parameters(tmp_path / "arm7.urdf", "link*.r")

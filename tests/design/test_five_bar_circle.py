@@ -42,6 +42,17 @@ def test_closed_forms_of_coincident_base_joints():
     assert min(nearby, key=nearby.get) == (0.0, 0.0)
 
 
+def test_speeds_of_the_tool_by_differences():
+    robot, at = FiveBar(0.25, 0.4, 0.15), np.array([[0.05, 0.42]])
+    step, angles = 1e-6, []
+    for change in ([step, 0], [-step, 0], [0, step], [0, -step]):
+        elbows = robot.elbows(at + change)[0] - np.array([[-robot.half, 0.0], [robot.half, 0.0]])
+        angles.append(np.arctan2(elbows[:, 1], elbows[:, 0]))
+    by_point = np.stack([angles[0] - angles[1], angles[2] - angles[3]], axis=1) / (2.0 * step)
+    speeds = 1.0 / np.linalg.svd(by_point, compute_uv=False)[::-1]
+    np.testing.assert_allclose(robot.singular_values(at)[0], speeds, rtol=1e-8)
+
+
 # --- the synthesis ----------------------------------------------------------------------------------------------
 
 

@@ -36,6 +36,14 @@ def test_a_tower_beside_its_place_is_told_from_a_turned_one():
     assert turned.values[0] < np.radians(119.9)  # -0.13 degrees: what a wrong model makes of the place
 
 
+def test_several_towers_beside_their_places_are_named():
+    given = readings({"link6.r": "8mm", "link12.r": "5mm"}, 3, 1.0)
+    with pytest.warns(
+        CinegenWarning, match=r"link6\.r .*, link12\.r .*, which are not estimated, .* add them to --vary"
+    ):
+        calibrate(Parameters("delta4", ["*.gamma"]), given, folds=0)
+
+
 def test_an_angle_that_fits_is_told_from_a_place_that_fits_as_well_by_the_rotation_of_the_platform():
     """Positions of 5 mm noise fit a turned tower, and one beside its place."""
     turned = Parameters("delta4", ["link6.gamma"])

@@ -98,6 +98,10 @@ def shifted(values: np.ndarray) -> None:
     values[:, -3:] = np.roll(values[:, -3:], 1, axis=0)
 
 
+def reversed_lines(values: np.ndarray) -> None:
+    values[:, -3:] = values[::-1, -3:].copy()
+
+
 def named(names: dict[str, str]) -> Mistaken:
     """The same numbers below other names."""
 
@@ -122,22 +126,29 @@ def tracked(mistaken: Mistaken) -> Mistaken:
 MISTAKES = [
     # signs
     ("five_bar", 2, scaled(-1.0, 2), "with the opposite sign of tool.x"),
+    ("delta4", 3, scaled(-1.0, 0, 1, 2), "with the opposite sign of joint1, joint6, joint12 "),
+    ("delta4", 3, in_frame((180, 0, 0), (0, 0, 0)), "with the opposite sign of platform.y, platform.z"),
     ("gough", 6, scaled(-1.0, 0), r"loops don't close .*They fit with the opposite sign of joint3 "),
     ("scara", 3, tracked(scaled(-1.0, 0)), "with the opposite sign of joint1 "),
     # units
     ("five_bar", 2, scaled(1 / GON, 0, 1), "with joint1, joint3 in gon instead of deg"),
     ("scara", 3, scaled(np.pi / 180, 0, 1, 2, 3), "joint4 in rad instead of deg"),
     ("five_bar", 2, scaled(1e3, 2, 3), "with tool.x, tool.y in mm instead of m"),
+    ("five_bar", 2, scaled(1 / 25.4, 2, 3), "tool.y in in instead of mm"),
+    ("scara", 3, scaled(0.1, 4, 5, 6), "tool.z in cm instead of mm"),
     # columns and lines
     ("five_bar", 2, placed((2, 3), (3, 2)), "with columns tool.x and tool.y exchanged"),
     ("delta4", 3, placed((0, 1, 2), (1, 2, 0)), "in the order joint12, joint1, joint6"),
     ("scara", 3, lambda given: other(given, shifted), "tool.z of the line below"),
+    ("scara", 3, lambda given: other(given, reversed_lines), r"order of lines \(8 at 1, 7 at 2, 6 at 3, 5 at 4 and "),
     # names
     ("five_bar", 2, named({"tool.x": "link2.x", "tool.y": "link2.y"}), "with tool in place of link2"),
     ("five_bar", 2, named({"joint3": "joint4"}), "with joint3 in place of joint4"),
+    ("five_bar", 2, named({"joint3": "joint2"}), r"loops don't close .*They fit with joint3 in place of joint2"),
     # zeros
     ("scara", 3, scaled(1.0, 1, offset=np.pi / 2), r"with -(89|90)\S* deg added to joint2"),
     ("five_bar", 2, scaled(-1.0, 1, offset=np.pi), r"with -(179|180)(\.\d*)? deg minus the readings of joint3"),
+    ("gough", 6, scaled(1.0, 1, offset=0.05), r"loops don't close .*They fit with -0\.0[45]\d* m added to joint9"),
     ("delta4", 3, scaled(1.0, 5, offset=0.5), r"with -0\.\d+ m added to platform\.z"),
     # frames, and ways to write a rotation
     ("scara", 3, in_frame((0, 0, 90), (0.2, 0.1, 0)), r"of its own \(tracker at .*, turned by (89|90)\S* deg about"),
@@ -162,6 +173,14 @@ def test_the_right_readings_are_taken_without_a_word(few):
     found = calibrate(FEW, few)
     assert not found.outliers
     assert found.fit < 2.0
+
+
+def test_a_sign_that_the_expected_errors_could_explain_is_named_by_the_estimate():
+    """The platform of a delta rotates by its errors alone: about z by 0.1 degrees."""
+    given = scaled(-1.0, 8)(right("delta4", 6, poses=20))
+    checked("delta4", given)
+    with pytest.raises(DesignError, match=r"They fit with the opposite sign of platform\.rz \(.* then\)"):
+        calibrate(ALL("delta4"), given, folds=0)
 
 
 @pytest.mark.parametrize(("name", "changed"), [("scara", {"link1.theta": "20deg"}), ("five_bar", {"base.d": "60mm"})])

@@ -146,6 +146,33 @@ def test_state_continues(best_five_bar, tmp_path):
         synthesize("five_bar", changed(starts=3), state=state)
 
 
+@pytest.mark.slow
+def test_front(tmp_path):
+    values = changed(
+        objective=[{"minimise": "condition"}, {"minimise": "size", "of": ["link*.d"]}],
+        front=5, starts=1,
+    )  # fmt: skip
+    state = tmp_path / "state.json"
+    found = synthesize("five_bar", values, state=state)
+    front = np.array([one.values for one in found.front])
+    assert len(front) >= 4
+    order = np.argsort(front[:, 0])
+    assert (np.diff(front[order, 1]) < 0.0).all()  # better in one only by being worse in the other
+    ends = [synthesize("five_bar", changed(objective=[one], starts=1)).values[0] for one in values["objective"]]
+    np.testing.assert_allclose(front.min(axis=0), ends, rtol=1e-4)
+    assert any(np.array_equal(found.p, one.p) for one in found.front)
+    assert f"Pareto front, {len(front)} designs" in found.text
+    assert found.text.count("<- written") == 1
+    kept = json.loads(state.read_text(encoding="utf-8"))
+    assert len(kept["front"]) == 5
+    kept["front"] = kept["front"][:-1]
+    state.write_text(json.dumps(kept), encoding="utf-8")
+    told: list[tuple[str, int]] = []
+    again = synthesize("five_bar", values, state=state, report=lambda text, done, total: told.append((text, done)))
+    assert told == [("Pareto front", 4)]
+    np.testing.assert_allclose([one.values for one in again.front], front, rtol=1e-9)
+
+
 ERRORS = {"sigma": {"link*.d": "0.05mm"}, "encoder": {"joint1": "0.02deg", "joint3": "0.02deg"}}
 GRAVITY = (0.0, -9.81, 0.0)
 LARGEST = {

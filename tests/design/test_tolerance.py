@@ -130,6 +130,13 @@ def test_play_is_even_in_a_disc(two_r):
     np.testing.assert_allclose(tilted.linear[2], 0.3 * math.radians(0.1) + 5e-4, rtol=1e-9)
 
 
+def test_play_at_either_end_of_a_rocker_is_that_of_its_length(bars):
+    """Only play along the rocker moves the coupler: the rocker yields across it."""
+    rocker = tolerance(bars, {"frame5.d": 5e-5})
+    for name in ("frame4-frame5", "joint3"):
+        np.testing.assert_allclose(tolerance(bars, play={name: 1e-4}).covariance, rocker.covariance, atol=1e-15)
+
+
 def test_over_constrained_mechanisms_are_forced():
     found = tolerance("five_bar", {"link2.alpha": "0.1deg", "link2.d": "0.1mm", "link3.r": "0.2mm"}, samples=1000)
     assert set(found.forced.names) == {"link2.alpha", "link3.r"}

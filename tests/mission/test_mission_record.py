@@ -5,6 +5,9 @@ from __future__ import annotations
 import errno
 import json
 import os
+import signal
+import subprocess
+import sys
 import threading
 import time
 
@@ -154,6 +157,31 @@ def test_a_recording_has_no_meshes_shown_that_are_far_from_it_unless_the_user_al
 # --- programs, disks -------------------------------------------------------------------------------------------------
 
 
+def test_a_process_that_is_killed_leaves_all_but_the_last_line(tmp_path, root):
+    path = tmp_path / "run.jsonl"
+    program = f"""
+import itertools, time
+import numpy as np
+import cinegen
+from cinegen.mission import RobotSample, MissionRecorder
+arm = cinegen.load({str(root / "robots" / "planar_3r.raff")!r})
+recorder = MissionRecorder({str(path)!r}, {{"arm": arm}})
+for i in itertools.count():
+    recorder.write(i / 100, {{"arm": RobotSample(np.full(3, float(i)), "IDLE")}})
+    print(i, flush=True)
+    time.sleep(0.001)
+"""
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as process:
+        said = [process.stdout.readline() for _ in range(100)]
+        _wait(lambda: path.read_bytes().count(b"\n") > 101)
+        process.send_signal(signal.SIGKILL)
+    assert said[-1] == "99\n"
+    recording = Recording.load(path)
+    count = len(recording.times)
+    assert count >= 100
+    assert (recording.q["arm"] == np.arange(float(count))[:, None]).all()
+
+
 @pytest.mark.parametrize("keep", [0.3, 0.9999])
 def test_a_line_that_was_cut_is_left_out(robot, tmp_path, keep):
     path = tmp_path / "run.jsonl"
@@ -273,6 +301,14 @@ def test_a_loop_closes_without_waiting(robot, tmp_path, monkeypatch):
     recorder.write(9.0, {"arm": RobotSample(np.zeros(3), "IDLE")})
     recorder.close()
     assert (recorder.lost, len(Recording.load(path).times)) == (0, 100)
+
+
+def test_it_leaves_no_file_and_no_thread(robot, tmp_path):
+    files, threads = len(os.listdir("/proc/self/fd")), threading.active_count()
+    for i in range(5):
+        MissionRecorder(tmp_path / f"{i}", {"arm": robot("planar_3r")}).close()
+    assert (len(os.listdir("/proc/self/fd")), threading.active_count()) == (files, threads)
+    assert sorted(path.name for path in tmp_path.iterdir()) == list("01234")
 
 
 def test_a_loop_neither_encodes_nor_writes(robot, tmp_path, monkeypatch):

@@ -15,6 +15,7 @@ from recorded import record
 from scipy.optimize import brentq
 
 import cinegen
+from cinegen.cli import main
 from cinegen.dynamics import InverseDynamics
 from cinegen.errors import CinegenError
 from cinegen.mission import resampled
@@ -157,6 +158,31 @@ def test_without_the_option_and_where_there_is_no_pace_it_is_refused(five_bar, f
         TorqueLimits(five_bar, efforts={"joint1": 40.0}, crosses=True)
     with pytest.raises(CinegenError, match="jerks are not limited where a singularity is crossed"):
         resampled(fall, jerk=100.0, torques=partial(heavy_limits, crosses=True))
+
+
+def test_the_option_of_the_command(root, fall, tmp_path, capsys):
+    """With the masses of the file and limits in it: too weak to hold the linkage at rest near the singularity."""
+    text = re.sub(r"limits {[^}]*}", "", (root / "robots/five_bar.raff").read_text())
+    path = tmp_path / "weak.raff"
+    path.write_text(text.replace("d 400.0", "d 330").replace("actuated 1", "effort 4 actuated 1"))
+    five_bar = cinegen.load(path)
+    way = straight(five_bar, (0.02, 0.30), (0.02, 0.10))
+    assert np.nanmax(np.abs(InverseDynamics(five_bar, gravity=DOWN).torques_of(way))) > 4.0
+    run = record(tmp_path / "weak.jsonl", five_bar, np.linspace(0.0, 2.0, len(way)), way)
+    command = ["export", str(run.path), "--to", "csv", "--fastest", "--acceleration", "1000", "--force"]
+    crossing = ["--torques", "--cross-singularities", "--gravity", "0,-9.81,0"]
+    assert main([*command, *crossing]) == 0
+    out = capsys.readouterr().out
+    assert "of its 4 Nm" in out
+    assert "DO NOT SEND" not in out
+    assert "it passes through a type 2 singularity" in out
+    assert "at a speed at which torques stay within their limits" in out
+    assert "no type 2 singularity passed" not in out
+    assert main([*command, "--torques", "--gravity", "0,-9.81,0"]) == 1
+    assert "--cross-singularities" in capsys.readouterr().err
+    for option in (["--cross-singularities"], ["--gravity", "0,-9.81,0"]):
+        assert main([*command, *option]) == 2
+        assert f"{option[0]} has no effect without --torques" in capsys.readouterr().err
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from recorded import record, swung
+from scipy.interpolate import CubicSpline
 
 from cinegen.errors import UnknownNameError
 from cinegen.mission import (
@@ -26,7 +27,7 @@ from cinegen.mission.recording import between
 from cinegen.mission.trajectory import curve_through
 from cinegen.model import ForwardKinematics
 from cinegen.model.motion_limits import DEFAULT_ACCELERATION, motion_limits
-from cinegen.singularities.crossing import crossings, of_passive_joints
+from cinegen.singularities.crossing import Rows, crossings, of_passive_joints
 
 ROBOTS = ["planar_3r", "rx90", "four_bar", "five_bar", "delta4", "gough", "hybrid", "sr400"]
 seeds = st.integers(0, 2**32 - 1)
@@ -100,7 +101,61 @@ def test_it_obeys_all_limits_and_stays_closed(robot, tmp_path_factory, name, see
     assert findings.closure <= 1e-10
 
 
+def test_it_is_near_what_was_recorded(robot, tmp_path):
+    mechanism = robot("delta4")
+    times, q = swung(mechanism, 2.0, rate=50.0)
+    recording = record(tmp_path / "run.jsonl", mechanism, times, q)
+    motion = resampled(recording, rate=400.0, acceleration=200.0)
+    seconds = np.diff(motion.passes[:, 0])
+    assert (seconds >= np.diff(times) - 1e-9).all()
+    assert seconds[20:-20] == pytest.approx(np.diff(times)[20:-20], rel=1e-3)  # as recorded, but for start and end
+    exact = CubicSpline(motion.times, motion.q)(motion.passes[:, 0])
+    assert exact == pytest.approx(q, abs=2e-5)
+    assert motion.v[1:-1] == pytest.approx((motion.q[2:] - motion.q[:-2]) * 200.0, abs=1e-9)
+
+
 # --- limits ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_leap_becomes_a_motion_at_the_limit(robot, tmp_path):
+    arm = robot("planar_3r")
+    still, there = np.array([0.1, 0.4, 0.3]), np.array([0.1, 1.4, 0.3])
+    q = [still] * 50 + [there] * 50
+    motion = resampled(record(tmp_path / "run.jsonl", arm, np.arange(100) / 100, q))
+    fastest = arm.model.upperVelocityLimit[1]
+    angular = DEFAULT_ACCELERATION[0]  # from rest to rest, at the limits of acceleration and velocity
+    ramps = fastest / angular + 1.0 / fastest if fastest**2 < angular else 2.0 / math.sqrt(angular)
+    assert motion.passes[-1, 0] == pytest.approx(0.98 + ramps, rel=0.05)
+    assert _accelerations(motion).max() == pytest.approx(1.0, abs=0.05)
+    assert np.diff(motion.q[:, 1]).min() >= 0.0
+    assert motion.recorded(motion.passes[60, 0]) == pytest.approx(0.6)
+
+
+FOUR_BAR = """
+robot linkage {
+  base { }
+  link 1 { parameters { theta 50.0 } type 2 pred 0 velocity 720.0 actuated 1 }
+  link 2 { parameters { theta -25.722522 d 120.0 } type 2 pred 1 }
+  link 3 { parameters { theta 88.735117 d 400.0 } type 2 pred 0 velocity 20.0 }
+  frame 4 { parameters { d 360.0 } pred 2 }
+  frame 5 { parameters { d 240.0 } pred 3 }
+  constraint { frame 4 frame 5 type 2 }
+}
+"""
+
+
+def test_joints_without_motors_obey_their_limits_too(raff, tmp_path):
+    slow = raff(FOUR_BAR)
+    forward, begin = ForwardKinematics(slow), slow.q_home[0]
+    times = np.arange(101) / 100
+    q = [forward.move({"joint1": begin + 2.0 * math.pi * time}) for time in times]
+    motion = resampled(record(tmp_path / "run.jsonl", slow, times, q), rate=20.0)
+    taken = _steps(motion)[:, slow.v_index("joint3")]
+    assert taken.max() <= 1.0 + 1e-6
+    assert taken.max() > 0.95
+    assert motion.seconds < 2.0 * 2.0 * np.abs(np.diff([one[2] for one in q])).sum() / math.radians(20.0)
+    assert not check(motion).serious
+    assert np.median(taken) > 0.5  # it is slow only where it must be
 
 
 # --- what can't be sampled -------------------------------------------------------------------------------------------
@@ -249,6 +304,20 @@ def test_singularities_far_apart_from_samples(robot, rocker):
         assert found == pytest.approx([one for one in expected if one < way], abs=1e-6)
         counts.append(len(found))
     assert set(counts) == {0, 1}
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.0, 1.8, 2.6])
+@pytest.mark.parametrize("zero", [-1.0, 0.1, 0.37])
+def test_a_matrix_that_turns_between_two_samples(robot, turn, zero):
+    """Its singular vectors turn by so much (rad) that from sample to sample they may seem to have turned round."""
+    arm = robot("planar_3r")
+
+    def matrix(q):
+        cos, sin = math.cos(turn * q[0]), math.sin(turn * q[0])
+        return np.array([[cos, -sin], [sin, cos]]) @ np.diag([4.0, q[0] - zero])
+
+    found = [one.x for one in crossings(Rows(matrix, 2), partial(between, arm, np.zeros(3), np.ones(3)))]
+    assert found == pytest.approx([zero] if 0.0 < zero < 1.0 else [], abs=1e-8)
 
 
 def test_a_motion_near_a_type_2_singularity_is_noted_where_it_is_nearest(robot, tmp_path):

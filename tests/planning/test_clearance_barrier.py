@@ -149,6 +149,40 @@ def test_a_path_on_which_what_is_too_near_comes_much_nearer_still_is_not_clear(b
     assert is_clear(clearance, first, 1.5 * first, 0.05), "it may go away"
 
 
+@pytest.mark.parametrize("name", ["arm7", "planar_3r", "delta4"])
+@settings(max_examples=16)
+@given(seed=seeds, accelerated=st.booleans())
+def test_a_robot_that_an_obstacle_was_put_near_goes_away_from_it(robot, name, seed, accelerated):
+    """At the speed of its joints, which is far less than what would do at once."""
+    mechanism, rng = robot(name), np.random.default_rng(seed)
+    far = 10.0 * mechanism.length
+    clearance = among(name, [ball(0.1 * mechanism.length, far, far, far)], own=False)
+    safety = 0.05 * mechanism.length
+    solver = Solver(mechanism, 1e-3, acceleration=50.0 if accelerated else None)
+    solver.barriers = [ClearanceBarrier(clearance, safety)]
+    node = mechanism.nodes[-1]
+    if rng.random() < 0.7:
+        solver.add_task(node, away(mechanism, node, rng, 0.5), rotation=0)
+    link = int(rng.choice(np.flatnonzero([b.joint > 0 for b in clearance.bodies[:-1]])))
+    place = clearance.bodies[link]
+    clearance.update(mechanism.q_home)
+    middle = clearance._data.oMi[place.joint].act(place.centre)
+    aside = rng.normal(size=3) * (1.0, 1.0, 0.0 if name == "planar_3r" else 1.0)
+    aside /= np.linalg.norm(aside)
+    reach = place.radius + 0.1 * mechanism.length
+    clearance.move(0, at(*(middle + aside * reach)))
+    before = clearance.distances(mechanism.q_home)
+    for _ in range(40):
+        last = clearance.distances(solver.q)
+        now = clearance.distances(solver.step().q)
+        assert (now >= np.minimum(last - 1e-9, safety - EXACT)).all()
+    near = clearance.near(mechanism.q_home, before.min() + 1e-9)
+    parted = np.abs(near.rows).max(initial=0.0) > 0.1 * mechanism.length  # joints can part them
+    alone = (before < STOP * safety).sum() == 1  # others may stand in the way
+    if before.min() < 0.8 * safety and parted and alone and not accelerated:
+        assert now.min() > before.min()
+
+
 # --- all along a way -----------------------------------------------------------------------------------------------
 
 

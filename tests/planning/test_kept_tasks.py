@@ -9,6 +9,7 @@ import pinocchio as pin
 import pytest
 
 from cinegen.collision import PlanningError
+from cinegen.ik.barrier import Range
 from cinegen.ik.kinds import AxisAlong, PointInPlane
 from cinegen.ik.state import State
 from cinegen.planning import PlanStatus, plan
@@ -47,6 +48,15 @@ def test_a_tool_stays_upright_round_a_box(round_a_box):
     assert along < 1e-6
     assert between < 1e-3
     assert errors(arm, task, planned([]).path)[0] > CONE  # it is no accident
+
+
+def test_a_tool_stays_within_a_cone(round_a_box):
+    arm, task, planned = round_a_box
+    found = planned([Range(task, radius=CONE)])
+    assert found.status is PlanStatus.REACHED
+    along, between = errors(arm, task, found.path)
+    assert along <= CONE + 1e-6
+    assert between < CONE + 1e-3
 
 
 def test_a_platform_stays_in_a_plane(robot):

@@ -103,6 +103,24 @@ def test_methods_in_turn_find_the_same_path_whenever_they_are_interrupted():
 # --- loops -----------------------------------------------------------------------------------------------------------
 
 
+def test_a_crank_and_its_coupler_turn_with_the_loop_closed(robot):
+    """One freedom, and joints without limits that the loop turns too."""
+    mechanism = robot("four_bar")
+    there = mechanism.q_home.copy()
+    for _ in range(20):
+        there[mechanism.q_index("joint1")] += 0.1
+        there = mechanism.close(there, locked=["joint1"])
+    goal = mechanism.placement(there, "tool").translation[:2].tolist()
+    found = plan(
+        scene_of({"node": "tool", "safety": 0.002, "goal": {"point": goal}}, mechanism=mechanism),
+        planner=Planner.RRT_CONNECT,
+    )
+    assert found.status is PlanStatus.REACHED
+    assert max(mechanism.closure(q) for q in found.path) < 1e-9
+    assert found.path[-1] == pytest.approx(there, abs=1e-3)
+    assert found.clearance >= 0.002
+
+
 # --- edges -----------------------------------------------------------------------------------------------------------
 
 UNIT = st.floats(0.0, 1.0)

@@ -131,6 +131,21 @@ def test_tasks_are_suspended_after_a_tenth_of_a_second_at_rest_and_not_while_it_
     assert resting == pytest.approx(100, abs=1)  # ticks of 1 ms
 
 
+def test_a_pull_that_makes_no_sense_beside_one_that_is_held_off():
+    """Neither raises, nor moves what it must not."""
+    solver, clearance = hand(scene("arm7", pole(0.45, 0.0)))
+    tool = solver.add_task("tool", translation=3, rotation=0)
+    other = solver.add_task("link4", translation=3, rotation=0)
+    x, y, z = tool.target.translation
+    for wrong in ("nowhere", None, pin.SE3(np.eye(3), np.full(3, np.nan))):
+        other.target = wrong
+        moved(tool, [x, -y - 0.6, z])
+        for _ in range(150):
+            step = solver.step()
+            assert step.status is Status.BAD_TARGET
+        assert clearance.least(step.q) >= SAFETY
+
+
 def test_a_fault_of_its_own_is_reported_and_it_stays_clear(monkeypatch, caplog):
     """What goes wrong in looking for a path is no secret: it is in the step, and in the log once."""
     solver, clearance = hand(scene("arm7", pole(0.45, 0.0)), acceleration=np.inf)  # from too near: away at once
@@ -154,3 +169,14 @@ def test_a_fault_of_its_own_is_reported_and_it_stays_clear(monkeypatch, caplog):
     assert "in broken" in caplog.text
     monkeypatch.undo()
     assert solver.step().exceptions == ()
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_target_may_be_as_far_away_as_numbers_go():
+    solver, _ = hand(scene("planar_3r", pole(0.6, 0.3)))
+    task = solver.add_task("tool", rotation=0)
+    for far in (1e192, -1e300, 1.0):
+        moved(task, [far, far, 0.0])
+        step = solver.step()
+        assert not step.exceptions
+        assert np.isfinite(step.q).all()

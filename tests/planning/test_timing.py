@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -12,11 +13,15 @@ from clearings import load, measured
 from scipy.interpolate import CubicHermiteSpline
 
 from cinegen.collision import load_scene, scene_of
+from cinegen.dynamics import Payload
+from cinegen.ik import Solver
+from cinegen.mission import MissionRecorder, Recording, RobotSample, resampled
 from cinegen.planning import plan
 from cinegen.planning.attempt import PlanStatus
 from cinegen.planning.planner import Plan
 from cinegen.planning.timed_path import timed_path
 from cinegen.planning.timing import averaged, grid_of, time_law
+from cinegen.planning.torque_limits import TorqueLimits
 
 
 def dense(curve, law, count=20001):
@@ -111,3 +116,25 @@ def made(scene, path):
     from cinegen.collision.mesh_check import MeshCheck
 
     return Plan(scene, PlanStatus.REACHED, path, (), "", clearance_of(scene), MeshCheck(scene))
+
+
+def test_rounding_of_a_recorded_motion_changes_nothing(robot, tmp_path):
+    """Joints that loops move alike have equal bounds, and the tangent at rest is 0 up to rounding."""
+    delta = robot("delta4")
+    solver, rng = Solver(delta, 0.01), np.random.default_rng(0)
+    task = solver.add_task("platform", rotation=0)
+    start, q = task.target.translation[0], []
+    for tick in range(101):
+        task.target.translation[0] = start + 0.2 * (1.0 - np.cos(np.pi * tick / 100))
+        q.append(solver.step().q)
+    limits = partial(TorqueLimits, payloads=[Payload("platform", 10.0)], efforts=3000.0)
+    seconds = []
+    for k in range(4):
+        with MissionRecorder(tmp_path / f"{k}.jsonl", {"delta4": delta}) as recorder:
+            for tick, at in enumerate(q):
+                noisy = at + 1e-15 * rng.normal(size=len(at))
+                recorder.write(0.01 * tick, {"delta4": RobotSample(noisy, "FOLLOWING")})
+        recording = Recording.load(tmp_path / f"{k}.jsonl")
+        motions = (resampled(recording, speed=np.inf, acceleration=30.0, torques=torques) for torques in (None, limits))
+        seconds.append([motion.seconds for motion in motions])
+    np.testing.assert_allclose(seconds, [seconds[0]] * 4, atol=1e-9)

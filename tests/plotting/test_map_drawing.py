@@ -9,15 +9,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import to_hex
+from matplotlib.colors import BoundaryNorm, LogNorm, to_hex
 from matplotlib.text import Text
 
+from cinegen.plotting.comparison import BOTH, FIRST, SECOND, draw_comparison
 from cinegen.plotting.loci import TYPE_2
 from cinegen.plotting.map import draw_map
 from cinegen.plotting.plane import ROBOT
 from cinegen.plotting.solid import net
 from cinegen.singularities import SingularityType, singularity
-from cinegen.workspace import GridAxis, MapSpecification, Region, make_map
+from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map
 from cinegen.workspace.extent import extent
 from cinegen.workspace.loci import loci
 
@@ -105,6 +106,28 @@ def test_an_arm_of_two_links_is_singular_where_its_elbow_is_straight(wrist):
     assert (radii < 0.4).sum() >= 8
 
 
+def test_a_joints_limit_is_no_singularity(made, robot):
+    """Joint 2 within 5 to 170 degrees either way stops five_bar's arms before they are stretched."""
+    curves = loci(made("five_bar", ("x", -0.5, 0.5, 25), ("y", 0.0, 0.7, 20), limits=True))
+    assert {(curve.kind, curve.border) for curve in curves} == {(SingularityType.NONE, True)}
+    model = robot("five_bar").model
+    for curve in curves:
+        near = np.minimum(curve.q - model.lowerPositionLimit, model.upperPositionLimit - curve.q).min(axis=1)
+        assert (near > -1e-8).all()
+        assert (near < 1e-3).all()
+
+
+def test_beside_what_nobody_has_looked_at_nothing_ends(wrist):
+    part = wrist.load().copy(deep=True)
+    part["status"][:, 18:] = 0
+    part["reachable"][:, 18:] = False
+    part["configuration"][:, 18:] = np.nan
+    points = points_of(loci(part), SingularityType.TYPE_1)
+    assert (points[:, 1] < 0.0).all()
+    radii = np.hypot(points[:, 0] - 0.2, points[:, 1])
+    assert np.abs(radii[:, None] - [0.7, 0.1]).min(axis=1).max() < 1e-6
+
+
 # --- two axes ----------------------------------------------------------------------------------------------------
 
 
@@ -128,7 +151,37 @@ def test_a_picture_has_colours_levels_curves_and_the_robot(drawn, five_bar, robo
     assert not [artist for artist in bare.get_children() if artist.get_gid() == ROBOT]
 
 
+def test_each_quantity_has_its_scale(made, five_bar):
+    condition = draw_map(five_bar, "condition", curves=False)
+    shades = [mesh for mesh in condition.axes[0].collections if type(mesh).__name__ == "QuadMesh"][-1]
+    assert isinstance(shades.norm, LogNorm)
+    modes = made("planar_3r", ("x", 0.0, 0.9, 12), ("y", -0.2, 0.2, 4), at={"rz": 0.0}, quantities=("solutions",))
+    solutions = rendered(draw_map(modes, "solutions", curves=False))
+    meshes = [mesh for mesh in solutions.axes[0].collections if type(mesh).__name__ == "QuadMesh"]
+    assert isinstance(meshes[-1].norm, BoundaryNorm)
+    assert [tick.get_text() for tick in solutions.axes[1].get_yticklabels()] == ["2"]
+    reachable = draw_map(modes, "reachable", curves=False)
+    assert len(reachable.axes) == 1  # one colour needs no bar
+    settled = draw_map(modes, None, curves=False)
+    assert {"reachable", "reachable\n(by search)"} <= {tick.get_text() for tick in settled.axes[1].get_yticklabels()}
+    with pytest.raises(MapError, match="this map has no quantity 'sigma_3': did you mean 'sigma_1' or 'sigma_2'"):
+        draw_map(five_bar, "sigma_3")
+
+
 # --- other numbers of axes ---------------------------------------------------------------------------------------
+
+
+def test_over_a_line_it_is_a_curve(made):
+    line = made("planar_3r", ("x", -1.2, 1.2, 48), at={"y": 0.0, "rz": 0.0}, quantities=("manipulability",))
+    figure = rendered(draw_map(line, "manipulability"))
+    axes = figure.axes[0]
+    (curve,) = axes.lines
+    x, m = curve.get_data()
+    np.testing.assert_allclose(x, line.x.values)
+    np.testing.assert_array_equal(np.isfinite(m), line.reachable.values)
+    grey = [patch.get_bbox().intervalx for patch in axes.patches]
+    np.testing.assert_allclose(sorted(map(tuple, grey)), [(-1.2, -0.5), (0.1, 0.3), (0.9, 1.2)], atol=0.025)
+    assert axes.get_xlabel() == "x (m)"
 
 
 @pytest.mark.parametrize("low", [0.0, 37.0])
@@ -189,3 +242,24 @@ def volume(surface):
 
 
 # --- two maps ----------------------------------------------------------------------------------------------------
+
+
+def test_two_maps_show_what_each_reaches_alone(made, wrist):
+    """Rings about x = 200 and -200: alone on the right, alone on the left."""
+    other = made("planar_3r", ("x", -0.75, 1.15, 38), ("y", -0.9, 0.9, 36), at={"rz": math.pi})
+    figure = rendered(draw_comparison(wrist, other))
+    parts, difference = figure.axes[:2]
+    cells = {to_hex(mesh.get_cmap()(1.0)): ~np.ma.getmaskarray(mesh.get_array()) for mesh in parts.collections}
+    a, b = wrist.reachable.values.T, other.reachable.values.T
+    np.testing.assert_array_equal(cells[FIRST].reshape(a.shape), a & ~b)
+    np.testing.assert_array_equal(cells[SECOND].reshape(a.shape), b & ~a)
+    np.testing.assert_array_equal(cells[BOTH].reshape(a.shape), a & b)
+    shades = [mesh for mesh in difference.collections if type(mesh).__name__ == "QuadMesh"][-1]
+    expected = (other.sigma_1 - wrist.sigma_1).values.T[a & b]
+    np.testing.assert_allclose(np.ma.compressed(shades.get_array()), expected, atol=1e-6)
+    assert shades.norm.vmin == -shades.norm.vmax
+    said = words(figure)
+    assert "both" in said
+    assert "only" in said
+    with pytest.raises(MapError, match="the maps don't both have 'force'"):
+        draw_comparison(wrist, other, "force")

@@ -10,6 +10,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.patches import Polygon
 
@@ -18,7 +19,7 @@ from cinegen.collision.body import Body
 from cinegen.collision.convex_hull import hull
 from cinegen.planning import plan
 from cinegen.plotting import draw_plan
-from cinegen.plotting.plan import MARGIN, OBSTACLE, outline
+from cinegen.plotting.plan import MARGIN, OBSTACLE, edge, outline
 
 sizes = st.floats(0.02, 1.0)
 seeds = st.integers(0, 2**32 - 1)
@@ -64,6 +65,19 @@ def test_an_outline_reaches_as_far_as_the_body_in_every_direction(made):
         reach = float((corners @ way).max())
         assert reach <= 50.0 - far + 1e-5
         assert reach >= 50.0 - far - 2e-4  # what is round has corners, two degrees apart
+
+
+@given(st.floats(-3.0, 3.0), st.floats(-np.pi, np.pi), st.floats(-2.0, 2.0), st.floats(-2.0, 2.0))
+def test_a_half_space_is_seen_on_its_edge_only(offset, turn, x, y):
+    shape = coal.Halfspace(np.array([0.0, 1.0, 0.0]), offset)
+    place = pin.SE3(pin.utils.rotate("z", turn), np.array([x, y, 0.3]))
+    body = Body("floor", 0, place, shape)
+    normal, behind = edge(body, np.eye(3)[:2])
+    on = place.act(np.array([0.7, offset, -2.0]))
+    assert normal @ on[:2] == pytest.approx(behind, abs=1e-12)
+    below = place.act(np.array([0.7, offset - 1.0, -2.0]))
+    assert normal @ below[:2] == pytest.approx(behind - 1.0)
+    assert edge(body, np.array([[0.0, 0.0, 1.0], place.rotation[:, 0]])) is None
 
 
 # --- pictures ----------------------------------------------------------------------------------------------------
@@ -170,3 +184,32 @@ def test_what_moves_in_space_is_seen_from_three_sides(over_the_wall):
         assert any(area(one) == pytest.approx(size.prod(), rel=1e-9) for one in walls)
         assert len(walls) == (1 if side == (0, 1) else 2)  # the floor is no edge from the top
     assert strip.get_xlabel() == "fraction of the motion (%)"
+
+
+@pytest.mark.parametrize(
+    ("values", "title"),
+    [
+        ({"goal": {"point": [1, 0]}, "obstacle": [{"kind": "disc", "radius": 0.1}]}, "start in collision"),
+        ({"goal": {"point": [0, 0]}, "safety": 0}, "reached"),
+        ({"goal": {"point": [1, 0]}, "mobile": {"radius": 0}}, "reached"),
+    ],
+)
+def test_there_is_a_picture_of_every_plan(values, title):
+    way = plan(scene_of({"mobile": {"radius": 0.1}} | values))
+    figure = draw_plan(way)
+    assert title in figure.get_suptitle()
+    FigureCanvasAgg(figure).draw()
+
+
+def test_nothing_is_cut_off_and_something_is_seen(over_the_wall):
+    figure = draw_plan(over_the_wall)
+    FigureCanvasAgg(figure).draw()
+    pixels = np.asarray(figure.canvas.buffer_rgba())[..., :3]
+    for axes in figure.axes:
+        left, bottom, width, height = (round(v) for v in axes.get_window_extent().bounds)
+        part = pixels[len(pixels) - bottom - height : len(pixels) - bottom, left : left + width]
+        assert (part.min(axis=2) < 200).mean() > 0.01
+    for text in figure.findobj(lambda artist: hasattr(artist, "get_legend_handler_map")):
+        box = text.get_window_extent()
+        assert box.x0 >= 0.0
+        assert box.x1 <= pixels.shape[1]

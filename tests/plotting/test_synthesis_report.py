@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import os
 import re
+import shutil
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
 import pytest
+from playwright.sync_api import sync_playwright
 
 from cinegen.design import synthesize
 from cinegen.plotting import synthesis_report
 from cinegen.plotting.sheet import new_figure
 from cinegen.plotting.synthesis.levels import RegionField, draw_field
 from cinegen.plotting.synthesis.page import ReportPage, drawing
+
+CHROMIUM = shutil.which("chromium")
+PICTURES = os.environ.get("CINEGEN_PICTURES")
 
 FILE, PATTERN, NODE = r"<script>alert('1')&amp;$\frac$.raff", "link[0-9<img src=x:y>&$^_$]*.d", "_tool"
 HOSTILE = '</h1><script>alert("1")</script>&lt;\'-->$\\frac$'
@@ -160,3 +166,32 @@ def test_fields_of_any_dimension_are_drawn(axes, is_region):
 
 
 # --- in a browser ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.browser
+@pytest.mark.skipif(CHROMIUM is None, reason="NO CHROMIUM: the report is not tested in a real browser")
+def test_a_report_in_a_browser_and_on_paper(report, tmp_path):
+    wide = 420
+    path = tmp_path / "report.html"
+    path.write_text(report, encoding="utf-8")
+    folder = Path(PICTURES or tmp_path)
+    wrong = []
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM)
+        page = browser.new_page(viewport={"width": wide, "height": 900})
+        page.on("pageerror", lambda error: wrong.append(str(error)))
+        page.on("console", lambda message: wrong.append(message.text))
+        page.on("request", lambda one: wrong.append(one.url) if one.url != path.as_uri() else None)
+        page.goto(path.as_uri())
+        page.screenshot(path=folder / f"synthesis_report_{wide}.png", full_page=True)
+        assert page.evaluate("document.documentElement.scrollWidth") <= wide
+        assert page.locator("h1").inner_text().startswith("linkage: minimise the condition number")
+        boxes = page.locator("figure svg").evaluate_all("all => all.map(one => one.getBoundingClientRect().height)")
+        assert len(boxes) == 4
+        assert min(boxes) > 60
+        pdf = page.pdf(path=folder / f"synthesis_report_{wide}.pdf", prefer_css_page_size=True)
+        browser.close()
+    assert not wrong
+    assert 1 <= len(re.findall(rb"/Type\s*/Page\b", pdf)) <= 5
+    width, height = (float(x) for x in re.search(rb"/MediaBox\s*\[\s*0 0 ([\d.]+) ([\d.]+)", pdf).groups())
+    np.testing.assert_allclose([width, height], np.array([210.0, 297.0]) / 25.4 * 72.0, atol=1.0)

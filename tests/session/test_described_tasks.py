@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import bipeds
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -103,6 +104,41 @@ def test_hands_that_are_pinned_together_stay_so_while_one_is_dragged_anywhere(tw
         error = pin.log6(before.actInv(seen(session).frame("left_hand", "right_hand"))).vector
         assert np.abs(error).max() <= 1e-6
     assert not np.allclose(session.robots["duo"].q, session.robots["duo"].home)
+
+
+def test_a_part_stays_upright_while_it_is_dragged_and_within_a_cone_by_a_range(two):
+    session = two()
+    add(session, UPRIGHT)
+    up = session.robots["duo"].placement("left_hand").rotation[2]
+    goals = [np.array([0.1, 0.1, 0.1]), np.array([-0.2, 0.2, -0.2])]
+    for _ in drag_around(session, "left_hand", goals):
+        now = session.robots["duo"].placement("left_hand").rotation[2]
+        assert np.arccos(min(1.0, now @ up)) <= 1e-6
+    session = two()
+    add(session, {"kind": "range", "task": UPRIGHT, "radius": 0.1})
+    widest = 0.0
+    for _ in drag_around(session, "left_hand", goals):
+        now = session.robots["duo"].placement("left_hand").rotation[2]
+        widest = max(widest, np.arccos(min(1.0, now @ up)))
+    assert 0.05 < widest <= 0.1 + 1e-6
+
+
+def test_a_biped_that_is_dragged_keeps_its_feet(tmp_path):
+    (tmp_path / "biped.urdf").write_text(bipeds.URDF)
+    session = Session(arrange({"duo": cinegen.load(tmp_path / "biped.urdf")}))
+    add(session, {"kind": "relative_pose", "node": "left_foot", "other": "right_foot"})
+    session.obey(c.Pin("duo", "right_foot"))
+    session.obey(c.ChangeTask(session.state().robots["duo"].tasks[0].id, priority=0))
+    feet = [session.robots["duo"].placement(foot) for foot in bipeds.FEET]
+    for _ in drag_around(session, "trunk", [np.array([0.3, 0.05, -0.2])]):
+        pass
+    assert np.linalg.norm(session.robots["duo"].placement("trunk").translation - [0, 0, bipeds.HEIGHT]) > 0.2
+    for foot, before in zip(bipeds.FEET, feet, strict=True):
+        assert session.robots["duo"].placement(foot).isApprox(before, 1e-6)
+    refused = add(session, {"kind": "center_of_mass", "position": [0, 0, 0.5]})
+    assert refused.description.__struct_config__.tag == "relative_pose"  # still the only one
+    assert "biped has no masses" in session.state().notices[-1].text
+    session.close()
 
 
 def test_points_and_directions_are_those_of_the_sessions_world(two):

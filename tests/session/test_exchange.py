@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import coal
@@ -103,6 +104,22 @@ def test_loops_are_closed_with_the_actuated_joints_where_they_were(robot, root, 
         assert state.q[other.q_index(joint)] == pytest.approx(
             moved.robots["five_bar"].q[mechanism.q_index(joint)], abs=1e-6
         )
+
+
+def test_where_loops_can_not_be_closed_the_robot_is_at_home_and_says_so(robot, root, load):
+    """A crank that is shorter by much can't follow: with another ground link its range is another one."""
+    mechanism = robot("four_bar")
+    text = (root / "robots/four_bar.raff").read_text()
+    (crank,) = mechanism.actuated
+    session = Session(arrange({"four_bar": mechanism}))
+    move(session, **{crank: mechanism.q_home[mechanism.q_index(crank)] + 1.2})
+    home = float(np.degrees(mechanism.q_home[mechanism.q_index(crank)]))
+    link = re.search(rf"link {crank.removeprefix('joint')} \{{", text)
+    narrow = f"{text[: link.end()]} limits {{ {home - 1.0} {home + 1.0} }}{text[link.end() :]}"
+    other = load(narrow, "four_bar")
+    state = exchanged(session, other).robots["four_bar"]
+    assert other.limits.within(state.q)
+    assert other.closure(state.q) < 1e-10
 
 
 def test_pins_hold_their_place_and_those_of_lost_nodes_are_named(load):

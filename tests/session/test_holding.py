@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from variants import FEWER
 
 import cinegen
 from cinegen.dynamics import Payload
@@ -116,3 +117,9 @@ def test_reactions_balance_each_other_and_undetermined_ones_are_named(session, r
         pin.forwardKinematics(delta.model, data, state.q)
         at = delta.placement(state.q, report.node).act(np.array(report.point))
         np.testing.assert_allclose(at, data.oMi[joint].translation, atol=1e-12)
+
+
+def test_a_description_lists_actuated_joints_in_the_order_of_the_torques(robot):
+    for name in FEWER:
+        mechanism = robot(name)
+        assert tuple(joint for joint in mechanism.joints if joint in mechanism.actuated) == mechanism.actuated

@@ -168,6 +168,33 @@ def test_a_robot_on_another_goes_along_and_what_is_pinned_stays_in_the_world(rob
     one.close()
 
 
+def test_hundreds_of_random_commands_never_stop_it(session):
+    rng = np.random.default_rng(8)
+    one = session("delta4", "planar_3r", follow="circle")
+    names = {"delta4": ("link5", "link8", "platform"), "planar_3r": ("link1", "link3")}
+    for _ in range(300):
+        name = rng.choice(list(names))
+        node, value = str(rng.choice(names[name])), float(rng.normal())
+        kinds = [
+            c.StartDrag(name, node, tuple(rng.normal(size=3)), False), c.StartDrag(name, node, None, True),
+            c.MoveDrag(tuple(rng.normal(size=3, scale=3))), c.EndDrag(bool(rng.integers(2))), c.Pin(name, node),
+            c.RemoveTask(int(rng.integers(50))), c.ChangeTask(int(rng.integers(50)), weight=2.0),
+            c.ChangeTask(int(rng.integers(50)), 1, 2),
+            c.MoveJoint(name, "joint1", value), c.EndJointMotion(), c.MoveHome(None), c.Undo(), c.Redo(),
+            c.Pause(bool(rng.integers(2))), c.ChangeSettings(frame="tool"), c.ChangeSettings(gain=100.0),
+            c.SelectSensor("delta4", "platform", ["path delta4", "gamepad", None][rng.integers(3)]),
+            c.GamepadInput(tuple(rng.uniform(-1, 1, 6)), frozenset()), c.ControlPlayback(playing=True),
+        ]  # fmt: skip
+        one.obey(kinds[rng.integers(len(kinds))])
+        for _ in range(int(rng.integers(20))):
+            one.tick()
+        state = one.state()
+        assert all(robot.closure <= 1e-9 for robot in state.robots.values())
+    state = run(one, 4.0, c.Pause(False), c.MoveHome(None))
+    for name in names:
+        assert np.isfinite(state.robots[name].q).all()
+
+
 def test_a_recording_is_shown_and_can_not_be_driven(session, tmp_path):
     one = session("delta4", record=str(tmp_path / "run.jsonl"), follow="circle")
     run(one, 1.0)

@@ -40,22 +40,53 @@ def decoded(message):
     ("message", "command"),
     [
         ({"type": "start_drag", "robot": "arm", "node": "tool", "point": [1, 0, -2]},
-        c.StartDrag("arm", "tool", (1, 0, -2), False)),
+         c.StartDrag("arm", "tool", (1, 0, -2), False)),
+        ({"type": "start_drag", "robot": "delta", "node": "link5", "rotation": True},
+         c.StartDrag("delta", "link5", None, True)),
+        ({"type": "move_drag", "position": [1, 2, 3]}, c.MoveDrag((1.0, 2.0, 3.0))),
         ({"type": "move_drag", "position": [1, 2, 3], "quaternion": [0, 0, 0, 1]}, c.MoveDrag((1, 2, 3), (0, 0, 0, 1))),
+        ({"type": "end_drag", "pin": True}, c.EndDrag(True)),
+        ({"type": "pin", "robot": "arm", "node": "tool"}, c.Pin("arm", "tool")),
         ({"type": "add_task", "robot": "delta", "description": {"kind": "axis_along", "node": "link5"}},
-        c.AddTask("delta", AxisAlong(node="link5"))),
+         c.AddTask("delta", AxisAlong(node="link5"))),
+        ({"type": "remove_task", "task": 4}, c.RemoveTask(4)),
+        ({"type": "change_task", "task": 4, "weight": 2}, c.ChangeTask(4, weight=2.0)),
+        ({"type": "move_joint", "robot": "delta", "joint": "joint1", "value": 0.5},
+         c.MoveJoint("delta", "joint1", 0.5)),
+        ({"type": "lock_joint", "robot": "delta", "joint": "joint1", "locked": True},
+         c.LockJoint("delta", "joint1", True)),
+        ({"type": "end_joint_motion"}, c.EndJointMotion()),
         ({"type": "move_home"}, c.MoveHome(None)),
+        ({"type": "move_to", "robot": "arm", "node": "tool", "q": [1, 0.5]}, c.MoveTo("arm", "tool", (1.0, 0.5))),
         ({"type": "save_waypoint", "name": "über <b>"}, c.SaveWaypoint("über <b>")),
+        ({"type": "change_waypoint", "waypoint": 3, "name": "b", "index": 0}, c.ChangeWaypoint(3, "b", 0)),
+        ({"type": "remove_waypoint", "waypoint": 3}, c.RemoveWaypoint(3)),
+        ({"type": "move_to_waypoint", "waypoint": 3}, c.MoveToWaypoint(3)),
+        ({"type": "play_waypoints", "on": True, "record": True}, c.PlayWaypoints(True, True)),
+        ({"type": "undo"}, c.Undo()),
+        ({"type": "redo"}, c.Redo()),
+        ({"type": "pause", "on": False}, c.Pause(False)),
+        ({"type": "select_sensor", "robot": "delta", "node": "link5", "sensor": "1"},
+         c.SelectSensor("delta", "link5", "1")),
         ({"type": "select_sensor", "robot": "delta", "node": "link5", "sensor": None},
-        c.SelectSensor("delta", "link5", None)),
+         c.SelectSensor("delta", "link5", None)),
         ({"type": "change_sensor", "sensor": "1", "axes": "x, -z, y"}, c.ChangeSensor("1", "x, -z, y")),
+        ({"type": "set_payload", "robot": "arm", "node": "tool", "mass": 2}, c.SetPayload("arm", "tool", 2.0)),
+        ({"type": "set_view", "quaternion": [0, 0, 0, 1]}, c.SetView((0.0, 0.0, 0.0, 1.0))),
         ({"type": "change_settings", "damping": 0.1, "frame": "tool"}, c.ChangeSettings(damping=0.1, frame="tool")),
+        ({"type": "set_recording", "on": True}, c.SetRecording(True)),
         ({"type": "gamepad_input", "twist": [2, 0, 0, 0, 0, -2], "buttons": [3]},
-        c.GamepadInput((1, 0, 0, 0, 0, -1), frozenset({3}))),
+         c.GamepadInput((1, 0, 0, 0, 0, -1), frozenset({3}))),
+        ({"type": "control_playback", "speed": 0.5}, c.ControlPlayback(speed=0.5)),
     ],
 )  # fmt: skip
 def test_valid_commands(message, command):
     assert decoded(message) == command
+
+
+def test_every_type_is_tested_above():
+    examples = next(mark for mark in test_valid_commands.pytestmark if mark.name == "parametrize").args[1]
+    assert {message["type"] for message, _ in examples} == TYPES
 
 
 def of(kind, **fields):

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from cinegen.collision import scene_of
+from cinegen.collision import load_scene, scene_of
 from cinegen.collision.links import link_bodies
 from cinegen.model.motion_limits import motion_limits
 from cinegen.session import Session, scene_setup
@@ -148,6 +148,17 @@ def test_an_obstacle_that_is_dragged_pushes_the_robot_never_touches_it_and_both_
     assert np.allclose(state.obstacles["pole"].pose.translation, begin, atol=1e-9)
 
 
+def test_an_obstacle_that_is_thrown_at_a_robot_stops_before_it(session):
+    """Two metres in a tick, through the robot: it is held off, nothing is jumped through."""
+    one = session("arm7", POLE)
+    far = Measured(one, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
+    begin = point(one, "pole", "pole")
+    one.obey(c.StartDrag("pole", "pole", (0.0, 0.0, 0.0)))
+    least = []
+    lead(one, [begin + np.array([-0.5, -2.0, 0.0])], each=75, seen=lambda state: least.append(far(state)))
+    assert min(least) > 0.5 * SAFETY
+
+
 def test_home_stops_before_it_hits_and_says_what(session):
     one = session("arm7", {**POLE, "point": [5.0, 5.0, 0.5]})
     begin = one.state().robots["arm7"].q
@@ -223,6 +234,26 @@ def test_motions_of_joints_home_and_to_a_configuration_obey_the_limits_of_accele
     assert (changes <= motion_limits(mechanism).acceleration[columns] * (1.0 + 1e-6)).all()
     assert changes.max() > 5.0
     assert max(map(mechanism.closure, q)) <= 1e-9
+
+
+def test_a_disc_that_moves_by_itself_keeps_clear_too(root):
+    one = Session(scene_setup(load_scene(root / "robots" / "scenes" / "discs.toml"), rate=250.0))
+    scene = one.setup.avoidance.scene
+    begin = point(one, "mobile", "mobile")
+    run(one, 0, c.StartDrag("mobile", "mobile", (0, 0, 0)))
+    least = []
+
+    def seen(state):
+        here = one.robots["mobile"].placement("mobile").translation
+        least.extend(
+            np.linalg.norm(here - obstacle.placement.translation) - obstacle.written["radius"] - scene.mobile
+            for obstacle in scene.obstacles
+        )
+
+    lead(one, line(begin, scene.goal.translation, 200), each=2, seen=seen)
+    assert min(least) >= scene.safety
+    assert min(least) < 3.0 * scene.safety
+    one.close()
 
 
 def test_names_that_mean_something_to_the_page_or_are_taken_are_changed(session):

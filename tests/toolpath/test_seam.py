@@ -50,6 +50,23 @@ def random_seam(seed: int, bend: float = 29.0) -> tuple[np.ndarray, np.ndarray]:
 # --- where the tool stands -------------------------------------------------------------------------------------------
 
 
+@given(seeds, distances, tilts, tilts, st.floats(-4, 4))
+def test_distance_and_angles_are_what_was_asked_for(seed, distance, work, travel, roll):
+    """On a straight seam with a normal that turns about it, where all is known exactly."""
+    random = np.random.default_rng(seed)
+    way, normal, _ = np.linalg.qr(random.normal(size=(3, 3)))[0].T
+    aside = np.cross(way, normal)
+    begin, length, turn = random.normal(size=3), random.uniform(0.01, 1), random.uniform(-2, 2)
+    last = math.cos(turn) * normal + math.sin(turn) * aside
+    seam = Seam([begin, begin + length * way], [7 * normal, 1e-3 * last], distance, work, travel, roll=roll)
+    for tool, part in zip(seam.targets(length / 7), np.linspace(0, 1, 8), strict=True):
+        assert foot(tool, distance) == pytest.approx(begin + part * length * way, abs=1e-9)
+        there = math.cos(part * turn) * normal + math.sin(part * turn) * aside
+        assert angles(tool, way, there) == pytest.approx((work, travel), abs=1e-7)
+        assert tool.rotation.T @ tool.rotation == pytest.approx(np.eye(3), abs=1e-12)
+        assert np.linalg.det(tool.rotation) > 0
+
+
 @settings(max_examples=20)
 @given(seeds, distances, tilts, tilts)
 def test_they_are_so_on_any_curve(seed, distance, work, travel):

@@ -135,6 +135,19 @@ def test_what_a_robot_does_is_never_said_to_be_too_far(robot, name, limits):
             assert not shells.exclude(points, counted).any()
 
 
+def test_what_is_too_far_is_so_by_chains_that_are_known(robot):
+    """A shell for each leg of a gough; the annuli of both arms of a five-bar, whose elbows don't straighten."""
+    gough_s = ReachBounds(robot("gough"), "platform", True, 3)
+    np.testing.assert_allclose(gough_s.inner, 0.7, atol=1e-8)
+    np.testing.assert_allclose(gough_s.outer, 1.3, atol=1e-8)
+    arms = ReachBounds(robot("five_bar"), "tool")
+    elbow = [math.sqrt(0.25**2 + 0.4**2 + 0.2 * math.cos(math.radians(bent))) for bent in (170.0, 5.0)]
+    np.testing.assert_allclose(np.c_[arms.inner, arms.outer], [elbow, elbow], atol=1e-8)
+    np.testing.assert_allclose(sorted(arms.centres[:, 0]), [-0.15, 0.15], atol=1e-12)
+    free = ReachBounds(robot("gough"), "platform", False, 3)
+    assert np.isinf(free.outer).all()  # jacks without limits
+
+
 # --- motors ----------------------------------------------------------------------------------------------------------
 
 

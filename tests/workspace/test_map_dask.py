@@ -150,6 +150,24 @@ def test_a_disk_that_is_full_for_others_is_said_here_and_what_was_finished_stays
     assert capfd.readouterr() == ("", "")
 
 
+def test_few_tasks_are_under_way_however_many_there_are(client):
+    begun, most = 0, 0
+
+    def tasks():
+        nonlocal begun
+        for k in range(200):
+            begun += 1
+            yield k
+
+    seen = set()
+    for done, (task, made) in enumerate(cluster.each(client, pow, tasks(), 1)):
+        most = max(most, begun - done)
+        seen.add(task)
+        assert made.result() == 1
+    assert seen == set(range(200))
+    assert most <= 3 * 2  # of each process
+
+
 def test_a_task_that_fails_is_said_and_so_are_cinegen_s_own_errors(client):
     with pytest.raises(ClusterError, match=r"a task could not be done: .*division.*Finished tasks stay"):
         list(cluster.each(client, divmod, [0], 1))
@@ -183,7 +201,6 @@ make_map(over_joints(cinegen.load(sys.argv[1]), 6), sys.argv[2], workers=2, most
 """
 
 
-@pytest.mark.slow
 def test_a_script_without_a_guard_that_is_killed_takes_its_processes_along(spec, whole, address, tmp_path, root):
     script, robot, path = tmp_path / "script.py", root / "robots/planar_3r.raff", tmp_path / "map.zarr"
     script.write_text(SCRIPT)

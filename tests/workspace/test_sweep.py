@@ -11,11 +11,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import cinegen
 import raff2urdf
 from cinegen.plotting.sweep import draw_sweep
 from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map, open_map
 from cinegen.workspace.sweep import SweptParameter, Variation, WantedBox, sweep, variants
-from cinegen.workspace.sweep.box import BoxConfigurations, regularity
+from cinegen.workspace.sweep.box import BoxConfigurations, dexterity, regularity
 from cinegen.workspace.sweep.variants import KLEINFINGER
 
 ARM = """RAFF Arm
@@ -181,6 +182,36 @@ def test_a_wanted_box_is_wholly_reached_or_not(arm, tmp_path):
     assert table.rows[0].dexterity.reached == pytest.approx(0.5, abs=0.2)
 
 
+@pytest.fixture(scope="module")
+def coarse(tmp_path_factory):
+    """A specification of the planar arm in few cells, and the configurations of its map."""
+    folder = tmp_path_factory.mktemp("coarse")
+    (folder / "arm.raff").write_text(ARM.format(limits="-180 180"), encoding="utf-8")
+    region = Region((GridAxis("x", 0.2, 0.7, 5), GridAxis("y", -0.4, 0.4, 6)))
+    spec = MapSpecification(cinegen.load(folder / "arm.raff"), region, ("sigma_1",))
+    return spec, make_map(spec, folder / "map.zarr", workers=1).configuration.values
+
+
+@given(st.floats(0.2, 0.65), st.floats(-0.4, 0.35), st.floats(0.01, 0.3), st.floats(0.01, 0.3))
+def test_a_box_is_reached_as_far_as_its_far_corners_are(coarse, x, y, wide, high):
+    spec, q = coarse
+    box = WantedBox({"x": (x, min(x + wide, 0.7)), "y": (y, min(y + high, 0.4))})
+    grid = box.grid(spec.region)
+    far = math.hypot(box.ranges["x"][1], max(map(abs, box.ranges["y"])))
+    if abs(far - 0.65) < 1e-3:  # just stretched
+        return
+    touched = q[grid.cells]
+    field = BoxConfigurations(spec, grid, touched)
+    if far > 0.65:
+        assert not field.reached.all()
+    elif np.isfinite(touched).all():
+        assert field.reached.all()
+        assert regularity(field)
+    numbers = dexterity(field)
+    assert numbers.whole == field.reached.all()
+    assert not numbers.whole or numbers.reached == 1.0
+
+
 # --- singularities between samples ------------------------------------------------------------------------------------
 
 
@@ -295,7 +326,6 @@ def test_a_folder_of_something_else_is_refused_and_left_alone(arm, tmp_path):
         sweep(arm, over, square(0.7, 6), arm)
 
 
-@pytest.mark.slow
 def test_what_was_changed_by_hand_is_kept(arm, tmp_path):
     out, over = tmp_path / "out", parse("link2.d=300..400:2")
     again = lambda: sweep(arm, over, square(0.7, 6), out, workers=1)  # noqa: E731

@@ -259,6 +259,15 @@ WRONG = {
         lambda p: edit(p / "zarr.json", lambda d: d["attributes"].update(specification="7")),
         "map.zarr: the map is damaged: its description is invalid",
     ),
+    "the robot's URDF lacks a joint": (
+        lambda p: edit(
+            p / "zarr.json",
+            lambda d: d["attributes"].update(
+                source=d["attributes"]["source"].replace('joint name=\\"joint1', 'joint name=\\"oint1')
+            ),
+        ),
+        r"map\.zarr: the map is damaged: its description is invalid \(.*joint1",
+    ),
     "a coordinate's description is empty": (lambda p: (p / "joint1/zarr.json").write_bytes(b""), "joint1 is missing"),
     "a coordinate is cut": (lambda p: cut(p / "joint1/c.0"), "the values of joint1 are missing or wrong"),
     "it is another's group": (
