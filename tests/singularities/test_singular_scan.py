@@ -142,6 +142,7 @@ def test_the_command_finds_where_a_recorded_way_is_singular_between_its_samples(
     (["--over", "x"], "--over x: name two coordinates"),
     (["--at", "jont1=10"], "no coordinate 'jont1' here (did you mean 'joint1'?): there are x, y, z, rx, ry, rz"),
     (["--at", "joint1=10,x=1"], "no coordinate 'joint1' here: there are"),
+    (["--at", "joint2=10"], "no coordinate 'joint2' here (this joint is not actuated): there are"),
     (["--at", "x=90"], "--at x: 90 m is far beyond the reach of linkage, at most 0.8 m: did you mean 90 mm?"),
     (["--over", "x=-550..550,y=-700..700"], "did you mean -550 mm?"),
     (["--over", "rz=-7..7rad,x"], "more than one revolution: did you mean -7..7deg?"),
