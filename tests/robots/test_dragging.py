@@ -55,7 +55,7 @@ HARD = [  # seeds at which it trembles if steps are only halved or an active set
 ]
 
 
-@pytest.mark.parametrize(("name", "seed"), HARD)
+@pytest.mark.parametrize(("name", "seed"), [*HARD, ("planar_3r", 1000), ("differential_wrist", 1000)])
 def test_pulled_for_long_to_one_place_it_comes_to_rest_as_near_as_its_limits_allow(name, seed):
     """No joint swings to and fro between two ticks; and where it rests no small motion would bring it nearer."""
     mechanism = load(name)
