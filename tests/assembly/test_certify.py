@@ -169,6 +169,14 @@ def test_modes_of_a_robot_are_certified_as_a_whole(robot):
     assert_enclosed(modes)
 
 
+@pytest.mark.parametrize("name", ["gough", "hybrid"])
+def test_all_modes_of_robots_are_certified(robot, name):
+    modes = assembly_modes(robot(name))
+    assert modes.certified == len(modes) > 1
+    assert max(one.error for one in modes.certificates) < 1e-12
+    assert min(one.radius for one in modes.certificates) >= 1e-8
+
+
 MADE = {
     "five-bar": five_bar, "3-RPR": lambda r: three_legs(r, "RpR"), "3-RRR": lambda r: three_legs(r, "rRR"),
     "tripod": tripod, "delta": lambda r: delta(r)[0],
@@ -208,6 +216,26 @@ def test_equations_that_depend_by_design_are_bounded_and_counted(built, axes):
         assert one.others > 0
         assert 0.0 < one.gap < 1e-12
     assert "independent equations" in modes.certification
+
+
+def test_closed_forms_are_in_the_boxes(robot):
+    """Where the circles about both knees of a five-bar meet, in mpmath."""
+    m = robot("five_bar")
+    for actuated in ([2.0, 1.0], [2.5, 0.3], [1.8, 1.4]):
+        modes = assembly_modes(m, actuated)
+        assert modes.certified == len(modes) == 2
+        with mpmath.workdps(DIGITS):
+            first, third = map(mp.mpf, actuated)
+            feet, near, far = [mp.mpf(-0.15), mp.mpf(0.15)], mp.mpf(0.25), mp.mpf(0.4)
+            a, b = (mp.mpc(foot) + near * mp.expj(angle) for foot, angle in zip(feet, (first, third), strict=True))
+            height = mp.sqrt(far**2 - abs(b - a) ** 2 / 4) * (b - a) / abs(b - a)
+            expected = []
+            for side in (1j, -1j):
+                tip = (a + b) / 2 + side * height
+                second, fourth = mp.arg(tip - a) - first, mp.arg(tip - b) - third
+                expected.append({"joint2": second, "joint4": fourth, "joint5": first + second - third - fourth})
+            for q, certificate in zip(modes, modes.certificates, strict=True):
+                assert min(distance(m, q, one) for one in expected) <= certificate.error
 
 
 # --- what is not ----------------------------------------------------------------------------------------------------

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from assembled import apart, closings, places
-from linkages import hexapod
+from linkages import direction, hexapod, hinge, ring
+from making import TOOL, Mechanism
 from numpy.random import default_rng as rng
 from test_self_motions import moves, on_self_motions
 
 import cinegen
-from cinegen.assembly import assembly_modes
+from cinegen.assembly import ModesError, assembly_modes
 
 HALF_TURN = np.diag([-1.0, -1.0, 1.0])  # about z
 
@@ -20,7 +24,41 @@ def moved(m: cinegen.Mechanism, q: np.ndarray) -> np.ndarray:
     return (m.placement(q, "tool") * m.placement(m.q_home, "tool").inverse()).homogeneous
 
 
+def elsewhere(mechanism: Mechanism, m: cinegen.Mechanism, step: float) -> Mechanism:
+    """The same mechanism in another closed configuration, its actuated joint moved by a step from home."""
+    r, (motor,) = rng(5), m.actuated
+    while True:
+        values = dict(zip(m.joints, r.uniform(-math.pi, math.pi, len(m.joints)), strict=True))
+        try:
+            q = m.close(m.configuration(values | {motor: m.q_home[m.q_index(motor)] + step}), locked=motor)
+            break
+        except cinegen.ClosureError:
+            continue
+    bodies = []
+    for body in mechanism.bodies:
+        node = "tool" if body.number == TOOL else f"{'frame' if body.kind is None else 'link'}{body.number}"
+        bodies.append(replace(body, place=m.placement(q, node).homogeneous))
+    return replace(mechanism, bodies=tuple(bodies))
+
+
 # --- platforms on six legs ------------------------------------------------------------------------------------------
+
+
+def test_a_platform_moves_as_the_half_turn_of_its_base_about_a_line(built):
+    """E. Borel and R. Bricard, "Mémoire sur les déplacements à trajectoires sphériques", 1908 and 1906; M. Gallet,
+    G. Nawratil, J. Schicho, J. Selig, "Mobile icosapods", 2017. A half-turn about any line brings M as near to m as m
+    to M: three pairs of legs constrain its line, of four parameters, three times."""
+    base, platform = rng(0).uniform(-1.0, 1.0, (2, 3, 3))
+    platform[:, 2] += 1.0
+    feet, heads = np.vstack([base, platform]), np.vstack([platform, base]) @ HALF_TURN
+    m = built(hexapod(rng(1), "UpS", feet, heads))
+    modes = assembly_modes(m)
+    assert moves(modes) == [(1, 12)]
+    assert not modes.complete
+    turned = moved(m, modes.self_motions[0].configuration) @ np.diag([-1.0, -1.0, 1.0, 1.0])
+    assert turned @ turned == pytest.approx(np.eye(4), abs=1e-9)
+    assert np.trace(turned) == pytest.approx(0.0, abs=1e-9)  # a half-turn about another line
+    assert np.abs(turned - np.diag([-1.0, -1.0, 1.0, 1.0])).max() > 0.01
 
 
 @pytest.mark.parametrize("symmetry", ["line", "plane"])
@@ -53,3 +91,35 @@ def test_bricards_octahedra_are_flexible(built, symmetry):
         assert np.cross(across[1], normal) == pytest.approx(np.zeros(3), abs=1e-9)
         in_plane = np.array([middle[1], base[2], here[2]]) - middle[0]
         assert in_plane @ normal == pytest.approx(np.zeros(3), abs=1e-9)
+
+
+# --- rings ------------------------------------------------------------------------------------------------------------
+
+
+def test_bricards_line_symmetric_loop_moves_at_one_value_of_a_seventh_joint(built):
+    """R. Bricard, "Leçons de cinématique" II, 1927: six axes, three of them half-turns of the others. A seventh, which
+    is actuated, is in one of its links; at other values six axes are general and the modes are isolated."""
+    r, cut, step = rng(0), 3, 0.4
+    axes = [(r.uniform(-1.0, 1.0, 3), direction(r)) for _ in range(3)]
+    axes += [(HALF_TURN @ point, HALF_TURN @ along) for point, along in axes]
+    joints = [hinge(point, along) for point, along in axes]
+    joints.insert(1, hinge(r.uniform(-1.0, 1.0, 3), direction(r), True))
+    linkage = ring(joints, cut)
+    with pytest.raises(ModesError, match="with its actuated joints locked it still moves, with 1 DoF"):
+        assembly_modes(built(linkage))  # whose home is on this motion
+    m = built(elsewhere(linkage, built(linkage), step))
+    (motor,) = m.actuated
+    value = m.q_home[m.q_index(motor)]
+    modes = assembly_modes(m, [value - step])
+    assert moves(modes) == [(1, 12)]
+    assert not modes.complete
+    for q in [motion.configuration for motion in modes.self_motions]:
+        nodes = ["link1", "link3", "frame7", "link6", "link5", "link4"]
+        z = np.array([m.placement(q, node).rotation[:, 2] for node in nodes])
+        for k in range(3):  # opposite angles are equal
+            assert z[k] @ z[k + 2] == pytest.approx(z[k + 3] @ z[(k + 5) % 6], abs=1e-9)
+    for other in (0.0, -0.399):
+        modes = assembly_modes(m, [value + other])
+        assert moves(modes) == []
+        assert len(modes)
+        assert all(modes.isolated)

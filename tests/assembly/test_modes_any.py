@@ -6,18 +6,25 @@ import gc
 import pickle
 import weakref
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import making
 import numpy as np
 import pytest
 from assembled import alike, home, nothing_beside, places, sound, traced
-from linkages import five_bar, hinge, legged, ring, three_legs, together, tripod
+from linkages import five_bar, hexapod, hinge, legged, points, ring, three_legs, together, tripod
 from numpy.random import default_rng as rng
 from variants import slow
 
 import cinegen
 from cinegen.assembly import ModesError, assembly_modes
+from cinegen.assembly.families import recognise
+from cinegen.assembly.homotopy import Homotopy
 from cinegen.assembly.linkage import Linkage
+from cinegen.assembly.monodromy import Monodromy
+from cinegen.cli.ik import claim_text
+from cinegen.hexapod import SolutionCounts
+from raff2urdf.closure import passive
 
 FEET = np.array([[0.0, 0.0], [1.0, 0.1], [0.4, 0.9]])
 
@@ -59,12 +66,38 @@ def test_a_general_6r_chain_reaches_a_place_in_sixteen_ways(built):
     nothing_beside(modes, ["tool"])
 
 
+@pytest.mark.parametrize("word", ["rPR", *slow("PrR")])
+def test_slides_that_no_motor_drives_are_solved_too(built, word):
+    m = built(three_legs(rng(1), word))
+    modes = assembly_modes(m, home(m) + 0.1)
+    sound(modes, ["tool"])
+    traced(modes)
+    nothing_beside(modes, ["tool"], 10)
+
+
 def test_loops_that_have_nothing_to_do_with_each_other_have_each_mode_with_each(built):
     other = five_bar(rng(2)).moved(making.shift("z", 1.0))
     both = built(together(five_bar(rng(1)), other))
     modes = assembly_modes(both)
     sound(modes, ["link3", "link503"], 4)
     traced(modes)
+
+
+@pytest.mark.parametrize(("seed", "words"), [(23, "PPS RPS"), *slow((34, "UPS RUS"))])
+def test_random_closings_find_nothing_beside_what_the_trace_test_passed(built, seed, words):
+    """Legs of random geometry, motors wherever they suffice."""
+    r = rng(seed)
+    mechanism = making.platform(r, words.split(), "joint")
+    bare = built(mechanism)
+    order = r.permutation([bare.v_index(name) for name in bare.joints])
+    unmotored = passive(bare.structure.system.evaluate(bare.structure.samples[-1])[1], order.tolist())
+    driven = {name for name in bare.joints if bare.v_index(name) not in unmotored}
+    bodies = tuple(replace(b, more="actuated 1") if f"joint{b.number}" in driven else b for b in mechanism.bodies)
+    m = built(replace(mechanism, bodies=bodies))
+    modes = assembly_modes(m)
+    sound(modes)
+    traced(modes)
+    nothing_beside(modes, ["tool"], 10, seed)
 
 
 def test_a_base_that_can_move_changes_no_mode(built, raff):
@@ -88,6 +121,30 @@ def test_a_base_that_can_move_changes_no_mode(built, raff):
     for there, expected, times in zip(two, one, one.coincident, strict=True):
         exact = 1e-9 if times == 1 else 1e-6  # loops closed to 1e-12 determine a double mode to the square root of that
         assert there[7:] == pytest.approx(expected, abs=exact)
+
+
+# --- motors that are too many -------------------------------------------------------------------------------------
+
+
+def test_motors_that_others_determine_choose_among_the_modes_or_contradict(built):
+    p = np.array([[0.0, 0.0], [0.2, 0.8], [1.2, 1.0], [1.3, 0.1]])
+    one = built(ring([hinge(p[0], motor=True), *map(hinge, p[1:])]))
+    two = built(ring([hinge(p[0], motor=True), hinge(p[1]), hinge(p[2]), hinge(p[3], motor=True)], 1))
+    assert (two.mobility, len(two.actuated)) == (1, 2)
+    for q in assembly_modes(one, home(one) + 0.2):
+        moved = places(one, q, ["tool"])[0] @ np.linalg.inv(places(one, one.q_home, ["tool"])[0])  # of the coupler
+        end = (moved @ [*p[2], 0.0, 1.0])[:2] - p[3]  # of the follower
+        angle = np.arctan2(end[1], end[0]) - np.arctan2(*(p[2] - p[3])[::-1])
+        modes = assembly_modes(two, home(two) + np.array([0.2, angle]))
+        assert modes.complete
+        assert modes.closest is None
+        assert len(modes) == 1
+        assert two.closure(modes[0]) <= 1e-12
+        coupler = [places(two, there, ["link3"])[0] for there in (modes[0], two.q_home)]
+        assert np.abs(coupler[0] @ np.linalg.inv(coupler[1]) - moved).max() < 1e-6
+    none = assembly_modes(two, home(two) + np.array([0.2, 0.5]))
+    assert (len(none), none.complete) == (0, True)
+    assert "contradict" in none.closest.message
 
 
 # --- singular values ----------------------------------------------------------------------------------------------
@@ -118,6 +175,32 @@ def test_two_modes_that_meet_are_said_to_coincide(symmetric, past, method):
         assert modes.complete
 
 
+@pytest.mark.parametrize(("past", "count"), [(-1e-8, 2), (1e-8, 0), (1e-3, 0)])
+def test_two_modes_that_almost_meet_are_two_and_what_just_fails_is_said(symmetric, past, count):
+    turn = STRAIGHT - np.pi / 2.0 + past
+    modes = assembly_modes(symmetric, home(symmetric) + np.array([turn, -turn]))
+    sound(modes, count=count)
+    assert modes.complete
+    assert (modes.closest is None) == bool(count)
+    if not count:
+        assert 0.1 * past < modes.closest.gap < 10.0 * past
+        assert "open stay" in modes.closest.message
+
+
+def test_no_claim_is_made_where_solutions_went_to_infinity_or_random_starts_met_a_curve(built):
+    m = built(three_legs(rng(1), "RpR"))
+    linkage = Linkage(m)
+    family = recognise(linkage)
+    homotopy, fibre = Homotopy(linkage, family), Monodromy(linkage, family.bound).fibre()
+    assert homotopy._status(fibre, SolutionCounts(real=2, complex=4), False)[0]
+    infinite = SolutionCounts(real=2, complex=3, infinite=1)
+    for counts, there in ((infinite, fibre), (SolutionCounts(real=6), replace(fibre, loose=1))):
+        complete, trace_test, remarks = homotopy._status(there, counts, False)
+        words = "; ".join(remarks)
+        assert (complete, trace_test) == (False, None)
+        assert "curves of configurations are not excluded" in words or "don't determine it" in words
+
+
 def test_a_ball_joint_whose_axes_are_in_line_loses_no_mode(built):
     """Nor is one found twice: joints are locked, the platform is not."""
     plain, locked = built(tripod(rng(0))), built(tripod(rng(0), locked=(0,)))
@@ -132,6 +215,14 @@ def test_a_ball_joint_whose_axes_are_in_line_loses_no_mode(built):
     )
 
 
+def test_what_no_rods_reach_is_said_of_each(robot):
+    m = robot("gough")
+    modes = assembly_modes(m, home(m) * [1.8, 1, 1, 1, 0.6, 1])
+    assert (len(modes), modes.complete) == (0, True)
+    assert sum(f"the rod of '{name}'" in modes.closest.message for name in m.actuated) == 6
+    assert np.allclose([modes.closest.q[m.q_index(n)] for n in m.actuated], modes.actuated)
+
+
 # --- refused ------------------------------------------------------------------------------------------------------
 
 
@@ -141,6 +232,29 @@ def test_what_motors_do_not_determine_is_no_number(built, robot):
     p = rng(0).uniform(-1.0, 1.0, (5, 2))
     with pytest.raises(ModesError, match="a curve of configurations"):
         assembly_modes(built(ring([hinge(p[0], motor=True), *map(hinge, p[1:])])))
+
+
+def test_fewer_modes_than_the_theorem_allows_are_all_with_probability_one(built):
+    """Semi-regular hexagons: 12 of 40 solutions are at infinity at all lengths, counted from a random start."""
+    base, platform = (
+        radius * np.column_stack([np.cos(angles), np.sin(angles), height * np.ones(6)])
+        for radius, height, angles in (
+            (2.0, 0.0, np.radians([-10, 10, 110, 130, 230, 250])),
+            (1.0, 2.0, np.radians([-50, 50, 70, 170, 190, 290])),
+        )
+    )
+    m = built(hexapod(rng(1), "UpS", base, platform))
+    modes = assembly_modes(m)
+    assert "12 paths ended at infinity" in modes.method
+    assert (modes.complete, modes.proved) == (True, False)
+    assert repr(modes).endswith("all with probability one>")
+    assert claim_text(modes).startswith("These are all, with probability one. Homotopy")
+    out_of_reach = assembly_modes(m, [*modes.actuated[:5], 9.0])
+    assert (len(out_of_reach), out_of_reach.complete) == (0, True)
+    assert claim_text(out_of_reach).startswith("There is none, with probability one.")
+    general = assembly_modes(built(hexapod(rng(1), "UpS", *points(rng(1)))))
+    assert general.proved
+    assert claim_text(general).startswith("These are all. Homotopy")
 
 
 def test_values_that_are_none_are_refused(robot):
@@ -158,6 +272,19 @@ def test_values_that_are_none_are_refused(robot):
 
 
 # --- as an object -------------------------------------------------------------------------------------------------
+
+
+def test_a_structure_without_motors_promises_nothing_it_can_t(built):
+    p = rng(0).uniform(-1.0, 1.0, (3, 2))
+    triangle = assembly_modes(built(ring([hinge(x) for x in p])))
+    sound(triangle, count=2)
+    assert triangle.complete
+    r = rng(5)
+    chain = built(ring([hinge(r.uniform(-1, 1, 3), making.direction(r)) for _ in range(6)], 3))
+    modes = assembly_modes(chain)
+    assert not modes.complete
+    assert "random starts" in modes.method
+    sound(modes)
 
 
 def test_modes_are_a_sequence_that_travels_and_is_shown(robot):

@@ -18,13 +18,15 @@ from linkages import (
     slide,
     spherical_legs,
     three_legs,
+    tripod,
+    tripod_points,
 )
 from making import direction
 from numpy.random import default_rng as rng
 
 import cinegen
 from cinegen.assembly import assembly_modes
-from cinegen.hexapod import Hexapod
+from cinegen.hexapod import TSSM, Hexapod
 
 
 def circles(a, b, r, s):
@@ -95,6 +97,54 @@ def test_a_four_bar_has_the_same_two_modes_wherever_and_however_it_is_cut(built,
         traced(modes)
     else:
         assert modes.complete
+
+
+def test_a_parallelogram_is_also_an_antiparallelogram(built):
+    p = np.array([[0.0, 0.0], [0.3, 0.8], [1.3, 0.8], [1.0, 0.0]])
+    m = built(ring([hinge(p[0], motor=True), *map(hinge, p[1:])]))
+    for method in ("auto", "monodromy"):
+        modes = assembly_modes(m, home(m) + 0.4, method)
+        turns = [places(m, q, ["tool"])[0, :3, :3] - places(m, m.q_home, ["tool"])[0, :3, :3] for q in modes]
+        sound(modes, count=2)
+        if method == "monodromy":
+            traced(modes)
+            assert "in 2 sets that no closed path has joined" in modes.method
+        else:
+            assert modes.complete
+            assert "sets" not in modes.method
+        assert np.abs(turns[0]).max() < 1e-12 < 1e-2 < np.abs(turns[1]).max()
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("lengths", [(2, 2), (3, 2)])
+def test_a_spherical_four_or_five_bars_modes_are_where_two_cones_meet(built, seed, lengths):
+    legs = spherical_legs(rng(seed), lengths)
+    m = built(about_a_point(legs, [0, 0 if lengths == (3, 2) else -1]))
+    modes = assembly_modes(m, home(m) + 0.1)
+    crank = rotation(legs[0][0], 0.1)
+    if lengths == (3, 2):  # the third axis, between the second of one leg and that of the other
+        a, b, c = crank @ legs[0][1], rotation(legs[1][0], 0.1) @ legs[1][1], legs[0][2]
+        first, second = legs[0][1] @ c, legs[1][1] @ c
+    else:  # the coupler's second axis, between the crank's and the base's
+        a, b, c = crank @ legs[0][1], legs[1][0], legs[1][1]
+        first, second = legs[0][1] @ c, b @ c
+    k = a @ b
+    part = np.array([first - second * k, second - first * k]) / (1.0 - k * k)
+    square = 1.0 - first * part[0] - second * part[1]
+    assert modes.complete
+    if square < 0.0:
+        sound(modes, count=0)
+        return
+    normal = np.cross(a, b) * np.sqrt(square / (1.0 - k * k))
+    expected = [part[0] * a + part[1] * b + sign * normal for sign in (1.0, -1.0)]
+    local = places(m, m.q_home, ["tool"])[0, :3, :3].T @ c
+    if lengths == (2, 2):
+        seen = sound(modes, ["tool"], 2)
+        alike([s[0, :3, :3] @ local for s in seen], expected, 1e-9)
+    else:
+        link = places(m, m.q_home, ["link3"])[0, :3, :3].T @ c
+        sound(modes, ["tool"], 2)
+        alike([places(m, q, ["link3"])[0, :3, :3] @ link for q in modes], expected, 1e-9)
 
 
 @pytest.mark.parametrize(("seed", "linear"), [(0, False), (1, True)])
@@ -254,7 +304,7 @@ def rods_of(m, modes, word):
     return np.array(lengths), np.linalg.norm(heads - feet, axis=1)
 
 
-@pytest.mark.parametrize("word", ["SpU", "rUS", "pSS"])
+@pytest.mark.parametrize("word", ["UpS", "SpU", "rUS", "rSS", "pSS"])
 def test_six_rods_have_forty_modes_of_which_an_even_number_is_real(built, word):
     m = built(hexapod(rng(3), word, *points(rng(3)), cut="rigid" if word == "SpU" else "ball"))
     shift = 0.03 * np.arange(-2.5, 3.0)
@@ -305,6 +355,20 @@ def test_a_rod_whose_universal_joint_does_not_reach_has_fewer_modes(built):
     assert "out of reach" in modes.method
     assert 0 < len(modes) < len(all_of_them)
     nothing_beside(modes, ["tool"], 30)
+
+
+def test_a_tripod_is_a_platform_on_three_pairs_of_rods(built):
+    """A jack on a hinge holds its head on the circle that two rods from points of the hinge's axis hold it on."""
+    m = built(tripod(rng(0)))
+    modes = assembly_modes(m)
+    feet, sides, heads = tripod_points(rng(0))
+    base = np.vstack([[f - 0.2 * s, f + 0.2 * s] for f, s in zip(feet, sides, strict=True)])
+    lengths = np.linalg.norm(np.repeat(heads, 2, axis=0) - base, axis=1)
+    start = places(m, m.q_home, ["tool"])[0]
+    seen = sound(modes, ["tool"])
+    alike([s[0] @ np.linalg.inv(start) for s in seen], list(TSSM(base, heads).modes(lengths).placements))
+    assert modes.counts.real + modes.counts.complex == 16
+    traced(modes)
 
 
 @pytest.mark.parametrize("cut", ["joint", "rigid"])

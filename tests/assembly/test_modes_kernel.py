@@ -5,15 +5,19 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from linkages import hinge, ring, slide
 
 import cinegen
-from cinegen.assembly._kernels import ARRIVED, SINGULAR
+from cinegen.assembly._kernels import ARRIVED, SINGULAR, ParameterPath, evaluate, solve
 from cinegen.assembly.endgame import path_ends
-from cinegen.assembly.linkage import DistinctSolutions, FreeMotionError, Linkage
+from cinegen.assembly.linkage import ACCURACY, DistinctSolutions, FreeMotionError, Linkage
 from cinegen.assembly.monodromy import Monodromy
 from cinegen.assembly.trace_test import TraceTest
 from cinegen.singularities.ball_joints import linkage_of
+
+ROBOTS = ("five_bar", "hybrid", "delta4_linear")
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +43,25 @@ def test_what_a_linkage_is_made_of_is_known_without_machine_code(monkeypatch, ro
         Linkage(robot("gough")).newton(np.zeros((1, 13)), np.zeros(6))
 
 
+@pytest.mark.parametrize("name", ROBOTS)
+def test_loops_close_and_features_are_where_the_model_has_them(robot, name):
+    m = robot(name)
+    linkage = Linkage(m)
+    for q in m.structure.samples:
+        motors, x = linkage.locked_values(q), linkage.unknowns(q)
+        evaluate(linkage.tables, linkage.fixed(motors), x, linkage.scratch)
+        assert np.abs(linkage.scratch.residual).max() < 1e-11
+        assert np.abs(linkage.configuration(x, motors) - q)[_turns(m, q)].max(initial=0.0) < 1e-12
+        m.structure.system.evaluate(q)
+        features = linkage.features(x[None], motors)[0].reshape(-1, 3)
+        for (body, direction), local, found in zip(
+            linkage.tables.vectors, linkage.tables.local, features, strict=False
+        ):
+            placement = m.structure.system.data.oMi[int(body) + linkage.root]
+            there = placement.rotation @ local if direction else placement.act(local * m.length) / m.length
+            assert np.abs(found - there).max() < 1e-12
+
+
 def _turns(m, q):
     """Where q is within half a turn of home, as `configuration` writes it."""
     return np.abs(q - m.q_home) < np.pi
@@ -58,6 +81,60 @@ def test_sliding_joints_come_back_from_a_solution_in_metres(built, driven):
         slider = next(m.q_index(name) for name in m.joints if m.is_prismatic(name))
         assert found[slider] == pytest.approx(q[slider], abs=1e-12)
     assert any(np.abs(q[slider]) > 0.1 for q in m.structure.samples)
+
+
+@pytest.mark.parametrize("algebraic", [False, True])
+@pytest.mark.parametrize("name", ROBOTS)
+def test_derivatives_are_those_of_the_equations_in_complex_numbers(robot, name, algebraic):
+    m, rng = robot(name), np.random.default_rng(0)
+    linkage = Linkage(m)
+    count = len(linkage.locked)
+    line = 0.5 * (rng.normal(size=(count, 2)) + 1j * rng.normal(size=(count, 2)))
+    cut = rng.normal(size=len(linkage.zero_slice)) + 1j * rng.normal(size=len(linkage.zero_slice))
+    path = ParameterPath(np.array([line, line]), np.array([cut, cut]), algebraic, ACCURACY)
+    x = 0.7 * (rng.normal(size=len(linkage.passive) + 1) + 1j * rng.normal(size=len(linkage.passive) + 1))
+
+    def at(x):
+        evaluate(linkage.tables, path, x, linkage.scratch)
+        return linkage.scratch.residual.copy()
+
+    at(x)
+    matrix, step = linkage.scratch.matrix.copy(), 1e-6
+    for k in range(len(x)):
+        away = np.zeros(len(x))
+        away[k] = step
+        difference = (at(x + away) - at(x - away)) / (2.0 * step)
+        assert np.abs(difference - matrix[k]).max() < 1e-7 * (1.0 + np.abs(matrix[k]).max())
+
+
+@settings(max_examples=15)
+@given(st.integers(0, 10**6), st.integers(1, 7), st.integers(0, 4), st.integers(0, 3))
+def test_least_squares_are_numpys(seed, columns, more, fewer):
+    rng, rank = np.random.default_rng(seed), max(1, columns - fewer)
+    rows = columns + more
+
+    def general(*shape):
+        return rng.normal(size=shape) + 1j * rng.normal(size=shape)
+
+    matrix, right = general(rows, rank) @ general(rank, columns), general(rows)
+    step = np.zeros(columns, dtype=complex)
+    pivot = solve(matrix.T.copy(), columns, right.copy(), rank, np.zeros(columns, dtype=np.int64), step)
+    expected, _, _, sigma = np.linalg.lstsq(matrix, right, rcond=1e-10)
+    assert np.abs(matrix @ (step - expected)).max() < 1e-9 * np.abs(right).max() / (sigma[rank - 1] / sigma[0])
+    assert pivot > 0.0
+    assert np.count_nonzero(step) <= rank
+
+
+def test_a_path_and_back_is_where_it_began(hybrid):
+    _, linkage, fibre = hybrid
+    away = fibre.locked + 0.7 - 0.4j
+    there = linkage.track(fibre.solutions, linkage.straight(fibre.locked, away))
+    back = linkage.track(there.solutions, linkage.straight(away, fibre.locked))
+    assert (there.ends == ARRIVED).all()
+    assert (back.ends == ARRIVED).all()
+    assert np.abs(back.solutions - fibre.solutions).max() < 1e-8
+    evaluate(linkage.tables, linkage.fixed(away), there.solutions[0], linkage.scratch)
+    assert np.abs(linkage.scratch.residual).max() < 1e-11
 
 
 def test_the_trace_test_finds_what_is_missing(hybrid):

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 
+import making
 import numpy as np
 import pytest
 from assembled import apart, closings, home, places, sound
-from linkages import delta, five_bar, hinge, legged, ring, spherical_legs, three_legs, universal
+from linkages import delta, five_bar, hinge, legged, ring, slide, spherical_legs, three_legs, universal
 from numpy.random import default_rng as rng
 
 import cinegen
@@ -102,6 +103,19 @@ def test_a_flat_parallelogram_is_a_double_mode_and_moves_only_infinitesimally(bu
     assert not unlisted(flat)
 
 
+def test_a_platform_like_its_base_translates_on_equal_legs_and_has_isolated_modes_too(built):
+    """3-RPR with one triangle as base and platform: a circular translation."""
+    p, along = np.array([[0.0, 0.0], [1.0, 0.0], [0.4, 0.8]]), np.array([0.3, 0.6])
+    m = built(legged([[hinge(f), slide(f + 0.5 * along, along, True), hinge(f + along)] for f in p]))
+    modes = assembly_modes(m)
+    assert moves(modes) == [(1, 2)]
+    assert len(modes.self_motions[0].moving) == 6
+    assert not modes.complete
+    kept = [q for q, alone in zip(modes, modes.isolated, strict=True) if alone]
+    others = [q for q in unlisted(modes) if apart(places(m, q), [places(m, one) for one in kept]) > 1e-5]
+    assert on_self_motions(modes, others)
+
+
 # --- in space -------------------------------------------------------------------------------------------------------
 
 
@@ -117,6 +131,21 @@ def test_a_delta_with_a_platform_like_its_base_moves_on_a_sphere(built):
     modes = assembly_modes(built(legged(legs)))
     assert moves(modes) == [(2, None)]
     assert not modes.complete
+
+
+def test_a_bennett_linkage_has_one_mode_and_no_self_motion(built):
+    """G. Bennett, "A new mechanism", 1903: it moves, but not with its crank locked."""
+    alpha, beta, t = 0.6, 1.1, 1.0
+    u = 2.0 * math.atan(math.sin(0.5 * (beta + alpha)) / math.sin(0.5 * (beta - alpha)) / math.tan(0.5 * t))
+    a, b, here, axes = 1.0, math.sin(beta) / math.sin(alpha), np.eye(4), []
+    for theta, twist, length in ((t, alpha, a), (u, beta, b), (-t, alpha, a), (-u, beta, b)):
+        axes.append((here[:3, 3].copy(), here[:3, 2].copy()))
+        here = here @ making.turn("z", theta) @ making.shift("x", length) @ making.turn("x", twist)
+    assert np.allclose(here, np.eye(4), atol=1e-9)
+    modes = assembly_modes(built(ring([hinge(p, z, k == 0) for k, (p, z) in enumerate(axes)], 2)))
+    sound(modes, count=1)
+    assert moves(modes) == []
+    assert not unlisted(modes)
 
 
 # --- claims -----------------------------------------------------------------------------------------------------------

@@ -86,9 +86,30 @@ def test_closures_do_not_depend_on_where_the_loop_begins(seed, exponent, first):
         assert min(near(np.roll(one, -first), other) for other in turned.angles) < 1e-6
 
 
+def test_a_loop_that_can_not_be_closed_has_no_real_root():
+    rng = np.random.default_rng(0)
+    loop, _ = closed(general(rng), rng.uniform(-3.0, 3.0, 6))
+    loop[5].translation = np.array([50.0, 0.0, 0.0])
+    assert counted(loop).real == len(counted(loop).angles) == 0
+
+
 def test_axes_that_are_exactly_special_are_not_counted():
     rng = np.random.default_rng(1)
     loop, _ = closed(almost_parallel(rng, 0.0), rng.uniform(-3.0, 3.0, 6))
+    with pytest.raises(DegenerateError):
+        counted(loop)
+
+
+def test_a_loop_whose_first_and_last_axis_are_one_line_turns_about_it_and_is_not_counted():
+    rng = np.random.default_rng(2)
+    steps = general(rng)
+    loop, angles = closed(steps, rng.uniform(-3.0, 3.0, 6))
+    loop[5] = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.4]))
+    inner = pin.SE3.Identity()
+    for constant, angle in zip(loop[1:5], angles[1:5], strict=True):
+        inner = inner * turn(angle) * constant
+    loop[0] = (inner * loop[5]).inverse()
+    assert gap(loop, [0.7, *angles[1:5], -0.7]) < 1e-12
     with pytest.raises(DegenerateError):
         counted(loop)
 

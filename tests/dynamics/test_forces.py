@@ -100,6 +100,16 @@ def test_each_body_is_in_equilibrium(name):
             assert total[j] == pytest.approx(data.oMi[j].act(rate).vector, abs=1e-8)
 
 
+def test_actuated_joints_bear_their_torques_and_passive_ones_none():
+    for name in ("sr400", "five_bar", "arm7"):
+        mechanism = massive(cinegen.load(ROBOTS / f"{name}.raff"))
+        found = forces(mechanism, mechanism.random_closed(1)[0])
+        given = dict(zip(mechanism.actuated, found.torques, strict=True))
+        for one in found.reactions[: len(mechanism.joints)]:
+            along = one.force[2] if mechanism.is_prismatic(one.name) else one.moment[2]
+            assert along == pytest.approx(given.get(one.name, 0.0), abs=1e-9)
+
+
 def star(points, tip, actuated):
     """RAFF of bars from points of the ground to a tip (mm), hinged at both ends: legs of variable length, or rigid."""
     lines = ["robot star {", "  base { }"]

@@ -137,6 +137,17 @@ def test_coulomb_friction_of_passive_joints_is_seen_at_the_actuated_one(speed):
     assert still.torques == pytest.approx([0.0], abs=1e-9)
 
 
+def test_the_reaction_of_one_joint_along_a_motion_is_that_of_forces():
+    mechanism = cinegen.load(parallelogram(drive=1.0, pin=0.5, swing=0.25))
+    q, rates = mechanism.q_home[None], np.array([[0.7]])
+    dynamics = InverseDynamics(mechanism)
+    for name in ("pin", "swing"):
+        one = dynamics.reactions_of(name, q, rates, 0.0 * rates, actuated=True)[0]
+        wanted = cinegen.forces(mechanism, q[0], {"drive": 0.7}, {"drive": 0.0}).reaction(name).wrench
+        known = np.isfinite(wanted)
+        assert one[known] == pytest.approx(wanted[known], abs=1e-9)
+
+
 def test_a_joint_that_only_rounding_moves_is_at_rest():
     """A crank in its dead centre moves its slider by rounding errors: these have a sign, but friction has none."""
     text = """<mujoco><option><flag gravity="disable"/></option><worldbody>

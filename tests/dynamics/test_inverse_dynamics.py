@@ -12,9 +12,11 @@ from random_masses import free_motions, massive, random_motion
 
 import cinegen
 from cinegen.dynamics import InverseDynamics, Payload, forces
-from cinegen.dynamics._kernels.torques import HELD
+from cinegen.dynamics._kernels.torques import HELD, find_torques
 from cinegen.dynamics.errors import MassError, MotionError, PayloadError
 from cinegen.errors import ClosureError, ConfigurationError, UnknownNameError
+from cinegen.jit.interpreted import interpreted
+from cinegen.jit.memory import memory_at
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 FEW = ("arm7", "delta4", "differential_wrist", "five_bar", "planetary_gear", "tssm")
@@ -95,6 +97,47 @@ def test_pinocchios_constraint_dynamics(heavy, name):
         assert got == pytest.approx(a, abs=1e-8 * max(1.0, np.abs(a).max()))
 
 
+@pytest.mark.parametrize("name", ["delta4", "arm7"])
+def test_mujocos_inverse_dynamics(heavy, name):
+    """MuJoCo's torques for the tree do the same work on the motions that keep loops closed."""
+    mujoco = pytest.importorskip("mujoco")
+    mechanism, rng = heavy(name), np.random.default_rng(5)
+    model, spec = mechanism.model, mujoco.MjSpec()
+    spec.option.gravity = [0.0, 0.0, -9.81]
+    spec.compiler.balanceinertia = False
+    bodies = [spec.worldbody]
+    for j in range(1, model.njoints):
+        placement, joint, body = model.jointPlacements[j], model.joints[j], model.inertias[j]
+        x, y, z, w = pin.Quaternion(placement.rotation).coeffs()
+        full = body.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        made = bodies[model.parents[j]].add_body(
+            name=f"b{j}", pos=placement.translation, quat=[w, x, y, z], mass=body.mass, ipos=body.lever,
+            fullinertia=full, explicitinertial=True,
+        )  # fmt: skip
+        kind = "HINGE" if not mechanism.is_prismatic(model.names[j]) else "SLIDE"
+        motion = joint.createData()
+        joint.calc(motion, np.zeros(model.nq))
+        axis = np.array(motion.S).ravel()[:3] if kind == "SLIDE" else np.array(motion.S).ravel()[3:]
+        made.add_joint(name=f"j{j}", type=getattr(mujoco.mjtJoint, f"mjJNT_{kind}"), axis=axis)
+        bodies.append(made)
+    theirs = spec.compile()
+    state, dynamics = mujoco.MjData(theirs), InverseDynamics(mechanism)
+    columns = [mechanism.v_index(joint) for joint in mechanism.actuated]
+    for q in mechanism.random_closed(2):
+        v, a = random_motion(mechanism, q, rng)
+        for j in range(1, model.njoints):
+            at, dof = theirs.joint(f"j{j}").qposadr[0], theirs.joint(f"j{j}").dofadr[0]
+            k, joint = model.joints[j].idx_v, model.joints[j]
+            state.qpos[at], state.qvel[dof], state.qacc[dof] = q[joint.idx_q], v[k], a[k]
+        mujoco.mj_inverse(theirs, state)
+        needed, given = np.zeros(model.nv), np.zeros(model.nv)
+        for j in range(1, model.njoints):
+            needed[model.joints[j].idx_v] = state.qfrc_inverse[theirs.joint(f"j{j}").dofadr[0]]
+        given[columns] = dynamics.torques(q, v, a)
+        free = free_motions(mechanism, q)
+        assert free.T @ given == pytest.approx(free.T @ needed, abs=1e-9 * np.abs(needed).max())
+
+
 @pytest.mark.parametrize("name", FEW)
 def test_kernel_and_plain_form_agree(heavy, name, monkeypatch):
     mechanism, rng = heavy(name), np.random.default_rng(6)
@@ -132,6 +175,17 @@ def test_couplings_bear_torques(tmp_path, seed):
                 for joint, torque in one.items():
                     given[mechanism.v_index(joint)] += torque
             assert given == pytest.approx(needed, abs=1e-9 * np.abs(needed).max())
+
+
+@pytest.mark.parametrize("name", ["delta4", "differential_wrist"])
+def test_the_kernel_interpreted(heavy, name):
+    mechanism, rng = heavy(name), np.random.default_rng(9)
+    dynamics = InverseDynamics(mechanism, load_cases(mechanism))
+    q, wanted = mechanism.random_closed(1)[0], {joint: float(rng.normal()) for joint in mechanism.actuated}
+    compiled = dynamics.torques(q, wanted, wanted)
+    dynamics._find = lambda handle: interpreted(find_torques)(memory_at(handle))
+    dynamics._single["torques"][:] = 0.0
+    assert dynamics.torques(q, wanted, wanted) == pytest.approx(compiled, rel=1e-12)
 
 
 def test_many_configurations(heavy):

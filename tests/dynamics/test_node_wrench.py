@@ -50,6 +50,17 @@ def test_a_platform_exerts_the_sum_of_its_legs_forces(gough):
         assert found.imbalance < 1e-12
 
 
+def test_torques_and_wrenches_are_inverse(gough):
+    """With masses, in motion: the wrench that a payload exerts is given back by the torques that it needs."""
+    mechanism, rng = massive(gough), np.random.default_rng(2)
+    wrench = rng.normal(scale=50.0, size=6)
+    loaded, free = InverseDynamics(mechanism, [Payload(mechanism.end, wrench=wrench)]), InverseDynamics(mechanism)
+    q = mechanism.random_closed(1)[0]
+    v, a = ({name: float(rng.normal()) for name in mechanism.actuated} for _ in range(2))
+    found = node_wrench(free, q, loaded.torques(q, v, a), v=v, a=a)
+    assert found.wrench == pytest.approx(-wrench, rel=1e-8, abs=1e-8)
+
+
 def test_what_the_structure_supports_may_be_added(arm):
     dynamics, q = InverseDynamics(arm, gravity=STILL), np.array([0.3, 0.5, -0.7])
     found = node_wrench(dynamics, q, [1.0, 2.0, 3.0])

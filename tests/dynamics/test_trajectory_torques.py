@@ -8,6 +8,7 @@ import pytest
 import cinegen
 from cinegen.dynamics import InverseDynamics, Payload
 from cinegen.dynamics.trajectory import torques_along
+from cinegen.errors import ClosureError, ConfigurationError
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 
@@ -33,3 +34,18 @@ def test_a_swing_in_closed_form(swing):
     assert found.peak_power[0] == pytest.approx(inertia / 2.0, rel=1e-5)
     assert found.peak_time[0] == pytest.approx(0.0, abs=1e-9) or found.peak_time[0] == pytest.approx(np.pi, abs=1e-2)
     assert len(found.not_held) == 0
+
+
+def test_trajectories_that_are_none(swing):
+    dynamics, times, q = swing
+    with pytest.raises(ConfigurationError, match="evenly spaced"):
+        torques_along(dynamics, times**2, q)
+    with pytest.raises(ConfigurationError, match="three times at least"):
+        torques_along(dynamics, times[:2], q[:2])
+    five_bar = cinegen.load(ROBOTS / "five_bar.raff")
+    still = np.tile(five_bar.q_home, (4, 1))
+    held = InverseDynamics(five_bar, massless=True)
+    assert torques_along(held, np.arange(4.0), still).peak == pytest.approx([0.0, 0.0])
+    still[2, 0] += 0.1
+    with pytest.raises(ClosureError, match=r"at 2 s loops are open by 0\.\d+"):
+        torques_along(held, np.arange(4.0), still)

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from cinegen.hexapod import Hexapod, HexapodError
-from cinegen.hexapod.paths import PathEnd, follow_surely
-from cinegen.hexapod.study import coefficients, family, start_system
+from cinegen.hexapod.paths import PathEnd
 
 # P. Dietmaier, "The Stewart-Gough platform of general geometry can have 40 real postures", in: Advances in Robot
 # Kinematics: Analysis and Control, 1998
@@ -147,6 +146,26 @@ def test_special_geometry_has_fewer_modes(base, platform, degree):
     assert_among(home, hexapod.modes(symmetric))
 
 
+@settings(max_examples=3)
+@given(st.integers(0, 2**32 - 1))
+def test_modes_go_with_frames_and_units(seed):
+    rng = np.random.default_rng(seed)
+    base, platform = points(rng, "")
+    lengths = reach(base, platform, pose(rng))
+    found = Hexapod(base, platform).modes(lengths)
+    unit, first, second = np.exp(6.0 * rng.normal()), pose(rng, 100.0), pose(rng, 100.0)
+    there = Hexapod(
+        unit * (base @ first[:3, :3].T + first[:3, 3]), unit * (platform @ second[:3, :3].T + second[:3, 3])
+    ).modes(unit * lengths)
+    assert there.complete
+    assert len(there.placements) == len(found.placements)
+    back = there.placements.copy()
+    back[:, :3, 3] /= unit
+    back = np.linalg.inv(first) @ back @ second
+    for placement in back:
+        assert_among(placement, found, 1e-6)
+
+
 # --- where modes meet -----------------------------------------------------------------------------------------------
 
 
@@ -207,6 +226,22 @@ def test_two_modes_that_meet_are_one_and_said_to_coincide(fold):
     np.testing.assert_allclose(double, placement, atol=1e-4)
 
 
+@pytest.mark.parametrize("away", [1e-3, 1e-7])
+def test_beside_a_singularity_two_modes_more_on_one_side(fold, away):
+    base, platform, placement, direction = fold
+    hexapod = Hexapod(base, platform)
+    counts = []
+    for side in (-away, away):
+        lengths = reach(base, platform, placement) + side * direction
+        found = hexapod.modes(lengths)
+        assert found.complete
+        assert_modes(base, platform, lengths, found)
+        counts.append(len(found.placements))
+        assert found.coincident.sum() == len(found.placements)
+        assert counts[-1] % 2 == 0
+    assert abs(counts[1] - counts[0]) == 2
+
+
 def test_where_legs_let_the_platform_move_this_is_a_curve():
     # parallelograms: base and platform alike, legs of one length
     rng = np.random.default_rng(5)
@@ -218,15 +253,16 @@ def test_where_legs_let_the_platform_move_this_is_a_curve():
     assert_modes(base, base, np.full(6, 2.0), found)
 
 
-def test_a_path_that_jumped_is_followed_again():
-    """The first attempt is spoilt: two paths begin at one solution, as if one had jumped."""
-    kept, rng = start_system(), np.random.default_rng(6)
-    away = rng.normal(size=6) + 1j * rng.normal(size=6)
-    here, there = (coefficients(kept.base, kept.platform, s) for s in (kept.s, kept.s + away))
-    spoilt = kept.x.copy()
-    spoilt[1] = spoilt[0]
-    found = follow_surely(lambda _: family(here, there), spoilt, False)
-    assert (found.count(PathEnd.FAILED), found.count(PathEnd.REGULAR)) == (1, 39)
+def test_curves_are_not_excluded_where_solutions_went_to_infinity():
+    """A count of fewer isolated solutions than there are for general lengths leaves room for a curve."""
+    base, platform = points(np.random.default_rng(7), "")
+    hexapod = Hexapod(base, platform)
+    paths, curve = hexapod._paths(np.full(6, 2.0))
+    assert hexapod._account(np.full(6, 2.0), paths, curve).complete
+    paths.end[:2] = PathEnd.INFINITE
+    found = hexapod._account(np.full(6, 2.0), paths, curve)
+    assert not found.complete
+    assert "curves of configurations are not excluded" in found.method
 
 
 # --- what can't be ---------------------------------------------------------------------------------------------------

@@ -66,6 +66,14 @@ def test_dietmaiers_forty_modes_are_certified():
     assert_enclosed(replace(found, placements=found.placements[:6], coincident=found.coincident[:6]))
 
 
+def test_placements_are_in_their_boxes():
+    base, platform = points(rng(5), "6-3")
+    lengths = reach(base, platform, pose(rng(7)))
+    found = Hexapod(base, platform).modes(lengths)
+    assert found.certified == len(found.placements) > 0
+    assert_enclosed(found)
+
+
 def test_tssm_modes_are_certified():
     base, platform = points(rng(2), "6-3")
     manipulator = TSSM(base, platform[::2])

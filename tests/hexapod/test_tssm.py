@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from cinegen.errors import CinegenError
 from cinegen.hexapod import TSSM, HexapodError
+from cinegen.hexapod.tssm import PlatformCircles
 
 # J-P. Merlet, "Symbolic computation for the determination of the minimal direct kinematics polynomial and the singular
 # configurations of parallel manipulators", table 1: x0, y0, z0, psi, theta, phi of 8 of 16 modes. The geometry is not
@@ -280,6 +281,21 @@ def test_a_batch_says_what_modes_says(height):
         assert np.isnan(found[count:]).all()
     assert counts[7] == 0
     assert tssm.batch(np.empty((0, 6)))[0].shape == (0, 16, 4, 4)
+
+
+@given(seeds)
+def test_all_complex_solutions_solve_the_equations(rng):
+    tssm = some(rng)
+    counts, w = tssm.modes(lengths := lengths_at(tssm, pose(rng))).counts, tssm.complex_solutions(lengths)
+    circles = PlatformCircles(*(part[0] for part in tssm.circles([lengths])[0]))
+    c, s = 0.5 * (w + 1.0 / w), -0.5j * (w - 1.0 / w)
+    points = circles.centre + circles.radius[:, None] * (c[..., None] * circles.e + s[..., None] * circles.f)
+    assert len(points) >= (counts.real + counts.complex) / (2 if tssm.plane else 1) - 1
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        side = tssm.sides[circles.point[i] + circles.point[j] - 1]
+        off = ((points[:, i] - points[:, j]) ** 2).sum(axis=1) - side**2
+        size = (np.abs(points[:, i] - points[:, j]) ** 2).sum(axis=1) + side**2
+        assert (np.abs(off) <= 1e-9 * size * (1.0 + np.abs(points).max(axis=(1, 2)))).all()
 
 
 def test_eigenvalues_of_one_set_that_do_not_converge_leave_other_sets_alone(monkeypatch):

@@ -10,7 +10,8 @@ import pytest
 
 import cinegen
 from cinegen.errors import ClosureError
-from cinegen.loops.clusters import clusters
+from cinegen.loops.arrays import null_space
+from cinegen.loops.clusters import clusters, subsystems
 from cinegen.loops.motions import free_motions
 
 _SPEC = importlib.util.spec_from_file_location(
@@ -69,6 +70,22 @@ def test_mobility_is_as_counted_by_hand_and_loops_stay_closed(made, family):
     dragged(mechanism, ticks=100)
 
 
+@pytest.mark.slow
+def test_a_thousand_joints_with_a_hundred_loops(made):
+    mechanism = made("snake", 1000)
+    assert (mechanism.model.nv, len(mechanism.loops), mechanism.mobility) == (1000, 100, 800)
+    assert mechanism.cluster_ranks == (2,) * 100
+    rng = np.random.default_rng(0)
+    for size in (1e-6, 1e-2, 0.3):
+        q = mechanism.close(mechanism.q_home + size * rng.uniform(-1.0, 1.0, 1000))
+        assert mechanism.closure(q) <= 1e-12
+    solver, left = dragged(mechanism, wait=130)
+    assert left < 1e-5 * mechanism.length
+    motions = null_space(solver._memory)
+    assert motions.shape == (800, 1100)  # of the joints, and of those that were cut
+    assert motions @ motions.T == pytest.approx(np.eye(800), abs=1e-12)
+
+
 def test_jacobians_of_a_thousand_joints_are_derivatives(made):
     mechanism = made("snake", 1000)
     rng = np.random.default_rng(1)
@@ -83,6 +100,11 @@ def test_jacobians_of_a_thousand_joints_are_derivatives(made):
         assert loops[:, column] == pytest.approx(found, abs=1e-8)
         there, back = (mechanism.placement(at, mechanism.end).translation for at in (ahead, behind))
         assert here.rotation @ node[:3, column] == pytest.approx((there - back) / (2.0 * h), abs=1e-7)
+
+
+def test_modes_of_many_loops_are_refused(made):
+    with pytest.raises(cinegen.CinegenError, match="200 independent equations"):
+        cinegen.assembly_modes(made("snake", 1000))
 
 
 # --- clusters ------------------------------------------------------------------------------------------------------
@@ -123,6 +145,32 @@ def test_a_coupling_links_clusters(tmp_path):
     (one,) = clusters(mechanism.structure.system)
     assert (one.loops, one.couplings) == ((0, 1), (0,))
     assert (mechanism.cluster_ranks, mechanism.mobility) == ((5,), 2)
+
+
+def test_a_cluster_alone_has_the_equations_that_it_has_in_the_mechanism(tmp_path):
+    mechanism = two(tmp_path)
+    rng = np.random.default_rng(3)
+    q = mechanism.q_home + 0.2 * rng.normal(size=7)
+    residual, jacobian = mechanism.structure.system.evaluate(q)
+    found = subsystems(mechanism.structure.system)
+    assert len(found) == 2
+    for one, (own, at) in zip(clusters(mechanism.structure.system), found, strict=True):
+        alone, own_jacobian = own.evaluate(q[at])
+        assert alone == pytest.approx(residual[one.rows], abs=1e-14)
+        assert own_jacobian == pytest.approx(jacobian[np.ix_(one.rows, one.columns)], abs=1e-14)
+
+
+def test_a_locked_joint_is_part_of_the_link_that_carries_it(tmp_path):
+    """Locked joints in both loops, where they are: the clusters have the equations of the mechanism."""
+    mechanism = two(tmp_path)
+    q = mechanism.q_home + 0.2 * np.random.default_rng(4).normal(size=7)
+    system = mechanism.with_held(["joint2", "joint13"], q).structure.system
+    residual, jacobian = system.evaluate(q)
+    for one, (own, at) in zip(clusters(system), subsystems(system), strict=True):
+        alone, own_jacobian = own.evaluate(q[at])
+        assert len(at) == 2
+        assert alone == pytest.approx(residual[one.rows], abs=1e-14)
+        assert own_jacobian == pytest.approx(jacobian[np.ix_(one.rows, one.columns)], abs=1e-14)
 
 
 def test_an_open_cluster_is_named_and_no_other(tmp_path):

@@ -2,15 +2,31 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
+from variants import others_slow
 
+import cinegen
+import raff2urdf
 from cinegen.loops._kernels import kinematics, residual
 from cinegen.loops._kernels.memory import LoopMemory
 from cinegen.loops.arrays import set_up
 from cinegen.loops.closed_loops import ClosedLoops
 from raff2urdf.raff.document import LoopKind
+
+ROBOTS = Path(__file__).resolve().parents[2] / "robots"
+
+
+WITH_LOOPS = [
+    pytest.param(path.stem, robot.name, id=f"{path.stem}-{robot.name}")
+    for path in sorted(ROBOTS.glob("*.raff"))
+    for robot in raff2urdf.load(path).robots
+    if robot.loops
+]
+
 
 KEPT = {
     LoopKind.RIGID: [0, 1, 2, 3, 4, 5],
@@ -49,6 +65,13 @@ def check(system: ClosedLoops, ranks: tuple[int, ...], q: np.ndarray) -> None:
         at, cut = memory.loop_row[i], memory.loop_cut[i]
         assert memory.jacobian[at : at + len(KEPT[kind])] == pytest.approx(rows[KEPT[kind]], abs=1e-13)
         assert pytest.approx(rows[free], abs=1e-13) == memory.cut_rates[:, cut : cut + len(free)].T
+
+
+@pytest.mark.parametrize(("name", "which"), others_slow(WITH_LOOPS))
+def test_every_robot(name, which):
+    mechanism = cinegen.load(ROBOTS / f"{name}.raff", which)
+    for q in mechanism.random_closed(4, seed=1):
+        check(mechanism.structure.system, mechanism.cluster_ranks, q)
 
 
 @pytest.mark.parametrize("kind", LoopKind)

@@ -15,6 +15,7 @@ from cinegen.ik import Solver, Status
 from cinegen.jit import pinocchio_calls
 from cinegen.jit.foreign import frame_of
 from cinegen.jit.pinocchio_calls import Native
+from cinegen.joints import kinematic_data
 from cinegen.loops._kernels import kinematics
 from cinegen.loops._kernels.memory import LoopMemory
 from cinegen.loops.arrays import set_up
@@ -96,6 +97,53 @@ def test_trees_of_all_kinds_of_joints(size):
 
 
 @with_both
+@pytest.mark.parametrize("count", [0, 1])
+def test_models_of_hardly_any_joint(count):
+    model = tree(["RZ"] * count, np.random.default_rng(11))
+    check(model, np.full(count, 0.3), np.full(count, 0.2))
+
+
+@with_both
+def test_rounding_does_not_grow_along_a_chain():
+    rng = np.random.default_rng(2)
+    check(tree(["RZ"] * 200, rng), rng.uniform(-3.0, 3.0, 200), rng.normal(size=200))
+
+
+def test_data_of_large_models_lack_nothing_that_kinematics_needs():
+    rng = np.random.default_rng(7)
+    model = tree([*KINDS * 8, "Planar", "Translation", "SphericalZYX", "RUBX"], rng)
+    for joint in range(1, model.njoints):
+        model.addFrame(pin.Frame(f"f{joint}", joint, 0, pin.SE3.Random(), pin.FrameType.OP_FRAME))
+    small, whole = kinematic_data(model), model.createData()
+    assert len(small.oYcrb) == 0  # it is not Pinocchio's
+    assert model.nv > 100
+    q = pin.integrate(model, pin.neutral(model), rng.normal(size=model.nv))
+    for data in (small, whole):
+        pin.computeJointJacobians(model, data, q)
+        pin.updateFramePlacements(model, data)
+    assert np.array_equal(small.J, whole.J)
+    for frame in range(model.nframes):
+        assert small.oMf[frame] == whole.oMf[frame]
+        for axes in (pin.LOCAL, pin.WORLD, pin.LOCAL_WORLD_ALIGNED):
+            assert np.array_equal(*(pin.getFrameJacobian(model, data, frame, axes) for data in (small, whole)))
+        assert np.array_equal(*(pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL) for data in (small, whole)))
+    for joint in range(1, model.njoints):
+        assert small.liMi[joint] == whole.liMi[joint]
+        assert np.array_equal(*(pin.getJointJacobian(model, data, joint, pin.LOCAL) for data in (small, whole)))
+        assert np.array_equal(*(pin.computeJointJacobian(model, data, q, joint) for data in (small, whole)))
+
+
+@with_both
+def test_what_does_not_move_stays_bit_by_bit():
+    rng = np.random.default_rng(3)
+    model = tree(KINDS, rng)
+    q = pin.integrate(model, pin.neutral(model), rng.normal(size=model.nv))
+    there = np.zeros(model.nq)
+    kinematics.integrate(memory_of(model), q, np.zeros(model.nv), there)
+    assert there.tobytes() == q.tobytes()
+
+
+@with_both
 def test_unit_vectors_of_other_lengths_are_normalised():
     rng = np.random.default_rng(9)
     model = tree(KINDS, rng)
@@ -147,6 +195,21 @@ def test_cosine_and_sine_of_other_lengths_are_normalised(kind):
     pin.computeJointJacobians(model, data, q)
     kinematics.evaluate(memory, longer)
     assert memory.screws == pytest.approx(data.J.T, abs=1e-12)
+
+
+def test_a_base_that_stays_before_other_joints():
+    model, rng = tree(["FreeFlyer", "RZ"], np.random.default_rng(6)), np.random.default_rng(6)
+    model.addJoint(2, pin.JointModelPlanar(), pin.SE3.Random(), "other")
+    q = pin.integrate(model, pin.neutral(model), rng.normal(size=model.nv))
+    memory, data, step = memory_of(model, fixed=6), model.createData(), rng.normal(size=4)
+    pin.computeJointJacobians(model, data, q)
+    kinematics.evaluate(memory, q)
+    assert memory.screws == pytest.approx(data.J.T[6:], abs=1e-12)
+    there, back = np.zeros(model.nq), np.zeros(4)
+    kinematics.integrate(memory, q, step, there)
+    assert there == pytest.approx(pin.integrate(model, q, np.concatenate([np.zeros(6), step])), abs=1e-12)
+    kinematics.difference(memory, q, there, back)
+    assert back == pytest.approx(step, abs=1e-12)
 
 
 def mechanism_of(model: pin.Model, nodes: int) -> cinegen.Mechanism:

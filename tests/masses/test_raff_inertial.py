@@ -13,7 +13,9 @@ import trimesh
 import cinegen
 from raff2urdf import RaffError, RaffWarning, check
 from raff2urdf.raff.check import check_sizes
-from raff2urdf.raff.reader import parse
+from raff2urdf.raff.document import RaffInertial
+from raff2urdf.raff.reader import loads, parse
+from raff2urdf.raff.writer import dumps
 
 
 def robot(inertial: str, more: str = "", head: str = "") -> str:
@@ -47,6 +49,14 @@ def test_moments_are_in_kg_and_the_files_unit_of_length(tmp_path: Path, text: st
     np.testing.assert_allclose(found.lever, [0.01, 0.02, 0.03], rtol=1e-15)
     expected = [[4e-3, 1e-4, -2e-4], [1e-4, 5e-3, 3e-4], [-2e-4, 3e-4, 6e-3]]
     np.testing.assert_allclose(found.inertia, expected, rtol=1e-14)
+
+
+@pytest.mark.parametrize("text", [IN_MM, "inertial { mass 0 }", "inertial { density 2700 radius 5 }"])
+def test_inertials_are_written_as_they_were_read(text: str) -> None:
+    frame = f'frame 2 {{ pred 1 parameters {{ d 100 }} {text} }} base {{ filename {{ "a.stl" }} {text} }}'
+    document = loads(robot(text, frame))
+    assert loads(dumps(document)) == document
+    assert all(isinstance(node.inertial, RaffInertial) for node in document.robots[0].nodes.values())
 
 
 def test_a_body_has_the_sum_of_its_nodes(tmp_path: Path) -> None:

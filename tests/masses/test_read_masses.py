@@ -95,6 +95,27 @@ def test_a_mesh_elsewhere_is_not_read_for_its_mass(tmp_path: Path) -> None:
     assert any("leads out of" in note for note in mechanism.source.notes)
 
 
+def test_bodies_without_geoms_have_no_mass(tmp_path: Path) -> None:
+    path = tmp_path / "bare.xml"
+    path.write_text(
+        '<mujoco><compiler inertiafromgeom="false"/><worldbody><body name="a"><joint/><geom size=".1"/>'
+        '<body name="b"><joint/><inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/></body></body></worldbody></mujoco>'
+    )
+    mechanism = cinegen.load(path)
+    assert mechanism.massless == ("a",)
+    assert [inertia.mass for inertia in mechanism.model.inertias] == [0.0, 0.0, 2.0]
+
+
+def test_an_inertia_beyond_all_numbers_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "big.xml"
+    own = '<inertial pos="0 0 0" mass="1" diaginertia="1e20 1e20 1e20"/>'
+    path.write_text(f'<mujoco><worldbody><body name="a"><joint/>{own}</body></worldbody></mujoco>')
+    with pytest.raises(
+        cinegen.CinegenError, match=r"big.xml: the inertia of body 'a' is beyond 1e\+13: check its unit"
+    ):
+        cinegen.load(path)
+
+
 SDF = """<sdf version="1.9"><model name="m"><link name="base"/>
 <link name="a"><pose>0.1 0 0 0 0 0.5</pose><inertial>{}</inertial></link>
 <joint name="j" type="revolute"><parent>base</parent><child>a</child><axis><xyz>0 0 1</xyz></axis></joint>

@@ -1,12 +1,15 @@
 """Spherical and elliptical repulsion: definitions, gradients, minima, and plans that hit nothing."""
 
 import math
+import sys
 
 import coal
+import enclosing_potentials
 import numpy as np
+import pinocchio as pin
 import pytest
-from descents import apart, attraction, bodies, figure, moved, slopes
-from enclosing_potentials import Gains, Spherical, SphericalPotential, spherical
+from descents import ROBOTS, apart, attraction, bodies, figure, moved, slopes
+from enclosing_potentials import EllipticalPotential, Gains, Spherical, SphericalPotential, spherical
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -61,6 +64,24 @@ def spherical_value(scene, q, reach, task):
     return total
 
 
+def elliptical_value(scene, q, field):
+    """The same of a potential around a rectangle, at the worst of many points of each link's axis."""
+    mechanism = scene.mechanism
+    data = mechanism.model.createData()
+    pin.forwardKinematics(mechanism.model, data, q)
+    worst = {}
+    for body in bodies(scene):
+        if body.joint:
+            at = data.oMi[body.joint] * body.placement
+            half = getattr(body.shape, "halfLength", 0.0)
+            axis = at.translation + np.linspace(-half, half, 401)[:, None] * at.rotation[:, 2]
+            local = (axis - field.centre) @ field.axes
+            off = local - np.clip(local, -field.half, field.half)
+            surface = axis - body.shape.radius * (off / np.linalg.norm(off, axis=1)[:, None]) @ field.axes.T
+            worst[body.joint] = max(worst.get(body.joint, 0.0), float(field.value(surface).max()))
+    return attraction(scene, q) + sum(worst.values())
+
+
 @settings(max_examples=25)
 @given(around_start, st.floats(0.1, 0.5))
 def test_spherical_has_the_gradient_of_its_total_potential_for_an_arm(step, reach):
@@ -78,9 +99,32 @@ def test_spherical_has_the_gradient_of_its_total_potential_for_an_arm(step, reac
     assert found.gradient(q) == pytest.approx(by_formula, abs=5e-3 * (1.0 + np.abs(wanted).max()))
 
 
+@settings(max_examples=8, deadline=None)
+@given(around_start)
+def test_elliptical_has_the_gradient_of_its_total_potential_for_an_arm(step):
+    scene = figure("rod")
+    q = moved(scene, scene.start, step)
+    found = EllipticalPotential(scene, bodies(scene), 0.2)
+    (field,) = found.boxes
+    assert found.value(q) == pytest.approx(elliptical_value(scene, q, field), rel=1e-3)
+    wanted = slopes(scene, lambda q: elliptical_value(scene, q, field), q, 1e-4)
+    assert found.gradient(q) == pytest.approx(wanted, abs=0.02 * (1.0 + np.abs(wanted).max()))
+
+
 @pytest.mark.parametrize("name", ["rod", "discs"])
 def test_nothing_comes_nearer_than_the_safety_distance_whatever_leads(name):
     scene = figure(name)
     found = plan(scene, field=spherical, seconds=600.0)
     assert len(found.path) > 10
     assert found.clearance >= scene.safety
+
+
+@pytest.mark.usefixtures("unhurried")
+def test_the_command_prints_the_status_and_draws_the_path(capsys, monkeypatch, tmp_path):
+    path, picture = ROBOTS / "scenes" / "rod.toml", tmp_path / "rod.png"
+    monkeypatch.setattr(sys, "argv", ["", str(path), "--field", "elliptical", "--plot", str(picture)])
+    enclosing_potentials.main()
+    first, second = capsys.readouterr().out.splitlines()
+    assert first.startswith(f"{path}: stuck: local minimum")
+    assert "10 mm required" in second
+    assert picture.stat().st_size > 10_000

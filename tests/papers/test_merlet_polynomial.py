@@ -53,6 +53,17 @@ def test_its_order_is_16_and_its_highest_terms_are_those_of_equation_18(rng):
         assert abs(found[16] - expected) <= 1e-9 * abs(expected) + ROUNDING * np.abs(found).max()
 
 
+@given(seeds)
+def test_its_circularity_is_8(rng):
+    tssm, lengths = drawn(rng)
+    surface = SpinSurface(tssm, lengths)
+    for _ in range(3):
+        q = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        found = np.abs(along(surface, rng.normal(size=3), 3.0 * surface.unit * (q[0] + 1j * q[1])))
+        assert found[9:].max() <= ROUNDING * found.max()
+        assert found[8] > 1e3 * found[9:].max()
+
+
 @settings(max_examples=50)
 @given(seeds, st.sampled_from([0.0, 0.5]))
 def test_the_polynomial_vanishes_at_every_mode_and_at_no_other_place(rng, height):

@@ -17,6 +17,7 @@ PAPER = Geometry(
     np.array([[0, 7.3, 0], [4.822, -5.480722, 0], [-4.822, -5.480722, 0]]),
 )
 seeds = st.integers(0, 2**32 - 1)
+PLANE, DEGENERATE, FIRST, SECOND, FICHTER, CUBIC, SPECIAL, HUNT, CROSSED = ROWS
 
 
 def _any_tssm(rng):
@@ -35,6 +36,14 @@ def _any_pose(rng):
 
 def _robots(rng):
     return PAPER, _any_tssm(rng)
+
+
+def _within_reach(row, tssm, rng):
+    """A pose of a row at which the legs are not all but parallel."""
+    while True:
+        poses = row.complete(tssm, _any_pose(rng))
+        if len(poses) and np.abs(poses[0, :3]).max() < 6.0 * tssm.length:
+            return poses[0]
 
 
 def _matrix(tssm, pose):
@@ -70,6 +79,23 @@ def test_poses_of_a_row_are_singular_for_its_reason(row, seed):
             assert [tuple(i + 1 for i in some.lines) for some in found.sets] == [row.legs]
 
 
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
+def test_a_pose_beside_a_row_is_not_in_it(row):
+    rng = np.random.default_rng(50)
+    for tssm in _robots(rng):
+        pose = _within_reach(row, tssm, rng)
+        for name in row.determined:
+            beside = pose.copy()
+            beside[COORDINATES.index(name)] += 1e-3 * (tssm.length if name in COORDINATES[:3] else 1.0)
+            if name != "phi" or row is not FICHTER:
+                assert row.residual(tssm, beside) > 1e-8
+            found = classify(tssm.lines(beside), tssm.length)
+            assert found is None or (found.grassmann_class, found.lines) != (
+                row.grassmann_class,
+                tuple(i - 1 for i in row.legs),
+            )
+
+
 @given(seeds)
 @settings(max_examples=50)
 def test_poses_at_random_satisfy_no_row(seed):
@@ -97,3 +123,41 @@ def test_concurrent_planes_are_the_determinant(seed):
     turn = Rotation.from_euler("ZXZ", pose[3:]).as_matrix()
     determinant = np.linalg.det(_matrix(tssm, pose)) * _lengths(tssm, pose[:3], turn).prod()
     assert -concurrency(tssm, pose) == pytest.approx(determinant / size, abs=1e-12)
+
+
+# --- what the rows say of themselves ----------------------------------------------------------------------------------
+
+
+def test_fichters_singularity_as_printed():
+    poses = [np.array([0.0, 0.0, 17.0, psi, 0.0, 0.0]) for psi in (np.pi / 2, -np.pi / 2)]
+    pitches = []
+    for pose in poses:
+        assert FICHTER.residual(PAPER, pose) < 1e-12
+        (screw,) = classify(PAPER.lines(pose), PAPER.length).uncontrolled
+        assert abs(screw.pitch) > 0.1
+        pitches.append(screw.pitch)
+    assert pitches[0] == pytest.approx(-pitches[1])  # one pose is the other in the robot's mirror
+
+
+def test_heights_are_all_those_at_which_the_determinant_changes_its_sign():
+    rng = np.random.default_rng(0)
+    for tssm in _robots(rng):
+        asked = _any_pose(rng)
+        found = np.sort(CUBIC.complete(tssm, asked)[:, 2])
+        heights = np.linspace(-120.0, 120.0, 2401)
+        signs = []
+        for z in heights:
+            asked[2] = z
+            signs.append(concurrency(tssm, asked) > 0.0)
+        crossed = np.flatnonzero(np.diff(signs))
+        inside = found[np.abs(found) < 120.0]
+        assert len(crossed) == len(inside)
+        assert all(heights[i] <= z <= heights[i + 1] for i, z in zip(crossed, inside, strict=True))
+
+
+# --- coplanar legs, and errors ----------------------------------------------------------------------------------------
+
+
+def test_rows_without_a_solution_have_no_poses():
+    level = np.array([1.0, 2.0, 20.0, 0.3, 0.0, 0.2])  # a platform parallel to the base holds no point of it
+    assert SECOND.complete(PAPER, level).shape == (0, 6)

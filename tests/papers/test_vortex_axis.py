@@ -7,7 +7,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from vortex_field import Vortex
+from polygons import convex, distance, holds, normal
+from vortex_field import Vortex, facing
 
 from cinegen.planning.vortices import folding, rotation_axis
 
@@ -23,6 +24,16 @@ def direction(angle):
 def unit(vector):
     assume(np.linalg.norm(vector) > 0.05)
     return vector / np.linalg.norm(vector)
+
+
+@given(convex(), arrays(float, (2, 2), elements=st.floats(-3.0, 3.0)))
+def test_where_the_weight_is_nothing_the_way_is_free(polygon, ends):
+    """ "The vortex field can be discarded, since the QG line is free.\""""
+    point, goal = (np.append(end, 0.0) for end in ends)
+    assume(distance(polygon, point) > 1e-3 and not holds(polygon, point) and not holds(polygon, goal))
+    if facing(goal - point, normal(polygon, point)) == 0.0:
+        way = point + np.linspace(0.0, 1.0, 300)[:, None] * (goal - point)
+        assert not any(holds(polygon, p) for p in way)
 
 
 @given(vectors, vectors)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from polygons import convex, distance, holds, normal
@@ -42,6 +42,24 @@ def test_around_a_polygon_it_is_tangent_to_firas_contours(polygon, point):
     assert velocity @ slope == pytest.approx(0.0, abs=1e-4 * size)
     assert np.cross(-slope, velocity)[2] > 0.999 * size  # counterclockwise
     assert size == pytest.approx(1.0 / d - 0.5)
+
+
+@settings(max_examples=25)
+@given(convex(), st.integers(0, 2**32 - 1))
+def test_around_a_convex_polygon_it_is_continuous(polygon, seed):
+    """Along a way across all pieces of the contours, and the end of the range: steps shrink with the way's."""
+    rng = np.random.default_rng(seed)
+    a, b = rng.uniform(-3.0, 3.0, (2, 3)) * [1.0, 1.0, 0.0]
+    vortex = Vortex(1.0, 1.0)
+    way = a + np.linspace(0.0, 1.0, 301)[:, None] * (b - a)
+    way = [p for p in way if not holds(polygon, p)]
+    d = np.array([distance(polygon, p) for p in way])
+    field = vortex.velocity(d, np.array([normal(polygon, p) for p in way]), Z)
+    jumps, steps = np.linalg.norm(np.diff(field, axis=0), axis=1), np.linalg.norm(np.diff(way, axis=0), axis=1)
+    near = np.minimum(d[1:], d[:-1])
+    clear = (near > 0.05) & (steps < 0.04)  # not over the polygon itself
+    # |dV| <= |m'| |dd| + m |dn|, with |dd| and |dn| at most a step, over d for the second.
+    assert (jumps[clear] <= 2.5 * steps[clear] / near[clear] ** 2).all()
 
 
 def test_the_modulus_ends_continuously():

@@ -9,7 +9,7 @@ import vortex_figures as drawn
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from vortex_figures import PointVortex
+from vortex_figures import PointVortex, draw_potentials
 
 points = arrays(float, 3, elements=st.floats(-2.0, 2.0).map(lambda x: round(x, 4)))
 
@@ -51,6 +51,33 @@ def test_figure_3_has_none_before_the_goal():
     away = np.sqrt((length**2 + np.sqrt(length**4 - 4.0 * ratio**2)) / 2.0)
     assert np.linalg.norm(found, axis=1) == pytest.approx([away], abs=5e-3)
     assert np.linalg.norm(found[0] - drawn.GOAL[:2]) == pytest.approx(np.sqrt(length**2 - away**2), abs=5e-3)
+
+
+def test_in_figure_4_the_angle_closes_and_the_way_is_free_from_q_on():
+    way, angles = drawn.avoided()
+    distance = np.linalg.norm(way, axis=1) - drawn.RADIUS
+    near = np.flatnonzero(distance < drawn.FIGURE_4_VORTEX.reach)
+    q = int(np.flatnonzero(angles > 0.0)[-1])
+    inside = angles[near[0] : q]
+    assert inside[0] == pytest.approx(np.pi / 2.0, abs=0.01)
+    assert inside[-1] == pytest.approx(0.0, abs=0.02)
+    assert (np.diff(inside) < 1e-3).all()
+    assert distance.min() > 0.02
+    assert way[-1] == pytest.approx(drawn.GOAL, abs=2e-3)
+    towards = np.diff(way[q + 1 :], axis=0)
+    straight = (drawn.GOAL - way[q + 1]) / np.linalg.norm(drawn.GOAL - way[q + 1])
+    assert towards / np.linalg.norm(towards, axis=1)[:, None] == pytest.approx(
+        np.tile(straight, (len(towards), 1)), abs=1e-6
+    )
+
+
+def test_each_figure_shows_something_with_units():
+    figures = draw_potentials()
+    for name, count in (("figure1", 2), ("figure2", 2), ("figure3", 2), ("figure4", 1)):
+        assert len(figures[name].axes) == count
+        for axes in figures[name].axes:
+            assert axes.has_data()
+            assert (axes.get_xlabel(), axes.get_ylabel()) == ("x (m)", "y (m)")
 
 
 # --- the vortex of a point ---------------------------------------------------------------------------------------

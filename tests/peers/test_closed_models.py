@@ -5,6 +5,7 @@ import warnings
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import cinegen
@@ -88,6 +89,56 @@ def test_it_closes_at_the_first_try(case, mechanism):
     left = len(mechanism.structure.passive_columns) - mechanism.structure.passive_rank
     assert (mechanism.mobility - left, left) == (driven, idle)
     assert len(mechanism.actuated) == driven
+
+
+@pytest.mark.parametrize("case", WRITTEN)
+def test_its_ends_lie_far_apart_at_neutral(mechanism):
+    neutral = pin.neutral(mechanism.model)
+    for loop in mechanism.loops:
+        first, second = (mechanism.placement(neutral, node) for node in (loop.first, loop.second))
+        assert np.linalg.norm(first.translation - second.translation) > 0.1 * mechanism.length
+    assert mechanism.gap_as_written > 0.5
+
+
+def test_constraint_jacobians_and_mobility_are_those_of_finite_differences(mechanism):
+    step, basis = 1e-6, np.eye(mechanism.model.nv)
+
+    def residual(q, direction):
+        return mechanism.loop_residual(pin.integrate(mechanism.model, q, direction))
+
+    for q in [mechanism.q_home, *mechanism.random_closed(3)]:
+        slopes = [(residual(q, step * way) - residual(q, -step * way)) / (2.0 * step) for way in basis]
+        assert np.allclose(np.column_stack(slopes), mechanism.loop_jacobian(q), atol=1e-8)
+        assert mechanism.mobility == mechanism.model.nv - np.linalg.matrix_rank(np.column_stack(slopes), tol=1e-7)
+
+
+@pytest.mark.parametrize("case", ["five_bar", "cassie_v2"])
+def test_dragged_about_it_does_not_tear(mechanism):
+    """Its end is pulled to and fro, further than it can go: loops closed in every tick, no joint leaps."""
+    solver = cinegen.Solver(mechanism, 1e-3)
+    end = mechanism.end
+    home = mechanism.placement(mechanism.q_home, end)
+    task = solver.add_task(end, home, rotation=0)
+    q = solver.q.copy()
+    worst = leap = 0.0
+    for tick in range(1000):
+        phase = 2.0 * np.pi * tick / 500
+        offset = mechanism.length * np.array([np.sin(phase), np.sin(2.0 * phase), np.cos(phase) - 1.0])
+        task.target = pin.SE3(home.rotation, home.translation + offset)
+        step = solver.step()
+        worst = max(worst, step.closure)
+        leap = max(leap, float(np.abs(pin.difference(mechanism.model, q, solver.q)).max()))
+        q = solver.q.copy()
+    assert worst <= 1e-10  # what the solver grants, at singularities too
+    assert leap < 0.2
+    assert np.linalg.norm(mechanism.placement(q, end).translation - home.translation) < 3.0 * mechanism.length
+
+
+def test_a_loop_that_is_cut_by_a_ball_leaves_it_free(file_of):
+    held = cinegen.load(file_of("five_bar"))
+    name = held.loops[0].name
+    ball = cinegen.load(file_of("five_bar"), loops={name: "ball"})
+    assert ball.mobility == held.mobility + 1  # both ends turn on their own then
 
 
 @pytest.mark.parametrize("case", ["five_bar", "spatial", "cassie_v2"])

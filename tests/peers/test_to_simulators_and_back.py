@@ -19,6 +19,19 @@ FILES = [
 ]
 
 MORE = {
+    "coupled": """RAFF Coupled
+robot coupled {
+  base { parameters { theta 10 alpha 20 } }
+  link 1 { parameters { theta 40 } type 2 pred 0 limits { -170 170 } }
+  link 2 { parameters { theta 20 d 300 r 50 } type 2 pred 1 }
+  link 3 { parameters { theta 60 d 200 r 25 } type 1 pred 2 }
+  link 4 { parameters { theta 10 alpha 90 d 100 } type 2 pred 3 }
+  link 5 { parameters { theta 30 alpha 90 d 100 } type 2 pred 4 }
+  link 6 { parameters { theta -15 d 100 } type 2 pred 5 }
+  coupling { link 2 link 1 ratio -0.5 offset 40 }
+  coupling { link 3 link 2 lead 20 offset 10 }
+  coupling { name "wrist" link 4 link 5 ratio 0.5 link 6 ratio -0.25 offset 3 }
+}""",
     "curved": """RAFF Curved
 robot curved {
   base { }

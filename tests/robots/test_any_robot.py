@@ -1,5 +1,6 @@
 """Mechanisms that nobody drew: random trees, random loops, and linkages whose mobility is known by other means."""
 
+import math
 import tempfile
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from hypothesis import strategies as st
 from making import (
     PRISMATIC,
     REVOLUTE,
+    TOOL,
+    Body,
     Mechanism,
     axis,
     bennett,
@@ -138,6 +141,37 @@ def test_random_loops_leave_the_mobility_that_screw_theory_says(seed):
     assert one.closure(one.q_home) <= 1e-12
     assert one.mobility == mobility
     assert len(one.actuated) == mobility
+
+
+@law(20)
+@given(SEEDS)
+def test_platforms_on_legs_have_the_mobility_of_gruebler_and_kutzbach(seed):
+    """M = (freedoms of all joints) - 6 (legs - 1), for whatever legs, cut anywhere, in any unit, written with rounded
+    numbers: generic geometry is never overconstrained."""
+    rng = np.random.default_rng(seed)
+    words = [
+        ["UPS", "RUS", "PUS"],
+        ["RRS", "PRS", "RPS"],
+        ["SPS", "RSS", "UPS"],
+        ["UPS", "RUS", "PUS", "RRS", "RPS", "RSR", "RRRRR", "UPU", "SPS", "UPRR"],
+    ][int(rng.integers(4))]
+    legs = [str(rng.choice(words)) for _ in range(int(rng.integers(2, 7)))]
+    expected = sum({"R": 1, "P": 1, "U": 2, "S": 3}[letter] for word in legs for letter in word) - 6 * (len(legs) - 1)
+    mechanism = platform(rng, legs, str(rng.choice(["rigid", "joint"])))
+    assume(mechanism.mobility() == max(0, expected))  # not near a singularity
+    one = loaded(mechanism, digits=5)
+    assert one.closure(one.q_home) <= 1e-12
+    assert one.mobility == max(0, expected)
+
+
+@pytest.mark.parametrize("lean", [0.0, math.pi])
+@pytest.mark.parametrize("cranks", [2, 3, 4])
+def test_a_parallelogram_drawn_flat_has_one_freedom_however_many_cranks(lean, cranks):
+    """Where all bars lie in one line it could also fold into an antiparallelogram; a third crank forbids that."""
+    mechanism = parallelograms(np.random.default_rng(0), 1, cranks, lean)
+    text = mechanism.text()
+    assert load(text).mobility == 1
+    assert converted(text) == 1
 
 
 RINGS = {
@@ -273,6 +307,13 @@ def exactly(mechanism: Mechanism, units: str = "mm") -> cinegen.Mechanism:
     return load(mechanism.text(joint_digits=None, units=units))
 
 
+@law(8)
+@given(SEEDS)
+def test_where_the_base_stands_does_not_matter(seed):
+    mechanism, place = closed(seed), somewhere(np.random.default_rng(seed + 1), 2.0)
+    same_tool(exactly(mechanism), exactly(mechanism.moved(place)), place, 1.0, seed)
+
+
 @law(15)
 @given(SEEDS)
 def test_how_links_are_numbered_and_in_what_order_they_stand_does_not_matter(seed):
@@ -319,3 +360,23 @@ def test_a_robot_of_micrometres_moves_like_its_twin_of_metres(seed, factor):
         steps = [solver.step() for solver in solvers]
         assert steps[0].status is steps[1].status
         assert steps[1].q / other.scale == pytest.approx(steps[0].q / one.scale, abs=1e-5)
+
+
+# --- driving them ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("closed_to_a_ring", [False, True])
+def test_chains_of_many_joints_load_close_and_follow(closed_to_a_ring):
+    count, rng = 60, np.random.default_rng(60)
+    around = np.linspace(0.0, 1.8 * math.pi, count)
+    axes = [axis((math.cos(t), math.sin(t), 0.1 * t), direction(rng)) for t in around]
+    if closed_to_a_ring:
+        mechanism = loaded(ring(axes))
+        assert mechanism.mobility == count - 6
+    else:
+        bodies = [Body(i + 1, i, place) for i, place in enumerate(axes)]
+        mechanism = loaded(Mechanism((*bodies, Body(TOOL, count, axes[-1], None, 'name "tool"'))))
+        assert mechanism.mobility == count
+    goal = mechanism.placement(mechanism.q_home, "tool")
+    goal.translation = goal.translation + np.array([0.1, 0.2, 0.1])
+    assert reaches(mechanism, goal)

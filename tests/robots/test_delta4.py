@@ -12,8 +12,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 import pytest
-from elementary import angle_between, at, document, forward, length, link, turn
+from elementary import angle_between, at, document, forward, length, limits, link, turn, within_limits
+
+import cinegen
 
 SHOULDERS = ("joint1", "joint6", "joint12")
 FIRST = (1, 6, 12)
@@ -95,3 +98,30 @@ def test_motors_set_by_the_closed_form_bring_the_platform_there_with_its_orienta
         assert there.translation == pytest.approx(position, abs=1e-9)
         assert angle_between(upright, there.rotation) <= 1e-9
         assert np.array_equal(at(mechanism, q, SHOULDERS), motors)
+
+
+def test_dragged_to_random_positions_its_motors_stand_where_the_closed_form_says(robot):
+    """Where all passive joints have room too the solver arrives; everywhere it stays with the closed form."""
+    mechanism, delta = robot("delta4"), Delta.of("delta4")
+    solver = cinegen.Solver(mechanism, dt=0.2)
+    task = solver.add_task("platform", rotation=0)
+    low, high = limits(mechanism, mechanism.joints)
+    order = [mechanism.q_index(joint) for joint in mechanism.joints]
+    arrived = 0
+    for position, motors in reachable(20, seed=11, margin=0.05):
+        goal = forward(mechanism, mechanism.q_home, motors, STEP)[order]
+        roomy = (goal > low).all() and (goal < high).all()
+        task.target = pin.SE3(np.eye(3), position)
+        for _ in range(150):
+            step = solver.step()
+            there = mechanism.placement(step.q, "platform")
+            assert angle_between(np.eye(3), there.rotation) <= 1e-9
+            assert within_limits(mechanism, step.q)
+            if step.errors[0][0] <= 1e-10:
+                break
+        assert delta.inverse(there.translation) == pytest.approx(at(mechanism, step.q, SHOULDERS), abs=1e-9)
+        if roomy:
+            assert there.translation == pytest.approx(position, abs=1e-9), step.status
+            assert at(mechanism, step.q, SHOULDERS) == pytest.approx(motors, abs=1e-8)
+            arrived += 1
+    assert arrived >= 12

@@ -10,9 +10,12 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+import pinocchio as pin
 import pytest
-from elementary import document, link, local, placed, turn
+from elementary import document, link, local, placed, turn, wrapped
 from scipy.spatial.transform import Rotation
+
+import cinegen
 
 LEGS = tuple(f"joint{n}" for n in (3, 9, 12, 15, 18, 21))
 NAMES = ("gough", "tssm")
@@ -90,3 +93,22 @@ def test_the_closed_form_of_all_joints_closes_every_loop_at_random_poses(robot, 
         q = mechanism.configuration(inverse(name, pose))
         assert mechanism.closure(q) <= 1e-12
         assert mechanism.placement(q, "platform").homogeneous == pytest.approx(pose, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_dragged_to_random_poses_all_joints_are_where_the_closed_form_says(robot, name):
+    mechanism, rng, arrived = robot(name), np.random.default_rng(2), 0
+    low, high = mechanism.model.lowerPositionLimit, mechanism.model.upperPositionLimit
+    while arrived < 15:
+        pose = random_pose(name, rng, 0.6 * REACH[name], 0.25)
+        goal = mechanism.configuration(inverse(name, pose))
+        if not ((goal > low + 0.01 * mechanism.scale).all() and (goal < high - 0.01 * mechanism.scale).all()):
+            continue
+        solver = cinegen.Solver(mechanism, dt=0.2)
+        solver.add_task("platform", pin.SE3(pose))
+        for _ in range(200):
+            step = solver.step()
+            if max(step.errors[0][0] / mechanism.length, step.errors[0][1]) <= 1e-10:
+                break
+        assert np.abs(wrapped((step.q - goal) / mechanism.scale)).max() <= 1e-8, step.status
+        arrived += 1

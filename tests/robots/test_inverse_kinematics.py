@@ -7,9 +7,11 @@ search uses), and kept where all joints are within theirs.
 import math
 import sysconfig
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from elementary import angle_between
 from hypothesis import given, settings
@@ -80,6 +82,35 @@ def test_every_reachable_pose_is_found(name: str, count: int) -> None:
         assert within(mechanism, reached.q)
 
 
+@pytest.mark.parametrize("name", ["arm7", "five_bar"])
+def test_from_nearby_the_nearby_solution_is_taken(name: str) -> None:
+    mechanism = mechanism_of(name)
+    node = end_of(mechanism)
+    low, high = limits_of(mechanism)
+    for known in configurations(mechanism, 10, seed=4):
+        if min((known - low).min(), (high - known).min()) < 0.1:
+            continue
+        reached = cinegen.inverse_kinematics(mechanism, {node: mechanism.placement(known, node)}, known + 1e-3)
+        assert reached.starts == 1
+        assert np.abs(reached.q - known).max() < 0.05
+
+
+def test_where_a_planar_arm_reaches_is_a_disc() -> None:
+    mechanism = mechanism_of("planar_3r")
+    node = end_of(mechanism)
+    links = [mechanism.placement(mechanism.q_home, n).translation for n in (*mechanism.nodes[1:4], node)]
+    reach = sum(float(np.linalg.norm(b - a)) for a, b in pairwise(links))
+    base = links[0]
+    for direction in np.linspace(-0.5, 0.5, 7):
+        way = np.array([math.cos(direction), math.sin(direction), 0.0])
+        for part, there in ((0.999, True), (1.001, False)):
+            target = pin.SE3(np.eye(3), base + part * reach * way)
+            reached = cinegen.inverse_kinematics(mechanism, [cinegen.FrameTask(node, target, 3, 0)], limits=False)
+            assert bool(reached) == there
+            if not there:
+                assert reached.errors[0][0] == pytest.approx(0.001 * reach, rel=1e-3)
+
+
 @pytest.mark.parametrize("name", ["arm7", "gough"])
 def test_out_of_reach_it_says_what_was_tried_and_stays_whole(name: str) -> None:
     mechanism = mechanism_of(name)
@@ -111,6 +142,17 @@ def test_only_what_a_pull_holds_is_brought_there(translation: int, rotation: int
     assert np.abs(np.concatenate([straight, turn])).max(initial=0.0) <= 1e-6
 
 
+def test_what_was_asked_before_makes_no_difference() -> None:
+    """Not even where starts at random are needed."""
+    mechanism = mechanism_of("panda")
+    poses = [mechanism.placement(q, "panda_hand") for q in configurations(mechanism, 60, seed=12)]
+    first = [cinegen.inverse_kinematics(mechanism, {"panda_hand": pose}, seed=3) for pose in poses]
+    assert max(reached.starts for reached in first) > 9
+    for pose, before in reversed(list(zip(poses, first, strict=True))):
+        again = cinegen.inverse_kinematics(mechanism, {"panda_hand": pose}, seed=3)
+        np.testing.assert_array_equal(again.q, before.q)
+
+
 def test_what_makes_no_sense_is_refused() -> None:
     mechanism = mechanism_of("rx90")
     node = end_of(mechanism)
@@ -127,3 +169,18 @@ def test_what_makes_no_sense_is_refused() -> None:
     ):
         with pytest.raises(cinegen.CinegenError, match=message):
             cinegen.inverse_kinematics(mechanism, targets, **options)
+
+
+def test_two_nodes_at_once() -> None:
+    mechanism = mechanism_of("arm7")
+    elbow, end = mechanism.nodes[4], end_of(mechanism)
+    for known in configurations(mechanism, 20, seed=5):
+        elbow_there, end_there = (mechanism.placement(known, node) for node in (elbow, end))
+        reached = cinegen.inverse_kinematics(
+            mechanism, [cinegen.FrameTask(elbow, elbow_there, 3, 0), cinegen.FrameTask(end, end_there)]
+        )
+        assert reached
+        assert len(reached.errors) == 2
+        assert max(map(max, reached.errors)) <= 1e-6
+        left = mechanism.placement(reached.q, elbow).translation - elbow_there.translation
+        assert np.linalg.norm(left) <= 1e-6

@@ -3,8 +3,11 @@
 import math
 
 import numpy as np
+import pinocchio as pin
 import pytest
-from elementary import document, length, link, values, wrapped
+from elementary import document, length, link, values, within_limits, wrapped
+
+import cinegen
 
 
 def rz(angle: float) -> np.ndarray:
@@ -94,3 +97,25 @@ def test_the_four_bar_is_closed_where_two_circles_meet_on_both_branches(robot, s
         assert bar.closure(q) <= 1e-12
         rough = bar.configuration({j: expected[j] + rng.normal(0.0, 0.03) for j in ("joint2", "joint3")}, q)
         assert same_angles(values(bar, bar.close(rough, locked=["joint1"])), expected, 1e-9)
+
+
+def test_the_solver_turns_the_crank_several_times_without_leaving_the_branch(robot):
+    bar = robot("four_bar")
+    solver = cinegen.Solver(bar, dt=1 / 60)
+    task = solver.add_task("link1", translation=0, rotation=1)
+    crank = first = float(solver.q[bar.q_index("joint1")])
+    rocker = []
+    for _ in range(400):
+        crank += 0.06
+        task.target = pin.SE3(pin.utils.rotate("z", crank), np.zeros(3))
+        step = solver.step()
+        found = values(bar, step.q)
+        assert found["joint1"] == pytest.approx(crank, abs=1e-3)  # within one tick
+        assert same_angles(found, four_bar(found["joint1"], 1.0), 1e-9)
+        assert within_limits(bar, step.q)
+        rocker.append(found["joint3"])
+    assert crank - first > 3.5 * 2.0 * math.pi
+    extremes = [math.acos((GROUND**2 + ROCKER**2 - (COUPLER + sign * CRANK) ** 2) / (2 * GROUND * ROCKER))
+                for sign in (1.0, -1.0)]  # fmt: skip
+    assert min(rocker) == pytest.approx(math.pi - max(extremes), abs=2e-3)
+    assert max(rocker) == pytest.approx(math.pi - min(extremes), abs=2e-3)

@@ -58,6 +58,16 @@ def test_the_rx90_is_where_the_published_closed_form_says(robot):
         assert np.array_equal(arm.placement(q, "tool").homogeneous, arm.placement(q, "link6").homogeneous)
 
 
+def test_the_rx90s_jacobian_vanishes_in_the_published_singularities(robot):
+    """det J = (C3 D3 RL4 S5)(S23 RL4 - C2 D3), but for the sign: Khalil and Dombre, section 5.9."""
+    arm = robot("rx90")
+    d3, rl4 = of("rx90", 3, "d"), of("rx90", 4, "r")
+    for q in random_configurations(arm, 200, seed=2):
+        _, t2, t3, _, t5, _ = angles(arm, q)
+        expected = d3 * rl4 * math.cos(t3) * math.sin(t5) * (math.sin(t2 + t3) * rl4 - math.cos(t2) * d3)
+        assert abs(np.linalg.det(arm.jacobian(q, "tool"))) == pytest.approx(abs(expected), abs=1e-13)
+
+
 # --- sr400 -------------------------------------------------------------------------------------------------------
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 import varieties
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cinegen.singularities.grassmann import GrassmannClass, class_of_lines, classify, near
+from cinegen.singularities.grassmann import GrassmannClass, class_of_lines, class_of_wrenches, classify, near
 from cinegen.singularities.pluecker import LineAtInfinity, PlueckerError, PlueckerLine
 
 seeds = st.integers(0, 2**32 - 1)
@@ -107,6 +109,34 @@ def test_lines_beside_a_variety_are_near_not_in(maker):
 # --- all lines together ---------------------------------------------------------------------------------------------
 
 
+def _sixes(maker, rng, noise=0.0):
+    """As many lines of a variety as can be made, moved and scaled; and the length."""
+    while True:
+        try:
+            built = maker(rng, 6)
+        except TypeError:
+            built = maker(rng)
+        length, turn, shift = 10.0 ** rng.uniform(-3.0, 3.0), varieties.rotation(rng), rng.normal(size=3)
+        segments = [[end + noise * rng.normal(size=3) for end in ends] for ends in built.segments]
+        lines = [PlueckerLine.through(*(length * (turn @ end + shift) for end in ends)) for ends in segments]
+        vectors = varieties.LineFrame.of(lines, length).coordinates(lines)
+        if np.linalg.svd(vectors, compute_uv=False)[built.grassmann_class.rank - 1] > 0.1:
+            return built, lines, length
+
+
+@makers
+@pytest.mark.parametrize("noise", [0.0, 1e-9])
+def test_the_class_of_all_lines_is_that_of_their_variety(maker, noise):
+    built, lines, length = _sixes(maker, np.random.default_rng(1), noise)
+    found, rank = classify(lines, length), built.grassmann_class.rank
+    assert found.class_of_all is built.grassmann_class
+    assert found.rank == found.forces.order == rank
+    assert found.motions.order == 6 - rank
+    assert class_of_lines(lines, length) is built.grassmann_class
+    assert class_of_wrenches(found.forces) is built.grassmann_class
+    assert found.as_dict()["class_of_all"] == built.grassmann_class.title
+
+
 def test_two_lines_that_do_not_meet_are_skew():
     rng = np.random.default_rng(0)
     for _ in range(20):
@@ -159,6 +189,33 @@ def test_two_sets_that_span_different_varieties_are_both_named():
     assert found.rank == 4
     assert found.text().startswith("legs 1, 3 and 5 meet in one point")
     assert "; legs 2, 4 and 6 are parallel" in found.text()
+
+
+@pytest.mark.parametrize(
+    ("maker", "count"),
+    [(varieties.one_line, 4), (varieties.flat_pencil, 5), (varieties.plane, 6), (varieties.elliptic, 6)],
+)
+def test_more_lines_of_one_variety_are_one_set(maker, count):
+    built = maker(np.random.default_rng(11), count)
+    found = classify([PlueckerLine.through(*ends) for ends in built.segments], 1.0)
+    size = built.grassmann_class.rank + 1
+    assert found.grassmann_class is built.grassmann_class
+    assert [some.lines for some in found.sets] == [tuple(range(count))]
+    assert len(found.sets[0].smallest) == math.comb(count, size)
+    assert found.rank == size - 1
+
+
+def test_a_smaller_set_is_the_reason_though_all_are_in_a_larger_variety():
+    """Four lines through a point of a line that two others meet: all six meet it, but four are dependent already."""
+    rng = np.random.default_rng(1)
+    bundle = [PlueckerLine.along([0, 0, 1], rng.normal(size=3)) for _ in range(4)]
+    others = [PlueckerLine.along([0, 0, z], rng.normal(size=3)) for z in (3.0, -2.0)]
+    found = classify(bundle + others, 1.0)
+    assert found.grassmann_class is GrassmannClass.BUNDLE
+    assert found.lines == (0, 1, 2, 3)
+    assert found.rank == 5
+    assert found.uncontrolled[0].pitch == 0.0
+    assert found.uncontrolled[0].axis.nearest([0, 0, 0]) == pytest.approx(np.zeros(3), abs=1e-12)
 
 
 # --- words and errors ------------------------------------------------------------------------------------------------

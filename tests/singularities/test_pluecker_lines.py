@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+import varieties
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -33,6 +34,19 @@ def test_its_moment_is_that_of_all_its_points(seed, length):
     assert line.coordinates == pytest.approx(np.hstack([line.direction, line.moment]))
     assert line.point == pytest.approx((a + b) / 2)
     assert line.direction @ (b - a) > 0.0
+
+
+@given(seeds)
+def test_it_moves_with_its_points(seed):
+    rng = np.random.default_rng(seed)
+    a, b, shift = rng.normal(size=(3, 3))
+    turn = varieties.rotation(rng)
+    moved, expected = (
+        varieties.moved(PlueckerLine.through(a, b), turn, shift),
+        PlueckerLine.through(turn @ a + shift, turn @ b + shift),
+    )
+    for name in ("direction", "moment", "point"):
+        assert getattr(moved, name) == pytest.approx(getattr(expected, name), abs=1e-12)
 
 
 @pytest.mark.parametrize(("make", "says"), [

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 import varieties
@@ -100,3 +102,32 @@ def test_a_system_is_recognised_wherever_it_is_and_whatever_its_scale(name, seed
         assert np.linalg.matrix_rank(np.vstack([expected.T, other]), tol=1e-6) == expected.shape[1] == len(other)
         assert system.reciprocal.order == 6 - system.order
         assert system.reciprocal.type == kind or system.order == 3
+
+
+def _numbers(text):
+    return np.array([[float(x) for x in group.split(",")] for group in re.findall(r"\(([^()]*,[^()]*)\)", text)])
+
+
+def test_the_text_names_the_point_the_plane_and_the_axis():
+    rng = np.random.default_rng(0)
+    turn, point = varieties.rotation(rng), rng.normal(size=3)
+    frame = LineFrame(HOME, 1.0)
+    a, b, c = turn
+
+    def of(*rows):
+        return _numbers(ScrewSystem(np.array(rows), frame, 1e-6).text())
+
+    assert of(*(screw(point, axis) for axis in turn))[0] == pytest.approx(point, abs=6e-4)
+    found = of(screw(point, a), screw(point, b))
+    assert found[0] == pytest.approx(point, abs=6e-4)
+    assert abs(found[1] @ c) == pytest.approx(1.0, abs=1e-3)
+    found = of(screw(point, a), free(a))
+    assert np.cross(found[0] - point, a) == pytest.approx(HOME, abs=2e-3)
+    assert abs(found[1] @ a) == pytest.approx(1.0, abs=1e-3)
+    assert abs(of(free(a), free(b))[0] @ c) == pytest.approx(1.0, abs=1e-3)
+    assert abs(of(screw(point, a), free(b), free(c))[0] @ a) == pytest.approx(1.0, abs=1e-3)
+    first, second = of(screw(point, a), screw(HOME, b))[[0, 1]], of(screw(point, a), screw(HOME, b))[[2, 3]]
+    axes = [(point, a), (HOME, b)]  # in either order
+    near = [[np.linalg.norm(np.cross(pair[0] - p, d)) + np.linalg.norm(np.cross(pair[1], d)) for p, d in axes]
+            for pair in (first, second)]  # fmt: skip
+    assert min(near[0][0] + near[1][1], near[0][1] + near[1][0]) < 0.01

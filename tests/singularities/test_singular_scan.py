@@ -10,7 +10,9 @@ import pytest
 
 from cinegen.cli import main
 from cinegen.mission import MissionRecorder, RobotSample
+from cinegen.plotting.loci import draw_loci
 from cinegen.singularities import SingularityType, singularity
+from cinegen.singularities.crossing import _alignment
 from cinegen.singularities.loci import singular_loci
 from cinegen.singularities.slice import Axis, Coordinates, Slice, SliceError
 
@@ -62,6 +64,17 @@ def test_over_two_motors_a_serial_arm_is_singular_where_it_is_stretched(robot):
     points = np.vstack([curve.points for curve in loci.curves])
     assert {curve.kind for curve in loci.curves} == {SingularityType.TYPE_1}
     assert np.abs(points[:, 0]).max() < 1e-6  # of a 3R with its orientation: joint 2 alone decides
+
+
+def test_the_picture_and_the_numbers_say_the_same(five_bar):
+    figure = draw_loci(five_bar)
+    axes = figure.axes[0]
+    drawn = sum(len(line.get_xdata()) for line in axes.lines)
+    assert drawn == sum(len(curve.points) for curve in five_bar.curves) + 1  # and home
+    assert axes.get_xlabel() == "x (m)"
+    said = five_bar.as_dict()
+    assert json.loads(json.dumps(said)) == said
+    assert len(said["type 1"]) == len(said["u"])
 
 
 @pytest.mark.parametrize(("name", "axes", "fixed", "words"), [
@@ -129,6 +142,7 @@ def test_the_command_finds_where_a_recorded_way_is_singular_between_its_samples(
     (["--over", "x"], "--over x: name two coordinates"),
     (["--at", "jont1=10"], "no coordinate 'jont1' here (did you mean 'joint1'?): there are x, y, z, rx, ry, rz"),
     (["--at", "joint1=10,x=1"], "no coordinate 'joint1' here: there are"),
+    (["--at", "joint2=10"], "no coordinate 'joint2' here (this joint is not actuated): there are"),
     (["--at", "x=90"], "--at x: 90 m is far beyond the reach of linkage, at most 0.8 m: did you mean 90 mm?"),
     (["--over", "x=-550..550,y=-700..700"], "did you mean -550 mm?"),
     (["--over", "rz=-7..7rad,x"], "more than one revolution: did you mean -7..7deg?"),
@@ -151,3 +165,12 @@ def test_what_the_command_cant_do_is_told(root, tmp_path, monkeypatch, capsys, a
 def test_a_number_that_is_none_is_a_wrong_call(root, capsys, arguments, words):
     assert main(["singular", str(root / "robots/five_bar.raff"), *arguments]) == 2
     assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("size", [5.0, -5.0])
+def test_of_a_single_singular_value_the_sign_is_sure_however_far_apart_matrices_are(size):
+    """There is no next one that it could change places with."""
+    a, b = np.array([[1.0, 0.0]]), np.array([[size, 0.1]])
+    alignment, is_sure = _alignment(a, b, 1)
+    assert alignment == pytest.approx(size / np.hypot(size, 0.1))
+    assert is_sure

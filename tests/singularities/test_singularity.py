@@ -15,9 +15,45 @@ from scipy.optimize import minimize_scalar
 
 import cinegen
 from cinegen.singularities import SingularityType, leg_lines, singularity
+from cinegen.singularities.ball_joints import balls, counted
 from cinegen.singularities.grassmann import GrassmannClass
 from cinegen.singularities.pluecker import PlueckerLine
 from cinegen.singularities.slice import Coordinates
+
+
+def three_rrr(elbows, platform, base=((0.0, 0.0), (1.0, 0.1), (0.4, 0.9))) -> str:
+    """A planar 3-RRR as RAFF: pivots on the base, elbows and the platform's points, all (3, 2) in the world, m."""
+
+    def angle(a, b):
+        return math.degrees(math.atan2(b[1] - a[1], b[0] - a[0]))
+
+    def away(a, b):
+        return 1000.0 * math.dist(a, b)
+
+    lines, origin = ["robot r {", "base { }"], (0.0, 0.0)
+    for leg, (foot, elbow, head) in enumerate(zip(base, elbows, platform, strict=True)):
+        n = 10 * leg
+        first, second = angle(foot, elbow), angle(elbow, head)
+        foot_angle, foot_away = angle(origin, foot), away(origin, foot)
+        lines.append(
+            f"link {n + 1} {{ parameters {{ gamma {foot_angle!r} d {foot_away!r} theta {first - foot_angle!r} }} "
+            "type 2 pred 0 actuated 1 }"
+        )
+        bar, turn = away(foot, elbow), second - first
+        lines.append(f"link {n + 2} {{ parameters {{ d {bar!r} theta {turn!r} }} type 2 pred {n + 1} }}")
+        if leg == 0:
+            bar, turn = away(elbow, head), angle(head, platform[1]) - second
+            lines.append(f"link {n + 3} {{ parameters {{ d {bar!r} theta {turn!r} }} type 2 pred {n + 2} }}")
+        else:
+            turned = angle(platform[0], head) - angle(platform[0], platform[1])
+            lines.append(f"frame {n + 4} {{ parameters {{ d {away(elbow, head)!r} }} pred {n + 2} }}")
+            lines.append(f"frame {n + 5} {{ parameters {{ gamma {turned!r} d {away(platform[0], head)!r} }} pred 3 }}")
+            lines.append(f"constraint {{ frame {n + 4} frame {n + 5} type 2 }}")
+    lines.append('frame 40 { name "tool" parameters { d 100.0 } pred 3 } constraint { frame 40 sensor ( 0 1 ) } }')
+    return "\n".join([*lines, 'sensor 1 { port "/dev/null" translation 3 rotation 3 }'])
+
+
+ELBOWS, HEADS = ((0.1, 0.5), (1.2, 0.5), (0.8, 1.1)), ((0.35, 0.4), (0.75, 0.45), (0.5, 0.75))
 
 
 @pytest.mark.parametrize("name", ["hybrid", "delta4", "arm7"])
@@ -76,6 +112,27 @@ def test_type_2_of_a_five_bar_is_where_its_outer_bars_are_in_line(robot):
     assert "with all actuated joints locked tool can make a rotation about the axis" in found.message
 
 
+@pytest.mark.parametrize("parallel", [False, True])
+def test_a_3rrr_gains_a_motion_where_its_outer_bars_meet_in_a_point_or_are_parallel(raff, parallel):
+    heads = np.array(HEADS)
+    centre, way = np.array([0.3, 0.6]), np.array([0.3, 1.0])
+    ways = np.array([way] * 3) if parallel else heads - centre
+    elbows = heads + ways * np.array([[0.5], [0.6], [0.4]]) * (1.0 if parallel else 1.5)
+    mechanism = raff(three_rrr(elbows, heads))
+    found = singularity(mechanism, mechanism.q_home, tolerance=1e-7)
+    assert found.kind is SingularityType.TYPE_2
+    assert found.dependence.grassmann_class is GrassmannClass.FLAT_PENCIL
+    assert found.dependence.lines == (0, 1, 2)
+    if parallel:
+        assert found.uncontrolled_dof.pitch == math.inf
+        assert abs(found.uncontrolled_dof.axis.coordinates[3:5] @ way) < 1e-7  # across the bars
+        assert "parallel" in found.message
+    else:
+        assert found.uncontrolled_dof.pitch == pytest.approx(0.0, abs=1e-7)
+        assert np.allclose(found.uncontrolled_dof.axis.nearest(np.zeros(3))[:2], centre, atol=1e-7)
+        assert "meet in one point" in found.message
+
+
 # --- legs that are lines -----------------------------------------------------------------------------------------
 
 
@@ -116,7 +173,28 @@ def test_fichters_singularity(robot, place, side):
     assert "all six legs belong to one linear complex" in found.message
 
 
+def test_hunts_singularity(robot):
+    """The platform's plane goes through feet 1 and 2: all six legs meet its side B3 B5, about which it turns."""
+    mechanism = robot("tssm")
+    q = at(mechanism, x=0.5, y=0.0, z=15.0, rx=-math.degrees(math.atan2(15.0, 9.1)), ry=0.0, rz=0.0)
+    platform = mechanism.placement(q, "platform")
+    side = [platform.act(1e-3 * np.array([x, -5.480722, 0.0])) for x in (4.822, -4.822)]
+    found = singularity(mechanism, q)
+    assert found.kind is SingularityType.TYPE_2
+    assert found.dependence.grassmann_class is GrassmannClass.SPECIAL_COMPLEX
+    assert found.uncontrolled_dof.pitch == pytest.approx(0.0, abs=1e-9)
+    for corner in side:
+        assert np.linalg.norm(found.uncontrolled_dof.axis.nearest(corner) - corner) < 1e-8
+    assert "special complex (5b): all six legs meet the line through" in found.message
+
+
 # --- several motions at once -------------------------------------------------------------------------------------
+
+
+def concurrent(rng, point):
+    """Feet and heads of six legs whose lines meet in a point."""
+    feet = linkages.points(rng)[0] - [0.0, 0.0, 0.5]
+    return feet, point + rng.uniform(0.35, 0.6, (6, 1)) * (feet - point)
 
 
 def assert_motions_keep_leg_lengths(mechanism, q, found, feet, heads):
@@ -137,6 +215,31 @@ def assert_motions_keep_leg_lengths(mechanism, q, found, feet, heads):
         gaps = [mechanism.closure(pin.integrate(mechanism.model, q, s * step * motion)) for s in (1.0, 2.0)]
         assert gaps[0] < 1e-9
         assert gaps[1] < 5.0 * gaps[0] + 1e-12
+
+
+def test_legs_that_meet_in_one_point_leave_all_rotations_about_it(raff):
+    rng, point = np.random.default_rng(0), np.array([0.1, 0.0, 0.3])
+    feet, heads = concurrent(rng, point)
+    mechanism = raff(linkages.hexapod(rng, feet=feet, heads=heads).text(joint_digits=None))
+    found = singularity(mechanism, mechanism.q_home)
+    assert found.kind is SingularityType.TYPE_2
+    assert (found.second <= 1e-6).sum() == 3
+    assert found.dependence.rank == 3
+    assert found.dependence.grassmann_class is found.dependence.class_of_all is GrassmannClass.BUNDLE
+    assert found.uncontrolled.order == found.unsupported.order == len(found.motions) == 3
+    assert found.uncontrolled.type == "IIA"
+    assert "tool can make any rotation about the point (0.1, 0, 0.3) m (3 uncontrolled DoF)" in repr(found)
+    assert "can't support any couple: they support any force through the point (0.1, 0, 0.3) m" in repr(found)
+    assert_motions_keep_leg_lengths(mechanism, mechanism.q_home, found, feet, heads)
+    # no combination of unsupported wrenches is one of forces along the legs
+    legs = np.array([line.coordinates for line in found.legs])
+    together = np.vstack([legs, found.unsupported.coordinates])
+    assert np.linalg.matrix_rank(together, tol=1e-6) == 6
+    shown = found.as_dict()
+    assert shown["class"] == "bundle (3c)"
+    assert [len(shown[name]["screws"]) for name in ("uncontrolled", "unsupported")] == [3, 3]
+    assert shown["uncontrolled"]["text"] == "any rotation about the point (0.1, 0, 0.3) m"
+    assert shown["dependence"]["rank"] == 3
 
 
 SIX_LINES = [
@@ -203,6 +306,23 @@ def test_a_ball_joint_in_gimbal_lock_is_no_singularity(robot):
     found = singularity(mechanism, q)
     assert found.kind is SingularityType.NONE
     assert found.sigma[1] > 0.02
+
+
+@pytest.mark.parametrize("name", ["gough", "hybrid"])
+def test_a_ball_counted_as_one_joint_moves_what_its_three_joints_move(robot, name):
+    mechanism = robot(name)
+    q = mechanism.random_closed(1, 3)[0]
+    crosses = {mechanism.model.getJointId(joint) for names in balls(mechanism) for joint in names[:2]}
+    for end in mechanism.nodes:  # some are carried by no ball; what is between a ball's three joints is no body
+        if mechanism.model.frames[mechanism.frame_id(end)].parentJoint in crosses:
+            continue
+        matrices = counted(mechanism, q, end)
+        back = np.linalg.inv(matrices.joints)
+        placement = mechanism.placement(q, end)
+        local = mechanism.jacobian(q, end) * mechanism.scale
+        node = np.vstack([placement.rotation @ local[:3] / mechanism.length, placement.rotation @ local[3:]])
+        assert np.allclose(matrices.loops @ back, mechanism.structure.system.evaluate(q)[1], atol=1e-12)
+        assert np.allclose(matrices.node @ back, node, atol=1e-12)
 
 
 def test_open_loops_are_told(robot):

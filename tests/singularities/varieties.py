@@ -81,6 +81,13 @@ def hyperboloid(rng, count=4):
     return Built(GrassmannClass.REGULUS, segments)
 
 
+def paraboloid(rng, count=4):
+    """Points of two skew lines joined in proportion."""
+    p, d, q, e = np.zeros(3), np.array([1.0, 0.0, 0.3]), Z, np.array([0.2, 1.0, 0.0])
+    stations = np.linspace(-1.5, 1.5, count) + rng.uniform(-0.2, 0.2, count)
+    return Built(GrassmannClass.REGULUS, [(p + s * d, q + s * e) for s in stations])
+
+
 def two_pencils(rng, count=4):
     """The x axis is shared; its points 0 and P are the vertices."""
     far = np.array([rng.uniform(0.7, 1.5), 0.0, 0.0])
@@ -89,6 +96,17 @@ def two_pencils(rng, count=4):
     for a in rng.uniform([0.5, 1.8], [1.2, 2.6]):
         segments.append(_at(far, np.array([np.cos(a), np.sin(a) * np.cos(tilt), np.sin(a) * np.sin(tilt)]), rng))
     return Built(GrassmannClass.TWO_PENCILS, segments, points=[np.zeros(3), far], directors=[(np.zeros(3), far)])
+
+
+def two_pencils_one_parallel(rng, count=4):
+    x = np.array([1.0, 0.0, 0.0])
+    tilt = rng.uniform(0.5, 2.5)
+    segments = [_at(np.zeros(3), _in_plane(a), rng) for a in rng.uniform([0.5, 1.8], [1.2, 2.6])]
+    for y in rng.uniform([-1.2, 0.6], [-0.6, 1.2]):
+        segments.append(_at(y * np.array([0.0, np.cos(tilt), np.sin(tilt)]), x, rng))
+    return Built(
+        GrassmannClass.TWO_PENCILS, segments, points=[np.zeros(3)], directions=[x], directors=[(np.zeros(3), x)]
+    )
 
 
 def bundle(rng, count=4):
@@ -154,11 +172,27 @@ def parabolic_far(rng, count=5):
     return Built(GrassmannClass.PARABOLIC_CONGRUENCE, segments, normals=[Z])
 
 
-def degenerate_three_through(rng):
-    """Three lines meet the origin, two lie in z = 0."""
-    segments = [_at(np.zeros(3), _unit(rng), rng) for _ in range(3)]
-    segments += [_at(rng.normal(size=3) * [1, 1, 0], _in_plane(a), rng) for a in _turn(rng, 2)]
+def _degenerate(rng, through):
+    """`through` lines meet the origin, the others lie in z = 0."""
+    segments = [_at(np.zeros(3), _unit(rng), rng) for _ in range(through)]
+    for a in _turn(rng, 5 - through):
+        segments.append(_at(rng.normal(size=3) * [1, 1, 0], _in_plane(a), rng))
     return Built(GrassmannClass.DEGENERATE_CONGRUENCE, segments, points=[np.zeros(3)])
+
+
+def degenerate_three_through(rng):
+    return _degenerate(rng, 3)
+
+
+def degenerate_three_inside(rng):
+    return _degenerate(rng, 2)
+
+
+def degenerate_parallel(rng):
+    x = np.array([1.0, 0.0, 0.0])
+    segments = [_at(rng.normal(size=3), x, rng) for _ in range(3)]
+    segments += [_at(rng.normal(size=3) * [1, 1, 0], _in_plane(a), rng) for a in rng.uniform([0.4, 1.7], [1.4, 2.7])]
+    return Built(GrassmannClass.DEGENERATE_CONGRUENCE, segments, directions=[x])
 
 
 def general_complex(rng, count=6):
@@ -183,9 +217,9 @@ def special_complex_far(rng, count=6):
 
 
 ALL = [
-    one_line, flat_pencil, parallels_in_plane, hyperboloid, two_pencils, bundle,
+    one_line, flat_pencil, parallels_in_plane, hyperboloid, paraboloid, two_pencils, two_pencils_one_parallel, bundle,
     parallels, plane, elliptic, hyperbolic, hyperbolic_one_far, parabolic, parabolic_far, degenerate_three_through,
-    general_complex, special_complex, special_complex_far,
+    degenerate_three_inside, degenerate_parallel, general_complex, special_complex, special_complex_far,
 ]  # fmt: skip
 
 
