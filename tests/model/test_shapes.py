@@ -1,6 +1,8 @@
 """What is seen of a mechanism: its meshes, where they may lie, and a stick figure where there are none."""
 
 import json
+import pickle
+import re
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ import raff2urdf
 from cinegen.cli import main
 from cinegen.cockpit import make_page
 from cinegen.cockpit.scene import _drawn
+from cinegen.model.load import build
 from cinegen.model.motion_plane import motion_plane
 from cinegen.model.stick import stick_figure
 from raff2urdf.cli import main as convert
@@ -103,6 +106,36 @@ def test_one_warning_names_the_first_lost_mesh_and_counts_the_others(write):
     with pytest.warns(cinegen.CinegenWarning, match=rf"not found: .*; and {len(LOST) - 1} more meshes; sticks") as seen:
         _ = mechanism.visual
     assert len(seen) == 1
+
+
+@pytest.mark.filterwarnings("default::cinegen.CinegenWarning")
+def test_the_package_that_a_warning_asks_for_is_read(write, tmp_path, capsys):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "arm_description/meshes/part.stl").rename(tmp_path / "elsewhere/part.stl")
+    path = write(VISUAL.format("package://parts/part.stl"))
+    assert main(["info", str(path)]) == 0
+    option = re.search(r"by (--package parts=)FOLDER", capsys.readouterr().err)[1].split()
+    assert main(["info", str(path), option[0], f"{option[1]}{tmp_path}/elsewhere", "--collision"]) == 0
+    out, err = capsys.readouterr()
+    assert (err, "not checked" in out) == ("", False)
+    mechanism = pickle.loads(pickle.dumps(cinegen.load(path, packages={"parts": tmp_path / "elsewhere"})))
+    assert mechanism.visual.geometryObjects[0].meshPath == str(tmp_path / "elsewhere/part.stl")
+
+
+def test_a_recording_opens_no_package_that_it_names_itself(write, tmp_path, monkeypatch):
+    """`cinegen replay` has no `--package`; what the user names in the environment is read."""
+    (tmp_path / "elsewhere/parts").mkdir(parents=True)
+    (tmp_path / "arm_description/meshes/part.stl").rename(tmp_path / "elsewhere/parts/part.stl")
+    path = write(VISUAL.format("package://parts/part.stl"))
+    source = cinegen.load(path, packages={"parts": tmp_path / "elsewhere/parts"}).source
+    recorded = build(*source._replace(owner=str(path.parent)))
+    with pytest.warns(
+        cinegen.CinegenWarning, match="package 'parts' is not found: add the folder above it to ROS_PACK"
+    ):
+        _ = recorded.visual
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "elsewhere"))
+    (shape,) = build(*recorded.source).visual.geometryObjects
+    assert shape.meshPath == str(tmp_path / "elsewhere/parts/part.stl")
 
 
 @pytest.mark.usefixtures("lost")
