@@ -108,6 +108,49 @@ def test_one_warning_names_the_first_lost_mesh_and_counts_the_others(write):
     assert len(seen) == 1
 
 
+SCENE = """robot = "arm.urdf"
+goal = { joints = { turn = 0.2, reach = 0.1 } }
+[[obstacle]]
+kind = "sphere"
+radius = 0.1
+point = [9, 9, 9]
+"""
+
+
+@pytest.mark.usefixtures("lost")
+@pytest.mark.filterwarnings("default::cinegen.CinegenWarning")
+def test_every_command_goes_on_without_a_lost_mesh_and_warns_once(write, capsys, monkeypatch):
+    visual = VISUAL.format("../meshes/pointer.stl")
+    path = write(visual, visual + VISUAL.format("../meshes/part.stl"))
+    monkeypatch.chdir(path.parent)
+    (path.parent / "scene.toml").write_text(SCENE)
+    over = ["--over", "turn=0..20:2", "--over", "reach=0..0.1:2", "--yes"]
+    for command, checks in (
+        (["info", "arm.urdf", "--collision"], True),
+        (["drive", "arm.urdf", "--snapshot", "page.html"], False),
+        (["drive", "--scene", "scene.toml", "--snapshot", "scene.html"], True),
+        (["page", "arm.urdf"], False),
+        (["plan", "scene.toml", "--plot", "plan.png", "--output", "plan.jsonl"], True),
+        (["map", "arm.urdf", "--scene", "scene.toml", "--quantity", "clearance", *over], True),
+    ):
+        assert main(command) == 0, command
+        out, err = capsys.readouterr()
+        assert err.count("arm.urdf:2: ") == 1, command
+        assert err.count("warning: ") == 1, command
+        assert ("not checked: " in out) == checks, command
+    assert urdf2raff(["arm.urdf"]) == 0
+    assert capsys.readouterr().err.count("warning: ") == 1
+    assert convert(["arm.raff", "--format", "mjcf"]) == 0
+    assert "warning" not in capsys.readouterr().err
+    for form in (["plan", "scene.toml"], ["info", "arm.urdf", "--collision"]):
+        assert main([*form, "--json"]) == 0
+        report = json.loads(capsys.readouterr().out)
+        lost = report["mesh_check"]["lost"] if "plan" in form else report[0]["collision"]["not_checked"]
+        assert list(lost) == ["base", "upper"]
+    assert main(["info", "arm.urdf"]) == 0
+    assert "is a Git LFS pointer: run `git lfs pull` in" in capsys.readouterr().err
+
+
 @pytest.mark.filterwarnings("default::cinegen.CinegenWarning")
 def test_the_package_that_a_warning_asks_for_is_read(write, tmp_path, capsys):
     (tmp_path / "elsewhere").mkdir()
@@ -136,24 +179,6 @@ def test_a_recording_opens_no_package_that_it_names_itself(write, tmp_path, monk
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "elsewhere"))
     (shape,) = build(*recorded.source).visual.geometryObjects
     assert shape.meshPath == str(tmp_path / "elsewhere/parts/part.stl")
-
-
-@pytest.mark.usefixtures("lost")
-@pytest.mark.filterwarnings("default::cinegen.CinegenWarning")
-def test_commands_go_on_without_a_lost_mesh_and_warn_once(write, monkeypatch, capsys):
-    visual = VISUAL.format("../meshes/cut.dae")
-    monkeypatch.chdir(write(visual, visual + VISUAL.format("../meshes/part.stl")).parent)
-    for program, arguments in (
-        (main, ["info", "arm.urdf", "--collision"]), (main, ["page", "arm.urdf"]), (urdf2raff, ["arm.urdf"]),
-    ):  # fmt: skip
-        assert program(arguments) == 0, arguments
-        out, err = capsys.readouterr()
-        assert (err.count("arm.urdf:2: "), err.count("warning: ")) == (1, 1), arguments
-        assert ("not checked: " in out) == ("--collision" in arguments)
-    assert convert(["arm.raff", "--format", "mjcf"]) == 0
-    assert "warning" not in capsys.readouterr().err
-    assert main(["info", "arm.urdf", "--collision", "--json"]) == 0
-    assert list(json.loads(capsys.readouterr().out)[0]["collision"]["not_checked"]) == ["base", "upper"]
 
 
 DAE = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
