@@ -50,6 +50,20 @@ def test_a_fault_is_named_where_it_stands(body: str, line: int, column: int, wor
     assert (problem.location.line, problem.location.column) == (line, column)
 
 
+@pytest.mark.parametrize(
+    ("text", "column", "what"),
+    [
+        ("RAFF t\nrobot a { }\nrobot b { }\nrobot a { }", 7, "robot 'a'"),
+        ('RAFF t\nsensor 1 { port "a" }\nrobot r { }\nsensor 1 { port "b" }', 8, "sensor 1"),
+    ],
+)
+def test_a_name_or_number_that_is_taken_is_refused_where_it_stands(text: str, column: int, what: str) -> None:
+    (problem,) = problems_of(text)
+    assert problem.location is not None
+    assert (problem.location.line, problem.location.column) == (4, column)
+    assert problem.message == f"{what} is defined twice, first on line 2: change one of them"
+
+
 @pytest.mark.parametrize("name", ["4bar", '"left arm"', '""', "-r"])
 def test_a_robots_name_must_be_one_that_xml_takes(name: str) -> None:
     (problem,) = problems_of(f"RAFF t\nrobot {name} {{ }}")

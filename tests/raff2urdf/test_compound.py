@@ -91,6 +91,12 @@ def test_the_constraints_file_lists_joints_and_ball_joints_but_no_links_between(
     assert values["balls"] == [{"name": "joint1", "joints": ["joint1_X", "joint1_Y", "joint1_Z"]}]
 
 
+@pytest.mark.parametrize("word", ["limits { -80 80 }", "velocity 90", "actuated 1"])
+def test_a_ball_joint_with_limits_or_an_actuator_is_three_joints(word: str) -> None:
+    document = raff2urdf.loads(text("ball", f"variable y {{ {word} }}"))
+    assert "balls" not in constraints(document, document.robot(), None)
+
+
 def test_limits_velocity_and_actuated_are_of_a_variable() -> None:
     words = "variable tz { limits { 0 90 } velocity 10 actuated 1 } variable z { actuated 0 }"
     document = raff2urdf.loads(text("cylindrical", words))
