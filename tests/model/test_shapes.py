@@ -130,7 +130,7 @@ def test_every_command_goes_on_without_a_lost_mesh_and_warns_once(write, capsys,
         (["drive", "arm.urdf", "--snapshot", "page.html"], False),
         (["drive", "--scene", "scene.toml", "--snapshot", "scene.html"], True),
         (["page", "arm.urdf"], False),
-        (["plan", "scene.toml", "--plot", "plan.png", "--output", "plan.jsonl"], True),
+        (["plan", "scene.toml"], True),
         (["map", "arm.urdf", "--scene", "scene.toml", "--quantity", "clearance", *over], True),
     ):
         assert main(command) == 0, command
