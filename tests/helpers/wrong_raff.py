@@ -87,13 +87,17 @@ WRONG_TEXTS = [
     (f"{LINK}type 2 pred 0 parameters {{ thta 1 }}{END}", 4, 32, "unknown parameter 'thta' did you mean 'theta'"),
     ("RAFF t\nrobto r { }", 2, 1, "unknown word 'robto' did you mean 'robot'"),
     ("RAFF t\nrobot r {\n  Link 1 { type 2 pred 0 }\n}", 3, 3, "unknown word 'Link' did you mean 'link'"),
+    ("RAFF t\nrobot r {\n  frame 1 { type 2 pred 0 }\n}", 3, 13, "'type' does not belong frame 1 'link"),
     ("RAFF t\nrobot r { }\nlink 1 { type 2 pred 0 }", 3, 1, "'link' is outside a robot robot r closed on line 2"),
+    ('RAFF t\nrobot r {\n  sensor 1 { port "x" }\n}', 3, 3, "'sensor' outside robot"),
     # braces
+    ("RAFF t\nrobot r {\n  link 1 {\n    type 2\n    pred 0", 5, 11, "ends inside link 1 line 3 '}' missing"),
     ("RAFF t\nrobot r {\n  link 1 { type 2 pred 0 }\n", 3, 27, "ends inside robot r line 2 '}' missing"),
     ("RAFF t\nrobot r {\n}\n}", 4, 1, "'}' too many robot r closed on line 3"),
     (f"{LINK}type 2 pred 0 limits 0 1{END}", 4, 26, "expected '{' found '0'"),
     # numbers
     ("RAFF t\nrobot r {\n  link one { type 2 pred 0 }\n}", 3, 8, "'link' needs a number 'one'"),
+    (f"{LINK}type revolute pred 0{END}", 4, 10, "'type' needs a number 'revolute' 2 revolute"),
     (f"{LINK}type 2 pred 0 parameters {{ d NaN }}{END}", 4, 34, "'d' needs a number 'NaN'"),
     (f"{LINK}type 2 pred 0 parameters {{ d 1e400 }}{END}", 4, 34, "'1e400' too large"),
     (f"{LINK}type 2 pred 0 parameters {{ d 5mm }}{END}", 4, 34, "'d' needs a number '5mm' units"),
@@ -105,9 +109,13 @@ WRONG_TEXTS = [
     ("RAFF t\nrobot r { constraint { base sensor ( ) } }", 2, 38, "'sensor' needs a number"),
     # texts
     (f'{LINK}name "tool{END}', 4, 10, "not closed on its line '\"' missing"),
+    (f"{LINK}type 2 pred 0 name tool{END}", 4, 24, "expected text found 'tool'"),
     (f"{LINK}type 2 pred 0 filename {{ a.stl }}{END}", 4, 30, 'expected text "..." \'a.stl\''),
+    (f"{LINK}type 2 / pred 0{END}", 4, 12, "lone '/' comments begin with '//'"),
     # the file's beginning
     ("", 1, 1, "begins with 'RAFF <name>'"),
+    ("robot r { }", 1, 1, "begins with 'RAFF <name>' not with 'robot'"),
+    ("RAFF\nrobot r { }", 1, 1, "'RAFF <name>'"),
     # given twice
     (f"{LINK}type 2 pred 0\n    type 1{END}", 5, 10, "'type' given twice in link 1 first on line 4"),
     (f"{LINK}type 2 pred 0 parameters {{ d 1\n d 2 }}{END}", 5, 2, "'d' given twice first on line 4"),
@@ -123,6 +131,7 @@ WRONG_TEXTS = [
     ("RAFF t\nunits inch", 2, 7, "unknown unit 'inch' um mm cm m"),
     ('RAFF t\nsensor 1 { port "x" translation 4 }', 2, 33, "'translation' 4 unknown 0 1 2 3"),
     # what is missing
+    ("RAFF t\nrobot r { link 7 { type 2 } }", 2, 16, "link 7 no 'pred'"),
     ("RAFF t\nrobot r { link 7 { pred 0 } }", 2, 16, "link 7 no 'type'"),
     ("RAFF t\nsensor 7 { }", 2, 8, "sensor 7 no 'port'"),
     ("RAFF t\nrobot r { link 1 { type 2 pred 0 }\n  constraint { link 1 } }", 3, 21, "constraint must name two nodes"),
@@ -151,18 +160,26 @@ WRONG_BODIES = [
     ("link 1 { type 2 pred 2 }\nlink 2 { type 2 pred 1 }", 3, 22, "link 1 cycle 1 -> 2 -> 1"),
     ("link 9 { type 2 pred 1 }\nlink 1 { type 2 pred 2 }\nlink 2 { type 2 pred 1 }", 4, 22, "link 1 cycle 1 -> 2 -> 1"),
     # numbers
+    (f"{ONE}\nlink 1 {{ type 2 pred 0 }}", 4, 6, "number 1 defined twice first on line 3"),
     # names
+    (f'{ONE}\nlink 2 {{ type 2 pred 0 name "link1" }}', 4, 29, "'link1' link 1 choose another"),
     ('link 1 { type 2 pred 0 name "a" }\nframe 2 { pred 0 name "a" }', 4, 23, "'a' link 1 choose another"),
+    ('link 1 { type 2 pred 0 name "base" }', 3, 29, "'base' reserved the root"),
     ('frame 1 { pred 0 name "world" }', 3, 23, "'world' reserved"),
+    ('link 1 { type 2 pred 0 name "4bar" }', 3, 29, "'4bar' can't name a link"),
     ('frame 1 { pred 0 name "" }', 3, 23, "'' can't name a frame"),
     ('frame 1 { pred 0 name "a<b" }', 3, 23, "'a<b' can't name a frame"),
     ('frame 1 { pred 0 name "\u0301a" }', 3, 23, "can't name a frame"),
     # limits
     ("link 1 { type 2 pred 0 limits { 80 -85 } }", 3, 33, "lower limit 80 link 1 above upper limit -85 swap"),
+    ("link 1 { type 2 pred 0 velocity 0 }", 3, 33, "velocity link 1 above 0"),
+    ("link 1 { type 1 pred 0 effort 0 }", 3, 31, "effort link 1 is 0 above 0 (N m or N)"),
     ("link 1 { joint ball pred 0 effort 2 }", 3, 35, "ball joint link 1 several variables 'effort' 'variable x { }'"),
     # loops
     (f"{ONE}\nconstraint {{ link 1 link 11 }}", 4, 26, "loop 'r' 11 does not exist"),
+    (f"{ONE}\nconstraint {{ link 1 link 1 type 2 }}", 4, 19, "loop joins 1 to itself"),
     # sensors
     (f"{ONE}\nconstraint {{ link 2 sensor ( 0 ) }}", 4, 19, "sensor constraint 'r' 2 does not exist"),
+    (f"{ONE}\nconstraint {{ link 1 sensor ( 0 4 ) }}", 4, 32, "sensor 4 not declared"),
 ]
 """The body of a robot, line and column of its error, and words of it; see `text_of`."""

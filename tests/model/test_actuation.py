@@ -105,6 +105,14 @@ def test_a_joint_whose_column_is_rounding_is_not_taken_for_a_passive_one(name, t
     assert uncontrolled(mechanism) == 0
 
 
+@pytest.mark.parametrize("name", ["arm7", "delta4", "planar_hybrid", "gough", "sr400", "scara", "planetary_gear"])
+def test_the_actuated_joints_of_shipped_robots_determine_them(name, robot):
+    mechanism = robot(name)
+    assert not mechanism.uncontrolled
+    if mechanism.is_constrained and not mechanism.balls:
+        assert uncontrolled(mechanism) == 0
+
+
 def declared(folder: Path, kind: str, joints: str) -> tuple[Path, str]:
     """A file of a kind whose actuated joints are those of these letters, as advice for this kind says; and its text."""
     if kind == "raff":
@@ -142,6 +150,18 @@ def test_dependent_actuated_joints_are_told_with_joints_that_would_do_and_these_
     better = "".join(sorted({*"abc", RAFF_NAMES.get(more, more)} - {RAFF_NAMES.get(less, less)}))
     mechanism, met = load(*declared(tmp_path, kind, better))
     assert len(mechanism.actuated) == 3
+    assert (uncontrolled(mechanism), met) == (0, [])
+
+
+@pytest.mark.parametrize("kind", SYNTAX)
+def test_too_few_actuated_joints_are_noted_with_those_that_are_missing(kind, tmp_path):
+    """No warning: under-actuated robots are built, too."""
+    mechanism, met = load(*declared(tmp_path, kind, "ac"))
+    assert (len(mechanism.actuated), met) == (2, [])
+    (more,) = mechanism.uncontrolled
+    (note,) = [note for note in mechanism.source.notes if "locked" in note]
+    assert f"let {more} be actuated too; {SYNTAX[kind]} declares that" in note
+    mechanism, met = load(*declared(tmp_path, kind, "ac" + RAFF_NAMES.get(more, more)))
     assert (uncontrolled(mechanism), met) == (0, [])
 
 

@@ -56,6 +56,30 @@ def test_it_is_the_configuration_that_gauss_newton_reaches(robot, name, seed, aw
         assert found[held].tobytes() == start[held].tobytes()
 
 
+@pytest.mark.parametrize("off", [0.0, 1e-9, 1e-3])
+def test_where_loops_lose_a_rank_too(raff, off):
+    """A parallelogram that lies flat."""
+    mechanism = raff("""robot r { base { }
+      link 1 { parameters { theta 20 } type 2 pred 0 }
+      link 2 { parameters { theta -20 d 200 } type 2 pred 1 }
+      link 3 { parameters { d 500 theta 20 } type 2 pred 0 }
+      frame 4 { parameters { d 500 } pred 2 }
+      frame 5 { parameters { d 200 } pred 3 }
+      constraint { frame 4 frame 5 type 2 } }""")
+    rng = np.random.default_rng(0)
+    for locked in ((), ("joint1",), ("joint1", "joint3")):
+        for _ in range(10):
+            start = mechanism.configuration({"joint1": off, "joint2": -off, "joint3": off}) + 1e-4 * rng.normal(size=3)
+            expected = by_numpy(mechanism, start, locked)
+            if not expected.closed:
+                with pytest.raises(cinegen.ClosureError):
+                    mechanism.close(start, locked)
+                continue
+            found = mechanism.close(start, locked)
+            assert mechanism.closure(found) <= 1e-12
+            assert found == pytest.approx(expected.q, abs=1e-9)
+
+
 @pytest.mark.parametrize("name", CLOSED)
 def test_the_same_call_gives_the_same_result_whatever_was_called_before(robot, name):
     """From near, where compiled steps suffice, and from far, where they do not."""
@@ -75,6 +99,23 @@ def test_the_same_call_gives_the_same_result_whatever_was_called_before(robot, n
         assert [ends(start) for start in reversed(starts)] == first[::-1]
     another = pickle.loads(pickle.dumps(robot(name)))
     assert [ends(start, another) for start in starts[::-1]] == first[::-1]
+
+
+def test_errors_are_the_same_however_often_it_was_asked(robot):
+    bar = robot("four_bar")
+    for _ in range(4):
+        assert bar.closure(bar.close(bar.q_home, locked="joint1")) <= 1e-12
+        assert np.array_equal(bar.close(bar.q_home, bar.joints), bar.q_home)
+        assert bar.closure(bar.close(bar.q_home, locked=(joint for joint in ["joint1"]))) <= 1e-12
+        with pytest.raises(cinegen.CinegenError, match="no joint 'joint11': did you mean 'joint1'"):
+            bar.close(bar.q_home, locked=["joint11"])
+        for wrong in (np.full(3, np.nan), np.array([0.0, np.inf, 0.0]), np.zeros(4), np.zeros((1, 3)), 0.5):
+            with pytest.raises(cinegen.CinegenError, match="a configuration of"):
+                bar.close(wrong, locked=["joint1"])
+        with pytest.raises(
+            cinegen.ClosureError, match=f"with 3 joints locked: these loops remain open: '{bar.loops[0].name}' by"
+        ):
+            bar.close(bar.q_home + 0.3, locked=bar.joints)
 
 
 def test_a_joint_outside_all_loops_that_is_no_number_is_refused(robot):
@@ -132,3 +173,30 @@ def test_threads_and_copies_have_scratch_of_their_own(robot):
     for thread in threads:
         thread.join()
     assert not wrong
+
+
+def test_many_ways_of_locking_are_forgotten_again(robot):
+    delta = robot("delta4")
+    for i in range(2**8):
+        locked = [joint for k, joint in enumerate(delta.joints[:8]) if i >> k & 1]
+        assert delta.closure(delta.close(delta.q_home, locked)) <= 1e-12
+    assert len(delta.structure._masks) <= 64
+
+
+def test_ball_joints_are_closed_as_well(raff):
+    """A crank and a rocker about axes that do not meet, and a rod with a ball at either end; the first is a joint."""
+    mechanism = raff("""robot rssr { base { }
+      link 1 { parameters { theta 40 } type 2 pred 0 actuated 1 }
+      link 2 { parameters { d 100 alpha 70 } joint ball pred 1 }
+      link 3 { parameters { gamma 20 d 300 alpha 80 theta 85 epsilon 30 } type 2 pred 0 }
+      frame 4 { parameters { d 320 } pred 2 }
+      frame 5 { parameters { d 200 } pred 3 }
+      constraint { frame 4 frame 5 type 3 } }""")
+    rng = np.random.default_rng(0)
+    assert (mechanism.model.nq, mechanism.model.nv, mechanism.loop_rank) == (6, 5, 3)
+    for _ in range(20):
+        start = pin.integrate(mechanism.model, mechanism.q_home, 0.05 * rng.normal(size=5))
+        found = mechanism.close(start, ("joint1",))
+        assert mechanism.closure(found) <= 1e-12
+        assert found == pytest.approx(by_numpy(mechanism, start, ("joint1",)).q, abs=1e-9)
+        assert found[mechanism.q_index("joint1")] == start[mechanism.q_index("joint1")]

@@ -57,6 +57,23 @@ def test_random_couplings_on_random_mechanisms(tmp_path_factory, seed):
     assert memory.jacobian == pytest.approx(rows, abs=1e-13 * max(1.0, np.abs(rows).max()))
 
 
+@settings(max_examples=8)
+@given(seeds)
+def test_couplings_hold_at_every_tick(tmp_path_factory, seed):
+    rng = np.random.default_rng(seed)
+    mechanism = loaded(tmp_path_factory.mktemp("any"), random_text(rng)[0])
+    solver = cinegen.Solver(mechanism, 0.01)
+    task = solver.add_task(mechanism.end)
+    closed = mechanism.random_closed(8, seed % 1000)
+    for tick in range(120):
+        if tick % 20 == 0 and closed:
+            task.target = mechanism.placement(closed[tick // 20 % len(closed)], mechanism.end)
+        step = solver.step()
+        assert step.closure <= 1e-10
+        sizes = np.array(mechanism.structure.system.coupling_sizes)
+        assert np.abs(lacks(mechanism, step.q) / sizes).max() <= 1e-10
+
+
 def test_followers_move_first_and_chains_follow():
     couplings = [Coupling("a", {"y": (1.0,), "x": (-2.0,)}, 3.0), Coupling("b", {"z": (2.0,), "y": (1.0, 1.0)}, 0.0)]
     assert followed(couplings, {"x": 1.0, "y": 0.0, "z": 9.0}) == {"x": 1.0, "y": 5.0, "z": -15.0}
@@ -112,3 +129,19 @@ robot any {
     path = tmp_path / "any.raff"
     with pytest.raises(raff2urdf.RaffError, match="these loops and couplings remain open: 'one'"):
         raff2urdf.convert(path, tmp_path)
+
+
+@pytest.mark.parametrize(("coupling", "message"), [
+    ("link 2 link 1 ratio 0", "link 1 does not drive link 2: its 'ratio' is 0"),
+    ("link 2 link 1 raito 2", "unknown word 'raito' in coupling.* did you mean 'ratio'"),
+])  # fmt: skip
+def test_a_wrong_coupling_is_an_error_with_its_line(tmp_path, coupling, message):
+    text = f"""RAFF any
+robot any {{
+  link 1 {{ type 2 pred 0 }} link 2 {{ parameters {{ d 100 }} type 2 pred 1 }} link 3 {{ type 1 pred 2 }}
+  link 4 {{ type 0 pred 3 }}
+  coupling {{ {coupling} }}
+}}
+"""
+    with pytest.raises(raff2urdf.RaffError, match=f"any.raff:5:.*{message}"):
+        loaded(tmp_path, text)

@@ -8,6 +8,8 @@ import math
 import numpy as np
 import pytest
 
+import cinegen
+
 ARM = """robot r { base { }
   link 1 { type 2 pred 0 limits { -30 90 } }
   link 2 { parameters { d 100 } type 1 pred 1 limits { -50 200 } }
@@ -61,6 +63,30 @@ def test_whole_turns_are_taken_from_revolute_joints_with_limits_only(arm):
     assert list(arm.limits.outside(q)) == ["joint2"]
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_loop_is_closed_within_limits_of_either_side_where_it_can_be(raff, side):
+    """A planar five-bar (2 DoF) is written open; of its closed configurations one within the limits is home.
+    Without the limit, joint1 ends beyond it."""
+    text = """robot r {{ base {{ }}
+      link 1 {{ parameters {{ theta {0} }} type 2 pred 0 {limited} }}
+      link 2 {{ parameters {{ d 300 theta {1} }} type 2 pred 1 }}
+      link 3 {{ parameters {{ d 300 theta {2} }} type 2 pred 2 }}
+      link 4 {{ parameters {{ d 400 theta {3} }} type 2 pred 0 }}
+      frame 5 {{ parameters {{ d 300 }} pred 3 }}
+      frame 6 {{ parameters {{ d 300 }} pred 4 }}
+      constraint {{ frame 5 frame 6 type 2 }} }}"""
+    written = [side * theta for theta in (80, -70, -70, 100)]
+    free = raff(text.format(*written, limited=""), "free")
+    value = float(free.q_home[free.q_index("joint1")])
+    assert side * (value - math.radians(written[0])) > 1e-3, "the limit below does not restrict anything"
+    bound = math.degrees(value) - side * 0.5
+    low, high = sorted((bound, -side * 170))
+    arm = raff(text.format(*written, limited=f"limits {{ {low} {high} }}"), "limited")
+    here = float(arm.q_home[arm.q_index("joint1")])
+    assert math.radians(low) - 1e-9 <= here <= math.radians(high) + 1e-9
+    assert arm.closure(arm.q_home) < 1e-9
+
+
 def test_limits_are_a_mapping_with_arrays_in_the_order_of_q_and_v(arm):
     assert list(arm.limits) == list(arm.joints)
     with pytest.raises(KeyError, match="no joint 'joint4': did you mean 'joint"):
@@ -73,6 +99,20 @@ def test_limits_are_a_mapping_with_arrays_in_the_order_of_q_and_v(arm):
     with pytest.raises(ValueError, match="read-only"):
         arm.limits.upper[0] = 1.0
     assert repr(arm.limits) == "<Limits of 3 joints>"
+
+
+def test_limits_of_velocity_and_effort_are_those_of_a_urdf_and_infinite_where_it_says_0_or_nothing(tmp_path):
+    limits = ('effort="0.5" velocity="0.3"', 'effort="0" velocity="0"', 'effort="1e9"')
+    joints = "".join(
+        f"""<link name="l{k + 1}"/><joint name="j{k}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/>
+        <axis xyz="0 0 1"/><limit lower="-1" upper="1" {limit}/></joint>"""
+        for k, limit in enumerate(limits)
+    )
+    path = tmp_path / "arm.urdf"
+    path.write_text(f'<robot name="arm"><link name="l0"/>{joints}</robot>')
+    found = cinegen.load(path).limits
+    nothing = (-1, 1, math.inf, math.inf)
+    assert [tuple(found[joint]) for joint in found] == [(-1, 1, 0.3, 0.5), nothing, nothing]
 
 
 def test_whether_configurations_are_within_limits_is_told_of_many_at_once(arm):

@@ -19,6 +19,19 @@ robot linkage {
 }
 """
 
+# Bennett's linkage, with one length a millimetre off: a rigid or revolute closure contradicts itself, a ball doesn't.
+BENT = """
+robot bent {
+  base { }
+  link 1 { parameters { theta 40 } type 2 pred 0 }
+  link 2 { parameters { theta 60 d 200 alpha 30 } type 2 pred 1 }
+  link 3 { parameters { theta 70 d 301 alpha 50 } type 2 pred 2 }
+  link 4 { parameters { theta 50 d 200 alpha 30 } type 2 pred 3 }
+  frame 5 { parameters { d 303 alpha 58 } pred 4 name "end" }
+  constraint { base frame 5 }
+}
+"""
+
 
 def test_the_first_robot_of_several_is_loaded_unless_another_is_named(root):
     path = root / "robots" / "two_arms.raff"
@@ -27,6 +40,52 @@ def test_the_first_robot_of_several_is_loaded_unless_another_is_named(root):
     assert cinegen.load(path, second).name == second
     with pytest.raises(raff2urdf.RaffError, match=f"no robot 'rihgt'.*'{second}'"):
         cinegen.load(path, "rihgt")
+
+
+def test_a_mechanism_that_contradicts_itself_is_refused_with_the_way_out(raff):
+    with pytest.raises(cinegen.ClosureError) as caught:
+        raff(BENT)
+    said = str(caught.value)
+    assert "base-end" in said
+    assert "6 loop rows of rank" in said
+    assert '"base-end": "' in said
+    assert isinstance(caught.value, raff2urdf.RaffError)
+
+
+def test_a_loop_can_be_closed_otherwise_without_touching_the_file(raff):
+    mechanism = raff(BENT, loops={"base-end": "ball"})
+    assert mechanism.closure(mechanism.q_home) <= 1e-12
+    assert mechanism.mobility == 1
+    with pytest.raises(cinegen.CinegenError, match="no loop 'end-base'"):
+        raff(BENT, loops={"end-base": "ball"})
+    with pytest.raises(raff2urdf.RaffError, match="'hinge' is not a kind of loop"):
+        raff(BENT, loops={"base-end": "hinge"})
+
+
+ARM = """<robot name="arm">
+  <link name="base"/>
+  <link name="tool"/>
+  <joint name="turn" type="revolute">
+    <parent link="base"/>
+    <child link="tool"/>
+    <axis xyz="0 0 1"/>
+    <limit lower="-1" upper="2" effort="1" velocity="3"/>
+  </joint>
+</robot>"""
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+@pytest.mark.parametrize("limit", ["", '<limit effort="1" velocity="3"/>'])
+def test_a_joint_whose_limits_are_left_out_has_none_and_one_warning_says_so(kind, limit, tmp_path):
+    path = tmp_path / "arm.urdf"
+    told = ARM.replace('<limit lower="-1" upper="2" effort="1" velocity="3"/>', limit).replace("revolute", kind)
+    path.write_text(told)
+    with pytest.warns(cinegen.CinegenWarning, match="'turn': no lower and upper limit") as seen:
+        mechanism = cinegen.load(path)
+    assert len(seen) == 1
+    assert mechanism.model.lowerPositionLimit[0] == -np.inf
+    assert mechanism.model.upperPositionLimit[0] == np.inf
+    assert mechanism.is_prismatic("turn") == (kind == "prismatic")
 
 
 def test_a_warning_of_a_home_outside_the_limits_is_of_the_line_that_loads(tmp_path):
@@ -92,3 +151,5 @@ def test_a_thousand_joints_load_without_pinocchios_tensors_of_second_derivatives
     assert mechanism.mobility == 1000
     jacobian = mechanism.jacobian(mechanism.q_home, "l1000")  # all joints turn about z, on a line along x
     assert jacobian[1] == pytest.approx(0.1 * np.arange(999, -1, -1), abs=1e-11)
+    path.write_text(path.read_text().replace("continuous", "fixed"))
+    assert cinegen.load(path).mobility == 0

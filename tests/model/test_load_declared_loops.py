@@ -23,10 +23,22 @@ PLUS = """<robot name="four_bar">
 </robot>
 """
 
-# Bennett's linkage with one length wrong: no rigid closure is possible.
-
 
 # --- numbers that a constraints file states ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("key", "right"), [("mobility", 2), ("loop_rank", 3), ("loop_rows", 6)])
+def test_what_the_constraints_state_is_compared_with_what_is_computed(key, right, root, tmp_path):
+    raff2urdf.convert(root / "robots" / "five_bar.raff", tmp_path)
+    path, urdf = tmp_path / "five_bar.constraints.json", tmp_path / "five_bar.urdf"
+    assert json.loads(path.read_text())[key] == right
+    assert cinegen.load(urdf).mobility == 2
+    path.write_text(path.read_text().replace(f'"{key}": {right}', f'"{key}": 5'))
+    line = next(i for i, line in enumerate(path.read_text().splitlines(), 1) if key in line)
+    says = rf"five_bar\.constraints\.json:{line}: at \$\.{key}: 5 is stated, but the URDF with these loops has {right}"
+    with pytest.raises(cinegen.CinegenError, match=says):
+        cinegen.load(urdf)
+    assert cinegen.load(urdf, loops={"link5-tool": "ball"}).mobility == 3  # nothing is stated of this one
 
 
 def test_constraints_without_the_loops_that_the_urdf_tells_of_are_refused(root, tmp_path):
@@ -69,17 +81,33 @@ def test_a_robot_without_loops_is_loaded_without_a_word(root, recwarn):
 
 # --- commands ----------------------------------------------------------------------------------------------------
 
+SCENE = """robot = "four_bar.urdf"
+node = "link2"
+safety = 0.01
+goal = { point = [1.5, 0, 0] }
+"""
 
-@pytest.mark.parametrize("command", ["info", "map"])
-def test_a_command_refuses_and_opens_on_demand(command, tmp_path, monkeypatch, capsys):
+COMMANDS = {
+    "info": ["info", "four_bar.urdf"],
+    "map": ["map", "four_bar.urdf"],
+    "drive": ["drive", "four_bar.urdf", "--snapshot", "page.html"],
+    "drive --scene": ["drive", "--scene", "scene.toml", "--snapshot", "page.html"],
+    "plan": ["plan", "scene.toml"],
+}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_refuses_and_opens_on_demand(command, tmp_path, monkeypatch, capsys):
     (tmp_path / "four_bar.urdf").write_text(PLUS.replace("<loop ", "<closure ").replace("</loop>", "</closure>"))
+    (tmp_path / "scene.toml").write_text(SCENE)
+
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO()))
-    assert main([command, "four_bar.urdf"]) == 1
+    assert main(COMMANDS[command]) == 1
     refused = capsys.readouterr().err
     assert "four_bar.urdf:8: <closure> 'loop1' ('link2', 'link3') declares a loop" in refused
     for option in (["--ignore-loops"], ["--ignore", "closure"]):
-        main([command, "four_bar.urdf", *option])
+        main([*COMMANDS[command], *option])
         opened = capsys.readouterr().err
         assert "four_bar.urdf: left out, as requested" in opened
         assert ": <closure> 'loop1' (line 8)" in opened

@@ -16,7 +16,8 @@ from dragging import dragged
 
 import cinegen
 from cinegen import CinegenError
-from raff2urdf.errors import RaffWarning
+from raff2urdf import readers
+from raff2urdf.errors import RaffError, RaffWarning
 
 JOINT = (
     '<joint name="{}" type="continuous"> <parent link="{}"/> <child link="{}"/> <origin xyz="{}"/> <axis xyz="0 0 1"/>'
@@ -210,6 +211,15 @@ def test_a_gazebo_joint_may_be_a_screw(pitch, rise, write):
     inner = {"nut_TZ": rise, "nut_Z": 2.0 * np.pi, "motor": 2.0 * np.pi}
     assert jack.closure(jack.configuration({"lift": -rise, **inner})) < 1e-12
     assert jack.closure(jack.configuration({"lift": rise, **inner})) > 1e-3
+
+
+@pytest.mark.parametrize("pitch", ["<thread_pitch>0</thread_pitch>", "<screw_thread_pitch>six</screw_thread_pitch>"])
+def test_a_screw_needs_a_pitch(pitch, write):
+    joint = '<joint name="nut" type="screw"><parent>carriage</parent><child>spindle</child>'
+    with pytest.raises(
+        CinegenError, match=r"bars\.urdf:6: the (screw_)?thread_pitch of <joint> 'nut' must be a number"
+    ):
+        cinegen.load(write(f"<gazebo>{joint}{pitch}</joint></gazebo>", JACK))
 
 
 def test_links_that_only_gazebo_has_are_told_and_left_out_with_their_joints(write):
@@ -430,6 +440,26 @@ def test_a_loop_that_two_dialects_declare_is_closed_once(one, write):
     assert mechanism.loops[0].kind.name.lower() == ("revolute" if "revolute" in kinds else "ball")
 
 
+def test_dialects_that_contradict_each_other_are_an_error(write):
+    moved = LOOPS["URDF+"][0].replace(ON_COUPLER, "1.5 0 0")
+    path = write(f"{LOOPS['Isaac Sim'][0]}\n{moved}")
+    says = (
+        r"bars\.urdf:7: <loop> 'pin' contradicts <loop_joint> 'pin' \(line 6\) of loop_joint elements: .*--ignore loop"
+    )
+    with pytest.raises(CinegenError, match=says):
+        cinegen.load(path)
+    with pytest.warns(RaffWarning, match=r"left out, as requested: <loop> 'pin' \(line 7\)"):
+        assert cinegen.load(path, ignore=["loop"]).mobility == 1
+
+
+def test_couplings_that_contradict_each_other_are_an_error(write):
+    plugin = COUPLINGS["Gazebo plugin"][3]
+    same = ARM.format("", '<mimic joint="a" multiplier="-1.5" offset="0.1"/>', "")
+    assert len(cinegen.load(write(plugin, same)).couplings) == 1
+    with pytest.raises(CinegenError, match=r"<plugin> 'm' in <gazebo> contradicts <mimic> in joint 'b' \(line 3\)"):
+        cinegen.load(write(plugin, same.replace("0.1", "0.2")))
+
+
 # --- --ignore ----------------------------------------------------------------------------------------------------
 
 
@@ -447,3 +477,25 @@ def test_all_are_opened_by_ignore_loops_and_each_loop_by_its_dialect_or_its_name
     for word in set(LOOPS.get(dialect, ())[1:3]) - {"coupler-rocker"}:
         with pytest.warns(RaffWarning, match="left out, as requested: "):
             assert cinegen.load(path, ignore=[word]).mobility == 3
+
+
+# --- our own URDFs -----------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("loop", "says"),
+    [
+        ('<loop name="x" type="revolute"><predecessor link="coupler"/></loop>', "has no <successor>"),
+        ('<loop name="x"><predecessor link="coupler"/><successor link="rocker"/></loop>', "has no type"),
+        ('<loop name="x" type="fixed"><predecessor link="coupler"/><successor link="rock"/></loop>', "not a link"),
+        ('<loop name="x" type="fixed"><predecessor link="coupler"/><successor link="coupler"/></loop>', "to itself"),
+        (
+            '<constraint name="x" type="floating"><parent link="crank"/><child link="rocker"/></constraint>',
+            "constrains",
+        ),
+    ],
+)
+def test_loops_that_make_no_sense_are_refused(loop, says, write):
+    path = write(loop)
+    with pytest.raises(RaffError, match=rf"bars\.urdf:6: .*{says}"):
+        readers.read(path)
+    with pytest.warns(RaffWarning, match="left out, as requested"):
+        readers.read(path, ignore_loops=True)

@@ -132,6 +132,16 @@ def test_motors_are_what_actuators_drive_and_home_is_the_key_frame(write):
     assert (home["bent"], home["other"]) == pytest.approx((0.4, 0.5))
 
 
+def test_a_first_body_that_is_free_is_a_base_that_moves(write):
+    mechanism = cinegen.load(
+        write(text='<mujoco><worldbody><body name="hull" pos="0 0 1"><freejoint name="f"/><geom size="1"/>'
+              '<body name="arm"><joint name="j"/><geom size="1"/></body></body></worldbody></mujoco>')
+    )  # fmt: skip
+    assert mechanism.floating
+    assert mechanism.mobility == 7
+    assert mechanism.placement(mechanism.q_home, "hull").translation.tolist() == [0.0, 0.0, 1.0]
+
+
 def test_shapes_are_shown_but_for_hidden_groups_and_meshes_need_not_be_there(write, tmp_path):
     path = write()
     mechanism = cinegen.load(path)

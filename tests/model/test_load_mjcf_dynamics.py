@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import cinegen
+import raff2urdf
 from cinegen.dynamics import InverseDynamics
 from cinegen.model.load import build
 from cinegen.session.holding import Holding
@@ -59,6 +60,37 @@ def test_torques_are_mujocos_with_its_gravity_armature_and_damping(text):
         assert dynamics.balance(q, v, a).efforts / dynamics.tree.step == pytest.approx(data.qfrc_inverse, abs=1e-9)
 
 
+def test_the_inertia_at_the_joints_has_that_of_the_rotors():
+    text, q = ARM.format(more=""), np.array([0.3, -0.7, 0.1])
+    model, data = theirs(text, q)
+    full = np.zeros((3, 3))
+    mujoco.mj_fullM(model, data, full)
+    dynamics = InverseDynamics(cinegen.load(text))
+    assert dynamics.mass_matrix(q) == pytest.approx(full)
+    assert dynamics.mass_matrices_of(q[None])[0] == pytest.approx(full)
+
+
+def test_a_rotor_behind_a_loop_is_seen_at_the_actuated_joint():
+    """In a parallelogram both cranks turn alike: the passive one's rotor adds to the torque of the other one."""
+    text = """<mujoco><option><flag gravity="disable"/></option><worldbody>
+      <body name="left"><joint name="drive" axis="0 0 1"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 0.1"/>
+        <body name="coupler" pos="1 0 0"><joint name="pin" axis="0 0 1"/>
+          <inertial pos="0 0 0" mass="1e-9" diaginertia="1e-9 1e-9 1e-9"/></body></body>
+      <body name="right" pos="0 2 0"><joint name="swing" axis="0 0 1" armature="0.7"/>
+        <inertial pos="0 0 0" mass="1" diaginertia="1 1 0.1"/></body></worldbody>
+      <equality><connect name="far" body1="coupler" body2="right" anchor="0 2 0"/></equality>
+      <actuator><motor joint="drive"/></actuator></mujoco>"""
+    mechanism = cinegen.load(text)
+    assert mechanism.gravity.tolist() == [0.0, 0.0, 0.0]
+    dynamics, q = InverseDynamics(mechanism), mechanism.q_home[None]
+    expected = 3.0 * (0.1 + 0.1 + 0.7)
+    assert dynamics.torques(q[0], None, {"drive": 3.0}) == pytest.approx([expected], abs=1e-6)
+    assert dynamics.torques_of(q, None, np.array([[3.0]]), actuated=True) == pytest.approx(
+        np.array([[expected]]), abs=1e-6
+    )
+    assert dynamics.mass_matrices_of(q)[0] == pytest.approx(dynamics.mass_matrix(q[0]))
+
+
 def test_gravity_of_the_file_is_that_of_sessions_and_of_what_is_saved():
     text = ARM.format(more="")
     mechanism = cinegen.load(text)
@@ -86,6 +118,29 @@ def test_what_forces_leave_out_is_told(capsys, tmp_path):
     assert (report["notes"], report["gravity"], report["resting"]) == ([told], [0.0, 0.0, -2.0], ["shoulder"])
     assert report["torques"][0]["band"] == pytest.approx(0.2)
     assert not any("leave out" in note for note in cinegen.load(ARM.format(more="")).source.notes)
+
+
+def test_what_acts_on_balls_and_tendons_is_told_too():
+    text = """<mujoco><worldbody><body name="b"><joint name="ball" type="ball" {ball}/><geom size="0.1"/>
+      <body name="c" pos="1 0 0"><joint name="hinge"/><geom size="0.1"/></body></body></worldbody>
+      <tendon><fixed name="belt" {belt}><joint joint="hinge" coef="2"/></fixed></tendon>
+      <actuator><motor name="reel" tendon="belt" {reel}/></actuator></mujoco>"""
+    numbers = 'armature="1" damping="1" frictionloss="1"'
+    told = cinegen.load(text.format(ball=numbers, belt=numbers, reel='armature="1" damping="1"')).source.notes
+    friction = "the damping of ball, belt, reel, the friction of ball, belt, the armature of ball, belt, reel"
+    assert f"forces leave out {friction}" in told
+    assert not any("leave out" in note for note in cinegen.load(text.format(ball="", belt="", reel="")).source.notes)
+
+
+def test_urdf2raff_keeps_gravity_and_torques(tmp_path):
+    path, raff = tmp_path / "arm.xml", tmp_path / "arm.raff"
+    path.write_text(ARM.format(more='damping="3" frictionloss="0.2"'))
+    made = raff2urdf.to_raff(path, raff)
+    assert made.document.gravity == (1.0, -4.0, -6.0)
+    there, back, rng = cinegen.load(path), cinegen.load(raff), np.random.default_rng(2)
+    q, v, a = rng.normal(size=(3, 3))
+    moved = q + [made.offsets[made.joints[joint]] for joint in there.joints]
+    assert InverseDynamics(back).torques(moved, v, a) == pytest.approx(InverseDynamics(there).torques(q, v, a))
 
 
 @pytest.mark.parametrize("handle", [

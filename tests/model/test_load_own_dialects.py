@@ -140,6 +140,20 @@ def test_what_a_dialect_declares_is_the_mechanism_but_for_what_is_named(original
     )
 
 
+@pytest.mark.parametrize("dialect", ["json", "constraint", "urdf+"])
+def test_a_urdf_becomes_a_raff_of_the_same_mechanism(original, dialect, tmp_path):
+    path, there = original
+    urdf, _ = converted(path, there.name, tmp_path, dialect)
+    found = raff2urdf.to_raff(urdf, tmp_path / "again.raff", graphics=False)
+    back = cinegen.load(tmp_path / "again.raff")
+    assert (back.mobility, back.actuated) == (there.mobility, there.actuated)
+    assert [one.name for one in back.couplings] == [one.name for one in there.couplings]
+    for q in [there.q_home, *there.random_closed(3)]:
+        values = {joint: q[there.q_index(joint)] for joint in there.joints}
+        moved = {found.joints[joint]: value + found.offsets[found.joints[joint]] for joint, value in values.items()}
+        assert back.closure(back.configuration(moved)) < 1e-9
+
+
 @pytest.mark.parametrize("robot", ["five_bar", "scara"])
 def test_other_programs_ignore_what_they_do_not_know(robot, tmp_path):
     path, whole = ROBOTS / f"{robot}.raff", None

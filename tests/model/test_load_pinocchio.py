@@ -150,6 +150,14 @@ def test_torques_have_the_models_gravity_friction_and_armature(closes):
         assert cinegen.InverseDynamics(mechanism).torques(q, v, a) == pytest.approx(expected)
 
 
+def test_home_of_a_tree_with_armatures_is_that_of_one_without():
+    model = planar(0.4, 0.9)
+    model.lowerPositionLimit, model.upperPositionLimit = np.array([1.0, -1.0]), np.array([2.0, 1.0])
+    before = cinegen.load(model).q_home
+    model.armature = np.array([0.0, 0.3])
+    assert cinegen.load(model).q_home.tolist() == before.tolist() == [1.5, 0.0]
+
+
 def test_friction_of_a_ball_and_of_a_floating_base_is_told():
     model = pin.Model()
     base = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root_joint")

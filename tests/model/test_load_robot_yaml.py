@@ -74,6 +74,12 @@ def test_a_motor_of_several_freedoms_drives_all_of_them(write):
     assert cinegen.load(write(text)).actuated == ("elbow_Y", "elbow_Z")
 
 
+def test_without_motors_they_are_chosen(write):
+    mechanism = cinegen.load(write(YAML.replace("name_mot: ['drive']", "name_mot: []").replace("6d", "3d")))
+    assert len(mechanism.actuated) == mechanism.mobility
+    assert "drive" in mechanism.actuated
+
+
 def test_a_joint_that_is_not_there_is_not_replaced_and_told(write):
     text = YAML + "joint_name: ['elbo']\njoint_type: ['SPHERICAL']\n"
     with pytest.warns(raff2urdf.RaffWarning, match=r"robot.yaml:4: joint 'elbo' is not in the URDF.*mean 'elbow'"):

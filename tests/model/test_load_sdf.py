@@ -51,6 +51,16 @@ def test_a_joint_between_links_that_stand_closes_a_loop(write, kind, rows, mobil
         assert mechanism.actuated == ("drive",)
 
 
+def test_a_parallelogram_keeps_its_coupler_upright(write):
+    mechanism = cinegen.load(write(PARALLELOGRAM.format(kind="revolute")))
+    home = mechanism.placement(mechanism.q_home, "coupler").rotation
+    for angle in np.linspace(-1.0, 1.0, 9):
+        q = mechanism.close(mechanism.configuration({"drive": angle, "swing": angle, "elbow": -angle}), locked="drive")
+        stands = mechanism.placement(q, "coupler")
+        assert np.allclose(stands.rotation, home, atol=1e-12)
+        assert np.allclose(stands.translation, [0.2 * np.cos(angle), 0.2 * np.sin(angle), 0.0], atol=1e-12)
+
+
 def test_limits_and_shapes_are_read(write):
     mechanism = cinegen.load(write(PARALLELOGRAM.format(kind="ball")))
     i, j = mechanism.q_index("drive"), mechanism.v_index("drive")
@@ -146,6 +156,15 @@ def test_a_joint_that_leads_inwards_is_walked_the_other_way(write):
     for angle in (0.0, 0.6):
         wanted = joint * about(np.array([0.0, 1.0, 0.0]), -angle) * joint.inverse() * B
         assert mechanism.placement(mechanism.configuration({"j": angle}), "b").isApprox(wanted, 1e-12)
+
+
+def test_the_first_model_is_loaded_unless_another_is_named(write):
+    text = '<sdf version="1.9"><model name="x"><link name="a"/></model><model name="y"><link name="b"/></model></sdf>'
+    path = write(text)
+    assert cinegen.load(path).name == "x"
+    assert cinegen.load(path, "y").nodes == ("b",)
+    with pytest.raises(cinegen.CinegenError, match=r"no model 'z'.*known: x, y"):
+        cinegen.load(path, "z")
 
 
 @pytest.mark.parametrize(("change", "says"), [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import trimesh
 
 import cinegen
 from cinegen.errors import LoadError
-from raff2urdf import RaffError, RaffWarning
+from raff2urdf import RaffError, RaffWarning, readers
 
 RAFF = """RAFF bars
 robot bars {
@@ -31,6 +32,7 @@ SDF = """<?xml version="1.0"?><sdf version="1.9"><model name="arm"><link name="a
   </model></sdf>"""
 MJCF = """<mujoco model="arm"><asset><mesh name="box" file="box.stl"/></asset><worldbody><body name="a">
   <joint name="j"/><geom type="mesh" mesh="box"/></body><include file="part.xml"/></worldbody></mujoco>"""
+
 NOTED = URDF.replace("<link", "<!-- raff2urdf constraints: arm.constraints.json (1 loop) --><link", 1)
 PART = """<mujoco><body name="p"><joint name="k"/><geom size="1"/></body></mujoco>"""
 TEXTS = {".raff": RAFF, ".urdf": URDF, ".sdf": SDF, ".xml": MJCF}
@@ -83,6 +85,32 @@ def test_a_file_that_a_text_names_is_missing(folder):
         cinegen.load(MJCF.replace("part", "../../outside"))
 
 
+@pytest.mark.parametrize(("text", "why"), [
+    ("<robot", "<text>:1: invalid XML"),
+    ("<html/>", "<text>:1: its first element is <html>: this is not a robot"),
+    ("RAFF t\nrobot r { lunk }", "<text>:2:11: unknown word 'lunk' in robot r: did you mean 'link'"),
+    ("name\nof a file", "<text>:1:1: a RAFF file begins with 'RAFF <name>', not with 'name'"),
+])  # fmt: skip
+def test_a_wrong_text_is_an_error_with_its_line_and_a_remedy(text, why):
+    with pytest.raises((LoadError, RaffError), match=re.escape(why)):
+        cinegen.load(text)
+
+
 def test_loops_of_a_file_that_a_text_lacks_are_left_open_on_request():
     with pytest.warns(RaffWarning, match="<text>: left out, as requested"):
         assert cinegen.load(NOTED, ignore_loops=True).mobility == 1
+
+
+def test_actuated_joints_of_a_text_are_given_as_the_advice_proposes(folder):
+    passive = RAFF.replace("theta 60 } }", "theta 60 } actuated 1 }", 1).replace("constraint", "// constraint")
+    arms = cinegen.load(passive)
+    assert arms.uncontrolled == ("joint2", "joint3")
+    assert "let joint2, joint3 be actuated too; load(..., actuated=[...]) declares that" in arms.source.notes[0]
+    assert cinegen.load(passive, actuated=["joint1", "joint2", "joint3"]).uncontrolled == ()
+
+
+def test_a_urdf_is_read_from_a_text_with_its_own_loops():
+    found = readers.read_xml(URDF, "arm of a program")
+    assert found.urdf == URDF
+    with pytest.raises(RaffError, match="arm of a program:1: "):
+        readers.read_xml("<robot", "arm of a program")

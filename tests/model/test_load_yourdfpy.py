@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import trimesh
 import yourdfpy
-from yourdfpy import Link, Robot
+from yourdfpy import Joint, Link, Robot
 
 import cinegen
-from cinegen.errors import LoadError
+from cinegen.errors import CinegenWarning, LoadError
 
 URDF = """<robot name="arm">
   <material name="red"><color rgba="1 0 0 1"/><texture/></material>
@@ -72,6 +72,12 @@ def test_a_handler_of_file_names_says_where_meshes_are(arm, tmp_path, monkeypatc
     ]
 
 
+def test_a_mesh_that_is_missing_is_named_and_sticks_are_drawn(arm):
+    (arm.parent / "meshes" / "box.stl").unlink()
+    with pytest.warns(CinegenWarning, match=r"yourdfpy.URDF 'arm'.*meshes/box.stl' is not found.*sticks are drawn"):
+        assert cinegen.load(loaded(arm)).visual.geometryObjects
+
+
 def test_files_in_the_working_folder_are_not_taken_for_files_next_to_it(arm, monkeypatch):
     monkeypatch.chdir(arm.parent)
     arm.with_name("robot.yaml").write_text("closed_loop: [[nonsense, fore]]\ntype: [3d]\nname_mot: []\n")
@@ -83,3 +89,16 @@ def test_files_in_the_working_folder_are_not_taken_for_files_next_to_it(arm, mon
 def robot(*joints, links=("a", "b", "c")):
     model = Robot("r", [Link(name) for name in links], list(joints))
     return yourdfpy.URDF(model, build_scene_graph=False, load_meshes=False)
+
+
+@pytest.mark.parametrize(
+    ("model", "message"),
+    [
+        (robot(Joint("j", "fixed", "a", None)), "joint 'j' of robot 'r' .* its child must be a string, not None"),
+        (robot(Joint("j", "revolute", "a", "b", axis=np.array([np.nan, 0, 1]))), "axis 'nan 0.0 1.0' of joint 'j'"),
+        (robot(links=()), "the robot 'r' has no link"),
+    ],
+)
+def test_what_is_wrong_with_it_is_named(model, message):
+    with pytest.raises(LoadError, match=message):
+        cinegen.load(model)

@@ -67,6 +67,18 @@ def test_what_is_not_closed_in_the_plane_is_told_with_the_edit_that_does(gap, re
     assert cinegen.load(mended, relax=False).mobility == 1
 
 
+def test_an_axis_that_points_the_other_way_and_a_gap_are_mended_together(tmp_path):
+    path = tmp_path / "bars.raff"
+    path.write_text(bars(30.0, turned="alpha 180"), encoding="utf-8")
+    with pytest.raises(cinegen.ClosureError, match="frame3 and frame5 point against each other") as caught:
+        cinegen.load(path)
+    found = re.search(r"It closes with a frame on frame5, '(parameters .*)', lengths in mm", str(caught.value))
+    assert found, caught.value
+    mended = bars(30.0, turned="alpha 180", end="frame 6")
+    mended = mended.replace("constraint", f"frame 6 {{ {found[1]} pred 5 }}\n constraint")
+    assert cinegen.load(mended, relax=False).mobility == 1
+
+
 def test_links_that_are_too_short_are_no_play():
     """Every motion changes their gap."""
     with pytest.raises(cinegen.ClosureError) as caught:

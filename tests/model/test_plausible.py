@@ -1,9 +1,11 @@
 """Numbers in the wrong unit are refused by the geometry of the robot; whatever may be meant is not."""
 
+import math
+
 import numpy as np
 import pytest
 
-from cinegen.model.plausible import ImplausibleError, check_lengths, reach
+from cinegen.model.plausible import ImplausibleError, check_joint, check_lengths, check_revolution, reach
 
 
 @pytest.mark.parametrize("name", ["arm7", "delta4", "four_bar", "gough"])
@@ -29,3 +31,27 @@ def test_every_point_within_reach_is_accepted_in_m_and_refused_in_mm(robot, name
         if np.abs(point).max() > 0.05 * reach(mechanism):
             with pytest.raises(ImplausibleError, match=r"did you mean .* mm"):
                 check_lengths(mechanism, "x", (1000.0 * point).tolist())
+
+
+def test_joint_values_in_degrees_or_mm_are_refused_where_they_fit(robot):
+    arm, hexapod = robot("planar_3r"), robot("gough")
+    for degrees in (60.0, -120.0, 170.0):
+        check_joint(arm, "joint1", [math.radians(degrees)])
+        check_joint(arm, "joint1", [math.radians(degrees) + 2.0 * math.pi])  # a whole revolution is no other unit
+        with pytest.raises(ImplausibleError, match=f"did you mean {degrees:g} degrees"):
+            check_joint(arm, "joint1", [degrees])
+    check_joint(arm, "joint1", [500.0])  # 500 degrees are beyond its limits, too
+    check_joint(hexapod, "joint3", [0.9])
+    check_joint(hexapod, "joint3", [1.4])  # beyond its limits, in m
+    for millimetres in (900.0, 100.0):
+        with pytest.raises(ImplausibleError, match=f"did you mean {millimetres:g} mm"):
+            check_joint(hexapod, "joint3", [millimetres])
+    check_joint(robot("four_bar"), "joint1", [60.0])  # without limits
+
+
+def test_an_orientation_range_of_more_than_a_revolution_is_refused():
+    check_revolution("rz", -math.pi, math.pi)
+    with pytest.raises(ImplausibleError, match=r"rz: -3438 deg to 3438 deg is more.*did you mean -60..60deg"):
+        check_revolution("rz", -60.0, 60.0)
+    with pytest.raises(ImplausibleError, match=r"more than one revolution$"):
+        check_revolution("rz", 0.0, 4000.0)

@@ -6,6 +6,7 @@ import pytest
 import cinegen
 from cinegen.devices import Lines
 from cinegen.model import ForwardKinematics
+from raff2urdf import closure
 
 ROBOTS = ("delta4", "five_bar", "hybrid")
 
@@ -43,6 +44,27 @@ def in_lines(motion, mechanism, change, lines):
     return motion.q
 
 
+def in_tiny_steps(mechanism, change, steps=800):
+    """Likewise by Newton steps in numpy; None where the determinant changes its sign, or is nearly 0."""
+    system, columns = mechanism.structure.system, mechanism.structure.passive_columns
+    free = np.zeros(mechanism.model.nv, dtype=bool)
+    free[columns] = True
+    q, sides = mechanism.q_home, set()
+    for k in range(1, steps + 1):
+        start = q.copy()
+        for name, value in actuated_goal(mechanism, change * (k / steps)).items():
+            start[mechanism.q_index(name)] = value
+        closing = closure.close(system, start, free, 20)
+        rows = system.evaluate(closing.q)[1][:, free]
+        before = system.evaluate(q)[1][:, free]
+        sides.add(np.sign(np.linalg.det(before.T @ rows)))
+        smallest = np.linalg.svd(rows, compute_uv=False)[-1]
+        if not closing.closed or sides != {1.0} or smallest < 2e-3 or np.abs(closing.q - q).max() > 0.1:
+            return None
+        q = closing.q
+    return q
+
+
 @pytest.mark.parametrize("name", ROBOTS)
 def test_the_number_of_lines_does_not_matter_and_the_branch_is_proved(robot, name):
     mechanism = robot(name)
@@ -54,6 +76,20 @@ def test_the_number_of_lines_does_not_matter_and_the_branch_is_proved(robot, nam
         if ends[0] is not None:
             assert motion.is_proved
             np.testing.assert_allclose(ends[1:], [ends[0]] * 3, atol=1e-8)
+            reached += 1
+    assert reached >= 3
+
+
+@pytest.mark.parametrize("name", ["delta4"])
+def test_ends_are_those_of_tiny_steps_and_singularities_are_not_passed(robot, name):
+    mechanism = robot(name)
+    motion, rng, reached = ForwardKinematics(mechanism), np.random.default_rng(5), 0
+    for _ in range(5):
+        change = rng.uniform(-1.0, 1.0, len(mechanism.actuated))
+        expected, end = in_tiny_steps(mechanism, change), in_lines(motion, mechanism, change, 1)
+        if expected is not None:
+            assert end is not None
+            np.testing.assert_allclose(end, expected, atol=1e-8)
             reached += 1
     assert reached >= 3
 

@@ -834,15 +834,15 @@ HINGE = {"closing_pin": "revolute"}
 
 
 def four_bar(folder: Path, axis: str, *rpy: str) -> Path:
-    """A four-bar whose joints are about x or z; the frames that close it have these rpy."""
+    """A four-bar whose joints are about x, y or z; the frames that close it have these rpy."""
 
     def at(along: float, up: float) -> str:
-        return f"0 {along} {up}" if axis == "x" else f"{along} {up} 0"
+        return {"x": f"0 {along} {up}", "y": f"{along} 0 {up}", "z": f"{along} {up} 0"}[axis]
 
     text = "".join(
         f'<link name="{name}"/>' for name in ("ground", "crank", "coupler", "rocker", "closing_pin_1", "closing_pin_2")
     )
-    about = f'<axis xyz="{"1 0 0" if axis == "x" else "0 0 1"}"/>'
+    about = f'<axis xyz="{ {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1"}[axis] }"/>'
     for parent, child, *place in (
         ("ground", "crank", 0, 0),
         ("crank", "coupler", 0, 0.1),
@@ -918,12 +918,14 @@ OF_CALLS: list[tuple[Callable[[Path], object], str, Callable[[Path, re.Match[str
      r"build the model with it as an independent joint \((mimic=False) in Pinocchio\)",
      lambda _, said: replace(cinegen.load(MIMIC_MODEL), model=pin.buildModelFromXML(MIMIC_MODEL, **literal(said[1])))),
     # configurations
-    (lambda _: set_q(cinegen.load(BARS), False), r"use mechanism\.(close)\(q\)",
-     lambda _, said: set_q(cinegen.load(BARS), True)),
+    *((lambda _, made=made: set_q(made(cinegen.load(BARS)), False), r"use mechanism\.(close)\(q\)",
+     lambda _, said, made=made: set_q(made(cinegen.load(BARS)), True))
+     for made in (ForwardKinematics, lambda mechanism: cinegen.Solver(mechanism, 0.01))),
     # loops, and their ends
-    (lambda folder: cinegen.load(four_bar(folder, "x"), loops=HINGE),
-     'turn both frames by rpy="(.*)", or leave',
-     lambda folder, said: cinegen.load(four_bar(folder, "x", said[1], said[1]), loops=HINGE)),
+    *((lambda folder, axis=axis: cinegen.load(four_bar(folder, axis), loops=HINGE),
+     f'takes 1 DoF .* that it leaves about their {axis} axes(?s:.*)turn both frames by rpy="(.*)", or leave',
+     lambda folder, said, axis=axis: cinegen.load(four_bar(folder, axis, said[1], said[1]), loops=HINGE))
+     for axis in "xy"),
     (lambda folder: cinegen.load(four_bar(folder, "z")),
      r"--loop (\w+)=(revolute) for a hinge about their z axes",
      lambda folder, said: cinegen.load(four_bar(folder, "z"), loops={said[1]: said[2]}).loops),
@@ -1003,9 +1005,9 @@ def saved(folder: Path, name: str, content: str, **others: str) -> Path:
     return folder / name
 
 
-def set_q(mechanism: Mechanism, is_closed: bool) -> None:
-    q = mechanism.q_home + np.array([0.3, 0.0, 0.0])
-    ForwardKinematics(mechanism).q = mechanism.close(q) if is_closed else q
+def set_q(moved: ForwardKinematics | cinegen.Solver, is_closed: bool) -> None:
+    q = moved.mechanism.q_home + np.array([0.3, 0.0, 0.0])
+    moved.q = moved.mechanism.close(q) if is_closed else q
 
 
 def said_by(

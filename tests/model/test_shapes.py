@@ -1,6 +1,8 @@
 """What is seen of a mechanism: its meshes, where they may lie, and a stick figure where there are none."""
 
 import json
+import pickle
+import re
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ import raff2urdf
 from cinegen.cli import main
 from cinegen.cockpit import make_page
 from cinegen.cockpit.scene import _drawn
+from cinegen.model.load import build
 from cinegen.model.motion_plane import motion_plane
 from cinegen.model.stick import stick_figure
 from raff2urdf.cli import main as convert
@@ -105,22 +108,77 @@ def test_one_warning_names_the_first_lost_mesh_and_counts_the_others(write):
     assert len(seen) == 1
 
 
+SCENE = """robot = "arm.urdf"
+goal = { joints = { turn = 0.2, reach = 0.1 } }
+[[obstacle]]
+kind = "sphere"
+radius = 0.1
+point = [9, 9, 9]
+"""
+
+
 @pytest.mark.usefixtures("lost")
 @pytest.mark.filterwarnings("default::cinegen.CinegenWarning")
-def test_commands_go_on_without_a_lost_mesh_and_warn_once(write, monkeypatch, capsys):
-    visual = VISUAL.format("../meshes/cut.dae")
-    monkeypatch.chdir(write(visual, visual + VISUAL.format("../meshes/part.stl")).parent)
-    for program, arguments in (
-        (main, ["info", "arm.urdf", "--collision"]), (main, ["page", "arm.urdf"]), (urdf2raff, ["arm.urdf"]),
-    ):  # fmt: skip
-        assert program(arguments) == 0, arguments
+def test_every_command_goes_on_without_a_lost_mesh_and_warns_once(write, capsys, monkeypatch):
+    visual = VISUAL.format("../meshes/pointer.stl")
+    path = write(visual, visual + VISUAL.format("../meshes/part.stl"))
+    monkeypatch.chdir(path.parent)
+    (path.parent / "scene.toml").write_text(SCENE)
+    over = ["--over", "turn=0..20:2", "--over", "reach=0..0.1:2", "--yes"]
+    for command, checks in (
+        (["info", "arm.urdf", "--collision"], True),
+        (["drive", "arm.urdf", "--snapshot", "page.html"], False),
+        (["drive", "--scene", "scene.toml", "--snapshot", "scene.html"], True),
+        (["page", "arm.urdf"], False),
+        (["plan", "scene.toml"], True),
+        (["map", "arm.urdf", "--scene", "scene.toml", "--quantity", "clearance", *over], True),
+    ):
+        assert main(command) == 0, command
         out, err = capsys.readouterr()
-        assert (err.count("arm.urdf:2: "), err.count("warning: ")) == (1, 1), arguments
-        assert ("not checked: " in out) == ("--collision" in arguments)
+        assert err.count("arm.urdf:2: ") == 1, command
+        assert err.count("warning: ") == 1, command
+        assert ("not checked: " in out) == checks, command
+    assert urdf2raff(["arm.urdf"]) == 0
+    assert capsys.readouterr().err.count("warning: ") == 1
     assert convert(["arm.raff", "--format", "mjcf"]) == 0
     assert "warning" not in capsys.readouterr().err
-    assert main(["info", "arm.urdf", "--collision", "--json"]) == 0
-    assert list(json.loads(capsys.readouterr().out)[0]["collision"]["not_checked"]) == ["base", "upper"]
+    for form in (["plan", "scene.toml"], ["info", "arm.urdf", "--collision"]):
+        assert main([*form, "--json"]) == 0
+        report = json.loads(capsys.readouterr().out)
+        lost = report["mesh_check"]["lost"] if "plan" in form else report[0]["collision"]["not_checked"]
+        assert list(lost) == ["base", "upper"]
+    assert main(["info", "arm.urdf"]) == 0
+    assert "is a Git LFS pointer: run `git lfs pull` in" in capsys.readouterr().err
+
+
+@pytest.mark.filterwarnings("default::cinegen.CinegenWarning")
+def test_the_package_that_a_warning_asks_for_is_read(write, tmp_path, capsys):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "arm_description/meshes/part.stl").rename(tmp_path / "elsewhere/part.stl")
+    path = write(VISUAL.format("package://parts/part.stl"))
+    assert main(["info", str(path)]) == 0
+    option = re.search(r"by (--package parts=)FOLDER", capsys.readouterr().err)[1].split()
+    assert main(["info", str(path), option[0], f"{option[1]}{tmp_path}/elsewhere", "--collision"]) == 0
+    out, err = capsys.readouterr()
+    assert (err, "not checked" in out) == ("", False)
+    mechanism = pickle.loads(pickle.dumps(cinegen.load(path, packages={"parts": tmp_path / "elsewhere"})))
+    assert mechanism.visual.geometryObjects[0].meshPath == str(tmp_path / "elsewhere/part.stl")
+
+
+def test_a_recording_opens_no_package_that_it_names_itself(write, tmp_path, monkeypatch):
+    """`cinegen replay` has no `--package`; what the user names in the environment is read."""
+    (tmp_path / "elsewhere/parts").mkdir(parents=True)
+    (tmp_path / "arm_description/meshes/part.stl").rename(tmp_path / "elsewhere/parts/part.stl")
+    path = write(VISUAL.format("package://parts/part.stl"))
+    source = cinegen.load(path, packages={"parts": tmp_path / "elsewhere/parts"}).source
+    recorded = build(*source._replace(owner=str(path.parent)))
+    with pytest.warns(
+        cinegen.CinegenWarning, match="package 'parts' is not found: add the folder above it to ROS_PACK"
+    ):
+        _ = recorded.visual
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "elsewhere"))
+    (shape,) = build(*recorded.source).visual.geometryObjects
+    assert shape.meshPath == str(tmp_path / "elsewhere/parts/part.stl")
 
 
 DAE = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">

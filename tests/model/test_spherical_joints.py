@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -14,6 +15,7 @@ import raff2urdf
 from cinegen.errors import ConfigurationError, LoadError
 from cinegen.ik import Solver, Status
 from cinegen.ik.singular import passive_singular_values
+from cinegen.model import ForwardKinematics
 from cinegen.model.load import build
 from cinegen.singularities import SingularityType, leg_lines, singularity
 from raff2urdf.raff.document import CompoundKind, JointType, RaffLink, RaffParameters, RaffVariable
@@ -198,7 +200,36 @@ def test_what_is_no_free_ball_joint_stays_three_joints(chain, change):
     assert "joint1_X" in found.joints
 
 
+def test_a_floating_base_limits_and_loops_together(tmp_path):
+    limited = "pred 0 limits { 100 170 } }\n  frame 4"
+    text = RSSR.replace("TURN", "").replace("BACK", "").replace("pred 0 }\n  frame 4", limited)
+    text = text.replace("  constraint {", "  constraint { base sensor ( 0 1 ) }\n  constraint {")
+    file = tmp_path / "rover.raff"
+    file.write_text(text + 'sensor 1 { port "/dev/ttyS0" }')
+    with pytest.warns(raff2urdf.RaffWarning, match="home 85 of link 3 is outside"):
+        mechanism = cinegen.load(file)
+    assert mechanism.floating
+    assert mechanism.closure(mechanism.q_home) < 1e-10
+    assert mechanism.limits.exceeded(mechanism.q_home, 1e-9) == {}
+
+
 # --- no gimbal lock --------------------------------------------------------------------------------------------------
+
+
+def test_singular_values_do_not_depend_on_the_axes_of_the_ball_joint(rssr, tmp_path_factory):
+    expected = None
+    for gamma, alpha, theta in ((0, 0, 0), (40, 35, 25), (0, 90, 0), (-70, 110, 10)):
+        turn = f"gamma {gamma} alpha {alpha} theta {theta}"
+        mechanism = load(tmp_path_factory, RSSR.replace("TURN", turn).replace(
+            "BACK", f"gamma {-theta} alpha {-alpha} theta {-gamma}"))  # fmt: skip
+        mechanism = replace(mechanism, length=rssr.length)  # their homes differ by the gap as written
+        values = []
+        motion = ForwardKinematics(mechanism)
+        for angle in np.linspace(-1.0, 1.0, 7):
+            q = motion.move({"joint1": np.radians(40.0) + angle})
+            values.append(np.linalg.svd(mechanism.structure.system.evaluate(q)[1], compute_uv=False))
+        expected = values if expected is None else expected
+        assert np.abs(np.array(values) - np.array(expected)).max() < 1e-8
 
 
 def test_a_platform_is_dragged_from_gimbal_lock_on(gough):

@@ -3,15 +3,23 @@
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import replace
+from random import Random
 
 import numpy as np
 import pytest
-from mechanisms import CLOSED_CHAINS, KNOWN, delta, five_bar, four_bar, gough_stewart, serial
+from hypothesis import given
+from hypothesis import strategies as st
+from mechanisms import CLOSED_CHAINS, KNOWN, axis_at, delta, five_bar, four_bar, gough_stewart, ring, serial, shift
+from strategies import examples
 
 from raff2urdf import RaffError, loads
 from raff2urdf.analysis import Analysis, analyse, loop_kinds
 from raff2urdf.closure import gaps
-from raff2urdf.tree import clusters
+from raff2urdf.raff.document import UNITS_PER_METRE, Document, LoopKind, RaffParameters
+from raff2urdf.tree import clusters, placements
+
+FEW = examples(5)
 
 
 def analysis_of(text: str, loops: Mapping[str, str] | None = None) -> Analysis:
@@ -28,7 +36,76 @@ def test_the_mobility_of_known_mechanisms_is_found(name: str) -> None:
     assert analysis_of(text).mobility == mobility
 
 
+@given(st.integers(0, 2**32 - 1), st.sampled_from([7, 8]), st.integers(0, 6))
+@examples(10)
+def test_a_ring_of_n_skew_hinges_has_mobility_n_less_6(seed: int, n: int, cut: int) -> None:
+    rng = np.random.default_rng(seed)
+    axes = [axis_at(rng.uniform(-1, 1, 3), rng.normal(size=3)) for _ in range(n)]
+    assert analysis_of(ring(axes, cut)).mobility == n - 6
+
+
+def test_a_base_that_can_move_adds_six() -> None:
+    for text, mobility in (KNOWN["delta"], KNOWN["serial arm of 7"]):
+        free = re.sub(r"}\s*$", "constraint { base sensor ( 0 ) } }", text)
+        assert analysis_of(free).mobility == mobility + 6
+
+
+def test_a_fixed_link_adds_nothing() -> None:
+    assert analysis_of(KNOWN["four-bar"][0].replace("frame 5 {", "link 5 { type 0")).mobility == 1
+
+
+# --- what the mobility does not depend on ------------------------------------------------------------------------
+def in_units(document: Document, units: str) -> Document:
+    """The same robot with its lengths written in another unit."""
+    factor = UNITS_PER_METRE[units] / UNITS_PER_METRE[document.units]
+
+    def scaled(p: RaffParameters) -> RaffParameters:
+        return replace(p, r=p.r * factor, d=p.d * factor, epsilon=p.epsilon * factor)
+
+    robot = document.robot()
+    parts = [replace(part, parameters=scaled(part.parameters)) for part in robot.parts]
+    base = replace(robot.base, parameters=scaled(robot.base.parameters))
+    return replace(document, units=units, robots=(replace(robot, base=base, parts=tuple(parts)),))
+
+
+@pytest.mark.parametrize("scale", [1e-4, 1e4])
+@pytest.mark.parametrize("name", CLOSED_CHAINS)
+def test_it_does_not_matter_how_large_a_mechanism_is(name: str, scale: float) -> None:
+    """A micro-robot of the same shape moves in the same way: the file's numbers, read in another unit."""
+    document = loads(KNOWN[name][0])
+    resized = in_units(document, "m")
+    robot = resized.robot()
+    parts = [
+        replace(part, parameters=replace(p, r=p.r * scale, d=p.d * scale, epsilon=p.epsilon * scale))
+        for part in robot.parts
+        for p in [part.parameters]
+    ]
+    one, other = analyse(document, document.robot()), analyse(resized, replace(robot, parts=tuple(parts)))
+    assert (other.mobility, other.rank, other.actuated) == (one.mobility, one.rank, one.actuated)
+
+
+@given(st.randoms(use_true_random=False))
+@pytest.mark.parametrize("name", CLOSED_CHAINS)
+@FEW
+def test_order_does_not_matter_of_parts_in_the_file_of_loops_and_of_their_ends(name: str, random: Random) -> None:
+    document = loads(KNOWN[name][0])
+    robot = document.robot()
+    parts = random.sample(robot.parts, len(robot.parts))
+    loops = [
+        replace(loop, first=loop.second, second=loop.first) for loop in random.sample(robot.loops, len(robot.loops))
+    ]
+    other = analyse(document, replace(robot, parts=tuple(parts), loops=tuple(loops)))
+    one = analyse(document, robot)
+    assert (other.mobility, other.rank, len(other.actuated)) == (one.mobility, one.rank, len(one.actuated))
+
+
 # --- motors ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", CLOSED_CHAINS)
+def test_there_are_as_many_motors_as_freedoms_where_the_file_says_nothing(name: str) -> None:
+    analysis = analysis_of(KNOWN[name][0])
+    assert len(analysis.actuated) == analysis.mobility
 
 
 @pytest.mark.parametrize(("text", "motors"), [
@@ -63,7 +140,31 @@ def test_motors_are_where_the_file_says(text: str, said: Mapping[str, int], moto
     assert analysis_of(saying(text, **said)).actuated == tuple(f"joint{number}" for number in motors.split())
 
 
+def test_a_joint_said_to_have_no_motor_is_replaced() -> None:
+    actuated = analysis_of(saying(delta(), link6=0)).actuated
+    assert (actuated[0], len(actuated)) == ("joint1", 3)
+    assert "joint6" not in actuated
+
+
 # --- how the loops stand as written ------------------------------------------------------------------------------
+
+
+def test_the_gap_is_a_part_of_the_characteristic_length() -> None:
+    """Ends 4 mm apart, over the root of 3 times the mean square distance of the axes from their centre."""
+    corners = [(math.cos(a), math.sin(a), 0.0) for a in (0.1, 1.6, 3.3, 4.9)]
+    text = ring([axis_at(corner) for corner in corners], off=shift("x", 0.004))
+    loop = loads(text).robot().loops[0]
+    placed = placements(loads(text), loads(text).robot())
+    axes = np.array([*corners[:3], placed[loop.first][:3, 3]])
+    radius = math.sqrt(((axes - axes.mean(axis=0)) ** 2).sum() * 3.0 / 4.0)
+    assert analysis_of(text).gap == pytest.approx(0.004 / radius, rel=1e-9)
+
+
+def test_a_loop_may_be_closed_by_another_kind_than_the_file_says() -> None:
+    name = loads(four_bar()).robot().loop_names[0]
+    analysis = analysis_of(four_bar(), {name: "ball"})
+    assert analysis.kinds == (LoopKind.BALL,)
+    assert (analysis.mobility, analysis.rows, analysis.rank) == (1, 3, 2)
 
 
 @pytest.mark.parametrize(("name", "kind", "says"), [
@@ -118,3 +219,20 @@ def test_what_is_written_roughly_is_closed_nearby_and_the_rest_stays() -> None:
     assert home["joint6"] == math.radians(12)
     for joint, written in (("joint1", 50), ("joint2", -26), ("joint3", 89)):
         assert 0.0 < abs(home[joint] - math.radians(written)) < 0.05
+
+
+@pytest.mark.parametrize(("low", "high", "wanted"), [(100, 120, 100), (60, 87, 87)])
+def test_home_is_inside_the_limits(low: float, high: float, wanted: float) -> None:
+    text = ROUNDED.replace("LIMITS", f"limits {{ {low} {high} }}")
+    home = analysis_of(text).home
+    assert gap_at(text, home) < 1e-12
+    assert home["joint3"] == pytest.approx(math.radians(wanted), abs=1e-12)
+    assert low <= math.degrees(home["joint3"]) + 1e-9
+    assert math.degrees(home["joint3"]) - 1e-9 <= high
+
+
+def test_where_no_closed_configuration_is_inside_the_limits_the_nearest_closed_one_is_home() -> None:
+    text = ROUNDED.replace("LIMITS", "limits { 200 210 }")
+    free = ROUNDED.replace("LIMITS", "")
+    assert analysis_of(text).home == analysis_of(free).home
+    assert gap_at(text, analysis_of(text).home) < 1e-12

@@ -92,6 +92,17 @@ def test_a_plate_holds_all_joints_of_a_link_and_hides_none(polar: list[tuple[flo
     assert np.abs(vertices[:, 2]).max() < 0.5 * 1.3 * drawing.unit  # half the length of an eye
 
 
+@pytest.mark.parametrize(
+    ("name", "node", "count"), [("gough", "base", 6), ("gough", "link6", 6), ("hybrid", "link5", 3)]
+)
+def test_platforms_and_bases_are_plates(name: str, node: str, count: int) -> None:
+    document = raff2urdf.load(ROBOTS / f"{name}.raff")
+    drawing = drawn(document)
+    number = next(n for n, one in drawing.robot.nodes.items() if one.node == node)
+    (plate,) = plates(drawing, number)
+    assert len(plate.recipe.split(",")) == 2 + 2 * count
+
+
 def test_what_rigid_loops_weld_together_is_one_body() -> None:
     """The platform of a delta is in three branches: one plate, with the wrists of all."""
     drawing = drawn(raff2urdf.load(ROBOTS / "delta4_linear.raff"))
@@ -160,6 +171,34 @@ def test_rod_and_sleeve_stay_together_over_the_whole_stroke(low: float, stroke: 
     for value in (low, high, low + part * stroke):
         fixed, moving = sorted((start, end)), sorted((value - rod, value))
         assert min(fixed[1], moving[1]) - max(fixed[0], moving[0]) >= -1e-12
+
+
+@pytest.mark.parametrize("limits", [(30, 160), (-160, -30), (-50, 100), (0, 90)])
+def test_a_slide_is_drawn_together_at_both_ends_of_its_stroke(limits: tuple[int, int]) -> None:
+    low, high = limits
+    drawing = drawn(robot(f"link 1 {{ parameters {{ d 100 r {high} }} type 1 pred 0 limits {{ {low} {high} }} }}"))
+    on_base = [one for one in drawing.of(drawing.robot.base) if one.kind in ("cylinder", "box") and one.placement[0, 3]]
+    (moving,) = [one for one in drawing.of(drawing.robot.nodes[1]) if one.kind in ("cylinder", "box")]
+    spans = np.array(
+        [[one.placement[2, 3] - one.sizes[-1] / 2, one.placement[2, 3] + one.sizes[-1] / 2] for one in on_base]
+    )
+    for value in (1e-3 * low, 1e-3 * high):
+        a, b = (
+            value + moving.placement[2, 3] - moving.sizes[-1] / 2,
+            value + moving.placement[2, 3] + moving.sizes[-1] / 2,
+        )
+        assert min(spans.max(), b) - max(spans.min(), a) > 0.0
+
+
+def test_a_hinge_is_an_eye_between_two_discs_of_its_parent() -> None:
+    drawing = drawn(
+        robot("link 1 { parameters { d 100 } type 2 pred 0 }", "link 2 { parameters { d 100 } type 2 pred 1 }")
+    )
+    (eye,) = [one for one in drawing.of(drawing.robot.nodes[2]) if one.kind == "cylinder"]
+    discs = [one for one in drawing.of(drawing.robot.nodes[1]) if one.kind == "cylinder" and one.placement[0, 3] > 0.05]
+    sides = sorted((one.placement[2, 3], one.sizes[1]) for one in discs if one.sizes[0] == eye.sizes[0])
+    (below, thick), (above, _) = sides
+    assert below + thick / 2 < -eye.sizes[1] / 2 < eye.sizes[1] / 2 < above - thick / 2
 
 
 # --- couplings -----------------------------------------------------------------------------------------------------
@@ -310,6 +349,14 @@ def test_a_pinion_rolls_on_its_rack_over_the_whole_stroke(radius: float) -> None
         local = placed[:3, :3].T @ (centre - placed[:3, 3])
         assert local[1] == pytest.approx(0.025)  # above its pitch line
         assert abs(local[0]) < np.abs(triangles(rack.recipe)[:, :, 0]).max() * rack.sizes[0]
+    moved = (
+        placements(document, document.robot(), {"joint4": 0.03})[4][:3, 3]
+        - placements(document, document.robot(), {"joint4": 0.02})[4][:3, 3]
+    )
+    contact = world[4] @ rack.placement
+    arm = contact[:3, 1] * -0.025
+    rolled = np.cross([0.0, 0.0, 0.01 / (1e-3 * radius)], arm)
+    assert rolled == pytest.approx(moved, abs=1e-9)
 
 
 @pytest.mark.parametrize("word", ["ratio", "radius", "lead"])

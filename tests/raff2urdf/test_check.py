@@ -50,6 +50,31 @@ def test_a_fault_is_named_where_it_stands(body: str, line: int, column: int, wor
     assert (problem.location.line, problem.location.column) == (line, column)
 
 
+@pytest.mark.parametrize(
+    ("text", "column", "what"),
+    [
+        ("RAFF t\nrobot a { }\nrobot b { }\nrobot a { }", 7, "robot 'a'"),
+        ('RAFF t\nsensor 1 { port "a" }\nrobot r { }\nsensor 1 { port "b" }', 8, "sensor 1"),
+    ],
+)
+def test_a_name_or_number_that_is_taken_is_refused_where_it_stands(text: str, column: int, what: str) -> None:
+    (problem,) = problems_of(text)
+    assert problem.location is not None
+    assert (problem.location.line, problem.location.column) == (4, column)
+    assert problem.message == f"{what} is defined twice, first on line 2: change one of them"
+
+
+@pytest.mark.parametrize("name", ["4bar", '"left arm"', '""', "-r"])
+def test_a_robots_name_must_be_one_that_xml_takes(name: str) -> None:
+    (problem,) = problems_of(f"RAFF t\nrobot {name} {{ }}")
+    assert "can't name a robot" in problem.message
+
+
+def test_an_unknown_sensor_is_answered_with_those_that_exist() -> None:
+    text = text_of(f"{ONE}\nconstraint {{ link 1 sensor ( 3 ) }}", 'sensor 7 { port "a" } sensor 2 { port "b" }')
+    assert problems_of(text)[0].message == "sensor 3 is not declared (declared: 2, 7)"
+
+
 @pytest.mark.parametrize("length", [1, 3000])
 def test_a_cycle_of_parents_is_one_fault_however_long(length: int) -> None:
     ring = [RaffLink(i, RaffParameters(), JointType.REVOLUTE, 1 + i % length) for i in range(1, length + 1)]
@@ -75,11 +100,16 @@ def test_all_faults_are_reported_at_once_in_the_order_of_the_text() -> None:
 
 @pytest.mark.parametrize(("link", "column", "words"), [
     ("type 0 pred 0 limits { 0 90 }", 33, "link 1 is fixed limits"),
+    ("type 0 pred 0 velocity 90", 33, "link 1 is fixed velocity"),
     ("type 0 pred 0 actuated 1", 33, "link 1 is fixed actuate"),
+    ("type 0 pred 0 effort 5", 31, "link 1 is fixed effort"),
+    ("type 0 pred 0 armature 5", 33, "link 1 is fixed armature"),
+    ("type 0 pred 0 damping 5", 32, "link 1 is fixed damping"),
     ("type 0 pred 0 friction 5", 33, "link 1 is fixed friction"),
     ("type 2 pred 0 effort 5 actuated 0", 31, "link 1 is passive effort 'actuated 1'"),
     ("joint ball pred 0 variable y { effort 5 }", 48, "variable y of link 1 is passive effort"),
     ("parameters { theta 95 } type 2 pred 0 limits { 0 90 }", 57, "link 1 95 outside limits"),
+    ("parameters { r -9 } type 1 pred 0 limits { 0 90 }", 53, "link 1 -9 outside limits"),
 ])  # fmt: skip
 def test_what_is_probably_not_meant_is_a_warning_with_its_place(link: str, column: int, words: str) -> None:
     (warning,) = warnings_of(text_of(f"link 1 {{ {link} }}"))

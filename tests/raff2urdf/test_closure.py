@@ -17,6 +17,7 @@ from mechanisms import (
     axis_at,
     cluster_of,
     clusters_of,
+    delta,
     four_bar,
     raff_of,
     ring,
@@ -24,11 +25,12 @@ from mechanisms import (
     skew_four_bar,
     turn,
 )
+from scipy.optimize import least_squares
 from strategies import documents, examples
 
 from raff2urdf import loads
 from raff2urdf.analysis import analyse
-from raff2urdf.closure import close, generic_rank, passive, rank
+from raff2urdf.closure import close, closed_walk, generic_rank, passive, rank
 from raff2urdf.errors import RaffClosureError
 from raff2urdf.raff.document import Document, LoopKind
 from raff2urdf.tree import Cluster, placements
@@ -112,6 +114,36 @@ def test_closing_is_the_shortest_correction(name: str, seed: int) -> None:
     assert np.abs(moved - expected).max() <= 0.01 * np.abs(expected).max()
 
 
+@given(chains, seeds)
+@examples(30)
+def test_what_is_closed_stays_where_it_is(name: str, seed: int) -> None:
+    cluster = cluster_of(KNOWN[name][0])
+    q = close(cluster, perturbed(cluster, seed, 0.05)).q
+    assert np.abs(close(cluster, q).q - q).max() <= 1e-12 * max(1.0, np.abs(q).max())
+
+
+def test_closing_ends_where_no_step_can_lower_the_gap() -> None:
+    """Two circles of radius 1, whose centres are 2.001 apart, are nearest on the line between these."""
+
+    class Circles:
+        evaluations = 0
+
+        def evaluate(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            self.evaluations += 1
+            (a, b), (c, d) = np.cos(q), np.sin(q)
+            return np.array([a + b - 2.001, c - d]), np.array([[-c, -d], [a, -b]])
+
+        def integrate(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
+            return q + step
+
+    circles = Circles()
+    closing = close(circles, np.array([0.3, -0.2]))
+    assert closing.gap == pytest.approx(1e-3, rel=1e-6)
+    circles.evaluations = 0
+    assert close(circles, closing.q).gap == closing.gap
+    assert circles.evaluations <= 3
+
+
 @given(chains, seeds, st.floats(0.01, 3.0))
 @examples(40)
 def test_closing_never_ends_farther_open_than_it_began_and_leaves_its_input_alone(
@@ -125,6 +157,23 @@ def test_closing_never_ends_farther_open_than_it_began_and_leaves_its_input_alon
     assert (q == before).all()
     assert np.linalg.norm(cluster.evaluate(closing.q)[0]) <= np.linalg.norm(residual)
     assert closing.gap == np.abs(cluster.evaluate(closing.q)[0]).max()
+
+
+@given(chains, seeds)
+@examples(30)
+def test_no_step_goes_farther_than_a_linearisation_can_know(name: str, seed: int) -> None:
+    """A radian, or a characteristic length, however far the way."""
+    cluster = cluster_of(KNOWN[name][0])
+    watched = Counted(cluster)
+    steps = []
+
+    def integrate(q: np.ndarray, step: np.ndarray) -> np.ndarray:
+        steps.append(np.abs(step).max())
+        return cluster.integrate(q, step)
+
+    watched.integrate = integrate
+    close(watched, perturbed(cluster, seed, 3.0))
+    assert max(steps) <= 1.0
 
 
 SLIDES = [f"joint{10 * leg + 3}" for leg in range(6)]  # of the 6-UPS
@@ -166,6 +215,29 @@ def test_the_loops_jacobian_is_that_of_finite_differences(document: Document, se
             assert np.abs(jacobian[:, column] - numeric).max() <= 1e-7 * max(1.0, np.abs(jacobian).max()) ** 2
 
 
+def test_loops_that_share_joints_are_closed_together_and_others_by_themselves() -> None:
+    parts, constraints = [], []
+    for i in range(2):
+        o, a, b, c = (shift("y", i) @ axis for axis in FOUR_BAR_AXES)
+        n = 10 * i
+        parts += [Part(n + 1, 0, o), Part(n + 2, n + 1, a), Part(n + 3, 0, c)]
+        parts += [Part(n + 4, n + 2, b, None), Part(n + 5, n + 3, b, None)]
+        constraints += 2 * [f"frame {n + 4} frame {n + 5} type 2"]
+    found = clusters_of(loads(raff_of(parts, *constraints)))
+    assert [cluster.loops for cluster in found] == [[0, 1], [2, 3]]
+    assert [[joint.number for joint in cluster.joints] for cluster in found] == [[1, 2, 3], [11, 12, 13]]
+    assert [len(cluster.loops) for cluster in clusters_of(loads(delta()))] == [2]
+
+
+def test_joints_that_move_both_ends_of_a_loop_alike_are_no_part_of_it() -> None:
+    """A four-bar at the end of an arm of two joints."""
+    parts = [Part(21, 0, axis_at((0, 0, -1), (1, 0, 0))), Part(22, 21, axis_at((0, 0, -0.5), (0, 1, 0)))]
+    o, a, b, c = FOUR_BAR_AXES
+    parts += [Part(1, 22, o), Part(2, 1, a), Part(3, 22, c), Part(4, 2, b, None), Part(5, 3, b, None)]
+    cluster = cluster_of(raff_of(parts, "frame 4 frame 5 type 2"))
+    assert [joint.number for joint in cluster.joints] == [1, 2, 3]
+
+
 # --- rank --------------------------------------------------------------------------------------------------------
 
 
@@ -185,6 +257,10 @@ def matrices(draw: st.DrawFn) -> tuple[np.ndarray, int]:
 def test_the_rank_is_the_number_of_independent_rows(made: tuple[np.ndarray, int]) -> None:
     matrix, expected = made
     assert rank(matrix) == expected
+
+
+def test_nothing_has_rank_0() -> None:
+    assert [rank(np.zeros(shape)) for shape in ((0, 3), (3, 0), (3, 3))] == [0, 0, 0]
 
 
 @given(matrices(), st.randoms(use_true_random=False))
@@ -210,6 +286,21 @@ def test_the_generic_rank_is_joints_less_mobility_and_reached_on_a_closed_config
     assert found == len(cluster.joints) - KNOWN[name][1]
     assert np.linalg.matrix_rank(cluster.evaluate(where)[1], tol=1e-6) == found
     assert apart(document, cluster, where) <= MET
+
+
+@pytest.mark.parametrize("name", [name for name in CLOSED_CHAINS if name != "truss"])
+def test_a_walk_stays_closed_and_gets_somewhere(name: str) -> None:
+    document = loads(KNOWN[name][0])
+    (cluster,) = clusters_of(document)
+    steps = list(closed_walk(cluster, close(cluster, cluster.home).q, samples=5))
+    assert len(steps) >= 3
+    assert all(apart(document, cluster, q) <= MET for q in steps)
+    assert all(np.abs((b - a) / cluster.scale).max() > 0.01 for a, b in pairwise([cluster.home, *steps]))
+
+
+def test_where_nothing_can_move_there_is_no_walk() -> None:
+    cluster = cluster_of(KNOWN["truss"][0])
+    assert list(closed_walk(cluster, cluster.home, samples=5)) == []
 
 
 # --- what can't be closed ----------------------------------------------------------------------------------------
@@ -241,6 +332,16 @@ def test_a_loop_that_stays_open_is_named_with_its_gap_and_its_rows_against_their
     assert "6 loop rows of rank 4 on 4 joints" in said
 
 
+def test_the_gap_that_is_named_is_the_least_one() -> None:
+    """scipy's least squares finds no better configuration around."""
+    cluster = cluster_of(skew_four_bar())
+    named = re.search(r"rigid, ([\d.]+) mm.* and ([\d.]+) degrees", why(skew_four_bar()))
+    assert named is not None
+    best = least_squares(lambda q: cluster.evaluate(q)[0], cluster.home, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    sizes = np.linalg.norm(best.fun[:3]) * 1e3 * cluster.length, np.degrees(np.linalg.norm(best.fun[3:]))
+    assert [float(number) for number in named.groups()] == pytest.approx(sizes, rel=0.01)
+
+
 @pytest.mark.parametrize(("turned", "edit"), [
     (turn("x", np.pi), "alpha 180"),
     (turn("z", np.radians(40.0)) @ turn("x", np.pi), "alpha 180"),
@@ -263,6 +364,17 @@ def test_hinges_whose_axes_differ_are_told_with_the_frame_that_helps_and_it_does
     )
     document = loads(mended)
     assert analyse(document, document.robot()).mobility == 1
+
+
+def test_a_gap_is_told_by_its_axis() -> None:
+    """A point that can only move along x is 30 mm off along y."""
+    text = """RAFF slider
+    robot r {
+      link 1 { parameters { gamma 90 alpha 90 theta -90 r 200 } type 1 pred 0 }
+      frame 2 { parameters { gamma 90 d 30 } pred 0 }
+      constraint { frame 2 link 1 type 3 }
+    }"""
+    assert "'frame2-link1' (ball, 30 mm along x)" in why(text)
 
 
 @pytest.mark.parametrize(

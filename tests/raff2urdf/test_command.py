@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 import trimesh
 from command import Run
-from mechanisms import delta, skew_four_bar
+from mechanisms import delta, four_bar, skew_four_bar
 from wrong_raff import assert_in_order
 
 import cinegen
@@ -103,6 +103,34 @@ def test_every_format_has_the_same_bytes_every_time(folder: Path) -> None:
     own = {name for name in files_in(folder / "made1") if not name.startswith("meshes/")}
     assert own == {"delta4.urdf", "delta4.constraints.json", "delta4.sdf", "delta4.xml"}
     assert files_in(folder / "made1") == files_in(folder / "made2")
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (("two.raff", "--robot", "rigth"), "two.raff: there is no robot 'rigth': did you mean 'right'?"),
+        (("arm.raff", "--format", "sdf", "--density", "-1"), "the density is -1 kg/m3: it must be a number above 0"),
+        (("skew.raff", "--loop", "link5-frame7=ball"), "no loop 'link5-frame7': did you mean 'link5-frame6'?"),
+        (("skew.raff", "--loop", "link5-frame6=bal"), "'bal' is not a kind of loop: did you mean 'ball'?"),
+        (("skew.raff", "--loop", "link5-frame6"), "write NAME=KIND"),
+    ],
+)
+def test_what_is_asked_for_wrongly_is_an_error_that_writes_nothing(
+    folder: Path, run: Run, call: tuple[str, ...], words: str
+) -> None:
+    done = run(*call)
+    assert done.code == 1
+    assert words in done.err
+    assert not (folder / "generated").exists()
+
+
+@pytest.mark.parametrize("options", [("--format", "mjcf"), ("--check",)])
+def test_a_home_outside_the_limits_is_told(folder: Path, run: Run, options: tuple[str, ...]) -> None:
+    text = skew_four_bar().replace("link 1 {", "link 1 { limits { 170 171 } ", 1)
+    (folder / "stuck.raff").write_text(text)
+    done = run("stuck.raff", *options, "--loop", "link5-frame6=ball")
+    assert done.code == 0
+    assert "home is outside those of joint1 (-179.5 deg, limit 170)" in done.err
 
 
 # --- options -----------------------------------------------------------------------------------------------------
@@ -229,6 +257,13 @@ def test_wrong_input_is_refused_with_its_place_and_cause_and_nothing_is_touched(
     assert files_in(generated) == before
 
 
+def test_one_bad_robot_keeps_the_whole_file_from_being_written(folder: Path, run: Run) -> None:
+    bad = skew_four_bar().split("\n", 1)[1]
+    (folder / "both.raff").write_text(f"RAFF both\nrobot good {{ base {{ }} {ONE} }}\n{bad}")
+    assert run("both.raff").code == 1
+    assert not (folder / "generated").exists()
+
+
 # --- size --------------------------------------------------------------------------------------------------------
 
 
@@ -243,12 +278,26 @@ def test_a_file_of_more_links_than_python_recurses_converts(folder: Path, run: R
     assert (report["links"], report["mobility"]) == (1100, 1100)
 
 
-def test_twice_the_robot_takes_twice_the_work(tmp_path: Path) -> None:
+def four_bars(count: int) -> str:
+    """Four-bars side by side, each a loop of its own."""
+    blocks = []
+    for i in range(count):
+        body = four_bar().split("base { }")[1].rsplit("}", 1)[0]
+        for number in (1, 2, 3, 5, 6):
+            for word in ("link", "frame", "pred"):
+                body = body.replace(f"{word} {number} ", f"{word} {10 * i + number} ")
+        blocks.append(body)
+    return "\n".join(["RAFF many", "robot r { base { }", *blocks, "}"])
+
+
+@pytest.mark.parametrize("text_of", [chain, four_bars])
+def test_twice_the_robot_takes_twice_the_work(tmp_path: Path, text_of: Callable[[int], str]) -> None:
     """Counted in calls, which no other process disturbs."""
+    sizes = (50, 100, 200) if text_of is chain else (5, 10, 20)
     calls = []
-    for size in (50, 50, 100, 200):  # the first run also pays for imports
+    for size in (sizes[0], *sizes):  # the first run also pays for imports
         path = tmp_path / f"{size}.raff"
-        path.write_text(chain(size))
+        path.write_text(text_of(size))
         profile = cProfile.Profile()
         profile.runcall(raff2urdf.convert, path, tmp_path)
         calls.append(pstats.Stats(profile).total_calls)  # type: ignore[attr-defined]

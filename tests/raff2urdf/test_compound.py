@@ -80,6 +80,23 @@ def test_urdf_sdf_and_mjcf_move_alike(kind: str, tmp_path) -> None:
         assert np.abs(read.q_home - mechanism.q_home).max() < 1e-12
 
 
+def test_the_constraints_file_lists_joints_and_ball_joints_but_no_links_between() -> None:
+    document = raff2urdf.loads(text("ball", "variable y { home 40 }"))
+    values = constraints(document, document.robot(), None)
+    assert values["nodes"] == ["base", "link1", "frame2"]
+    assert [(joint["name"], joint["actuated"]) for joint in values["joints"]] == [
+        ("joint1_X", False), ("joint1_Y", False), ("joint1_Z", False),
+    ]  # fmt: skip
+    assert values["joints"][1]["home"] == np.radians(40.0)
+    assert values["balls"] == [{"name": "joint1", "joints": ["joint1_X", "joint1_Y", "joint1_Z"]}]
+
+
+@pytest.mark.parametrize("word", ["limits { -80 80 }", "velocity 90", "actuated 1"])
+def test_a_ball_joint_with_limits_or_an_actuator_is_three_joints(word: str) -> None:
+    document = raff2urdf.loads(text("ball", f"variable y {{ {word} }}"))
+    assert "balls" not in constraints(document, document.robot(), None)
+
+
 def test_limits_velocity_and_actuated_are_of_a_variable() -> None:
     words = "variable tz { limits { 0 90 } velocity 10 actuated 1 } variable z { actuated 0 }"
     document = raff2urdf.loads(text("cylindrical", words))
@@ -101,3 +118,8 @@ def test_errors_name_the_place_and_the_remedy(link: str, message: str) -> None:
     with pytest.raises(raff2urdf.RaffError) as caught:
         raff2urdf.loads(f"RAFF Wrong\nrobot r {{\n  // a link\n  link 1 {{ {link} }}\n}}")
     assert message in str(caught.value)
+
+
+def test_a_home_outside_its_limits_is_warned_of() -> None:
+    with pytest.warns(raff2urdf.RaffWarning, match="home 15 of variable z of link 1 is outside its limits 20 to 40"):
+        raff2urdf.check(raff2urdf.loads(text("planar", "variable z { limits { 20 40 } }")))

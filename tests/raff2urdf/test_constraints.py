@@ -2,6 +2,7 @@
 
 import copy
 import json
+import math
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -68,6 +69,37 @@ def test_what_is_written_of_any_robot_is_what_the_schema_describes_and_reads_bac
         assert constraints.loads(text) == found
 
 
+def test_everything_that_the_file_says_is_there(values: constraints.Constraints) -> None:
+    assert (values["format"], values["version"]) == ("raff2urdf constraints", 2)
+    assert (values["name"], values["robot"]) == ("MiniDelta", "r1")
+    assert values["nodes"] == ["base", "link1", "coupler", "link3", "link4", "frame5"]
+    assert values["floating"] == "joint0"
+    words = ("name", "type", "home", "actuated")
+    assert values["joints"] == [
+        dict(zip(words, joint, strict=True))
+        for joint in [
+            ("joint1", "revolute", math.radians(30), True),
+            ("joint2", "revolute", math.radians(-20), False),
+            ("joint3", "prismatic", 0.05, False),
+        ]
+    ]
+    unmoved = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+    assert values["loops"] == [
+        {
+            "name": "coupler-link3",
+            "kind": "ball",
+            "first": {"node": "coupler", "placement": unmoved},
+            "second": {"node": "link3", "placement": unmoved},
+        }
+    ]
+    assert (values["mobility"], values["loop_rows"], values["loop_rank"]) == (3 + 6 - 2, 3, 2)
+    assert values["sensors"] == [
+        {"number": 1, "port": "/dev/ttyd2", "translation": 3, "rotation": 2, "axes": "x -z"},
+        {"number": 7, "port": "COM1", "translation": 3, "rotation": 3},
+    ]
+    assert values["sensor_constraints"] == [{"node": "coupler", "sensors": [0, 7, 1]}, {"node": "base", "sensors": [7]}]
+
+
 # --- what is refused ---------------------------------------------------------------------------------------------
 
 
@@ -122,6 +154,28 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
         assert str(tmp_path / name) in str(caught.value)
 
 
+def test_a_wrong_name_is_told_by_its_line(values: constraints.Constraints) -> None:
+    known = constraints.UrdfSummary(
+        values["nodes"], {joint["name"]: MovingJoint(joint["type"]) for joint in values["joints"]}
+    )
+    text = constraints.dumps(values)
+    assert constraints.loads(text, "some.json", known) == values
+    changes = [("loops/0/second/node", "nowhere"), ("nodes/1", "elsewhere"), ("joints/1/name", "wheel")]
+    changes += [("loops/0/first/placement/0/0", -1.0), ("loops/0/first/placement/3/0", 1.0)]
+    changes += [("loops/0/first/placement/0/3", 1e300)]
+    for path, value in changes:
+        wrong = constraints.dumps(changed(values, path, value))
+        with pytest.raises(RaffError) as caught:
+            constraints.loads(wrong, "some.json", known)
+        line = int(str(caught.value).split(":")[1])
+        within = wrong.splitlines()[line - 1]
+        assert str(value) in within or "placement" in within
+    with pytest.raises(
+        RaffError, match=r"some\.json:\d+: at \$\.joints: joint 'joint1' of the URDF is missing: add an entry for it"
+    ):
+        constraints.loads(constraints.dumps({**values, "joints": values["joints"][1:]}), "some.json", known)
+
+
 # --- what contradicts itself, or the URDF ------------------------------------------------------------------------
 
 
@@ -153,6 +207,12 @@ def test_a_value_that_makes_no_sense_is_refused_at_its_place(
     values: constraints.Constraints, path: str, value: Any, says: str
 ) -> None:
     refused(constraints.dumps(changed(values, path, value)), says)
+
+
+def test_a_loop_that_is_listed_twice_is_refused(values: constraints.Constraints) -> None:
+    refused(
+        constraints.dumps(changed(values, "loops", 2 * values["loops"])), "$.loops[1].name: 'coupler-link3' is listed"
+    )
 
 
 JOINTS = {

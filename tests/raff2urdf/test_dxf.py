@@ -81,6 +81,15 @@ def test_faces_of_three_corners_or_four_solids_and_traces_are_faces(drawing: Dra
     assert areas(read, drawing) == {RED: 1.0, YELLOW: 1.0, GREEN: 0.5, BLUE: 1.0}
 
 
+def test_a_polyface_mesh_has_faces_of_their_own_colours(drawing: Drawing, read: Read) -> None:
+    corners, faces = box()
+    mesh = drawing.modelspace().add_polyface(dxfattribs={"color": 5})
+    mesh.append_faces([[corners[i] for i in face] for face in faces])
+    next(vertex for vertex in mesh.vertices if vertex.is_face_record).dxf.color = 1
+    assert areas(read, drawing) == {RED: 1.0, BLUE: 5.0}
+    assert volume(read, drawing) == pytest.approx(1.0)
+
+
 # --- colours -----------------------------------------------------------------------------------------------------
 
 
@@ -184,6 +193,22 @@ def test_a_drawing_of_lines_has_no_surface(drawing: Drawing, tmp_path: Path) -> 
     space.add_circle((0, 0), 1.0)
     assert refused(tmp_path, drawing) == "holds no faces or meshes, only 1 CIRCLE, 2 LINE"
     assert refused(tmp_path, ezdxf.new()) == "holds no faces or meshes, nothing visible"
+
+
+def test_solids_are_said_to_be_left_out(drawing: Drawing, read: Read, tmp_path: Path) -> None:
+    drawing.modelspace().add_3dsolid().sat = ["400 0 1 0 ", "End-of-ACIS-data "]
+    assert refused(tmp_path, drawing) == "holds no faces or meshes, only 1 3DSOLID"
+    drawing.modelspace().add_3dface(SQUARE)
+    drawing.modelspace().add_line((0, 0), (1, 0))
+    surfaces, lacking = read(drawing)
+    assert len(surfaces) == 1
+    assert lacking == "without its 1 3DSOLID: solids can't be read"
+
+
+@pytest.mark.parametrize("content", [b"", b"0\nEOF\n", b"\x00\x01\x02"])
+def test_what_is_no_dxf_is_refused(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "part.dxf").write_bytes(content)
+    assert wrong(tmp_path / "part.dxf") == "this is no DXF file"
 
 
 @pytest.mark.parametrize("part", [0.1, 0.8, 0.999])

@@ -36,6 +36,13 @@ def test_a_link_stays_a_link_and_its_file_is_written(tmp_path: Path) -> None:
     assert names(real.parent) == ["real"]
 
 
+def test_a_dangling_link_creates_its_target(tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to("made/target")
+    write_all({tmp_path / "link": b"new"})
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "made" / "target").read_bytes() == b"new"
+
+
 def test_a_ring_of_links_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "a").symlink_to("b")
     (tmp_path / "b").symlink_to("a")
@@ -43,6 +50,13 @@ def test_a_ring_of_links_is_an_error(tmp_path: Path) -> None:
         write_all({tmp_path / "a": b"new"})
     assert raised.value.filename == str(tmp_path / "a")
     assert names(tmp_path) == ["a", "b"]
+
+
+def test_a_device_is_written_through(tmp_path: Path, device: Device) -> None:
+    null = device("null")
+    write_all({null: b"gone"})
+    assert stat.S_ISCHR(null.lstat().st_mode)
+    assert names(tmp_path) == [null.name]
 
 
 @pytest.mark.parametrize("behind", [False, True], ids=["device", "link to it"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import warnings
 from pathlib import Path
@@ -51,6 +52,15 @@ def test_raff_gives_inertia_of_rotors_and_friction_in_its_own_units(arm):
     assert numbers_of(metres)[0] == pytest.approx(NUMBERS[0], rel=1e-15)
 
 
+def test_urdf_has_friction_and_its_constraints_file_the_armature(arm, tmp_path):
+    raff2urdf.convert(arm, tmp_path / "out")
+    entries = json.loads((tmp_path / "out" / "arm.constraints.json").read_text())["joints"]
+    assert [entry.get("armature") for entry in entries] == [2500.0e-6, 0.3, None]
+    text = (tmp_path / "out" / "arm.urdf").read_text()
+    assert text.count("<dynamics") == 2
+    assert '<dynamics damping="100.0" friction="2.0"/>' in text
+
+
 @pytest.mark.parametrize("kind", ["urdf", "sdf", "mjcf"])
 def test_every_format_and_raff_again_have_the_same_numbers(arm, tmp_path, kind):
     there, written = cinegen.load(arm), tmp_path / "out"
@@ -78,6 +88,20 @@ def test_every_format_and_raff_again_have_its_gravity(tmp_path, kind):
     assert cinegen.load(file).gravity.tolist() == down
     raff2urdf.to_raff(file, tmp_path / "back.raff")
     assert parse((tmp_path / "back.raff").read_text()).gravity == tuple(down)
+
+
+def test_the_gravity_of_a_world_around_it_replaces_that_of_an_sdf_of_ours(tmp_path):
+    path = tmp_path / "arm.raff"
+    path.write_text(ARM.replace("\n", "\ngravity { 0 0 -1.62 }\n", 1))
+    raff2urdf.convert(path, tmp_path, format="sdf")
+    text = (tmp_path / "arm.sdf").read_text()
+    text = text.replace("<model", '<world name="w"><gravity>0 0 -3.7</gravity><model', 1)
+    text = text.replace("</sdf>", "</world></sdf>")
+    (tmp_path / "arm.sdf").write_text(text)
+    assert cinegen.load(tmp_path / "arm.sdf").gravity.tolist() == [0.0, 0.0, -3.7]
+    (tmp_path / "arm.sdf").write_text(text.replace("0 0 -3.7", "0 0"))
+    with pytest.raises(cinegen.CinegenError, match="the gravity '0 0' must be three numbers"):
+        cinegen.load(tmp_path / "arm.sdf")
 
 
 def test_gravity_is_three_numbers_once():
@@ -109,6 +133,11 @@ def test_a_variable_of_several_has_its_own_numbers_and_then_a_ball_is_no_spheric
 def test_what_no_joint_can_have_is_an_error(statement, message):
     with pytest.raises(RaffError, match=message):
         cinegen.load(text_of(f"link 1 {{ type 2 pred 0 {statement} }}"))
+
+
+def test_a_joint_of_several_variables_has_none_of_its_own():
+    with pytest.raises(RaffError, match="write 'damping' for one of them, in 'variable z"):
+        raff2urdf.check(parse(text_of("link 1 { joint universal pred 0 damping 1 }")))
 
 
 URDF = """<robot name="r"><link name="a"/><link name="b"/><link name="c"/>

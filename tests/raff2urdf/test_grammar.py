@@ -1,7 +1,9 @@
 """The grammar for editors marks RAFF as the reader reads it: it is applied by the rules of TextMate's manual."""
 
+import json
 import re
 
+from raff2urdf.cli import main
 from raff2urdf.raff.grammar import grammar
 from raff2urdf.raff.syntax import tokens
 
@@ -75,3 +77,8 @@ def test_what_does_not_belong_is_illegal():
     assert found['"a"'] == "string.quoted.double.raff"
     assert found["// note"] == "comment.line.double-slash.raff"
     assert found["1"] == "constant.numeric.raff"
+
+
+def test_the_command_prints_it(capfd):
+    assert main(["--grammar"]) == 0
+    assert json.loads(capfd.readouterr().out) == grammar()

@@ -160,6 +160,13 @@ def test_packages_of_the_environment_may_be_made_of_links(
         find("package://arm/../../../src/arm/meshes/a.stl", folder)
 
 
+def test_a_pointer_of_git_lfs_is_told(write: Write) -> None:
+    folder = write("arm/a.stl", "arm/arm.urdf")
+    (folder / "a.stl").write_text("version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 1\n")
+    with pytest.raises(RaffError, match=f"mesh 'a.stl' is a Git LFS pointer: run `git lfs pull` in {folder}"):
+        find("a.stl", folder)
+
+
 def test_a_recording_names_no_folder_but_those_near_it(
     write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

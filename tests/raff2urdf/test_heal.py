@@ -15,6 +15,7 @@ from cinegen.loops.clusters import subsystems
 from cinegen.model.heal_file import heal_file
 from cinegen.model.load import build
 from raff2urdf.closure import closed_walk, rank
+from raff2urdf.written_numbers import adjustables, rewritten
 
 
 def written(healing, folder: Path) -> list[Path]:
@@ -80,3 +81,12 @@ def test_bennett_in_each_format(suffix, tmp_path):
     check_numbers(path, healing, 4)
     mechanism = cinegen.load(written(healing, tmp_path / "out")[0])
     assert (mechanism.mobility, {loop.kind.name for loop in mechanism.loops}) == (1, {"REVOLUTE"})
+
+
+@pytest.mark.parametrize("name", ["delta4", "gough", "four_bar"])
+def test_numbers_that_do_not_change_are_written_as_they_were(name, root):
+    path = root / f"robots/{name}.raff"
+    numbers = [number for group in adjustables(path) for number in group.numbers]
+    assert len(numbers) > 5
+    (content,) = rewritten(numbers, [number.value for number in numbers]).values()
+    assert content == path.read_bytes()

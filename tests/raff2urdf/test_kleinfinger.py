@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mechanisms import Matrix, turn
+from mechanisms import Matrix, shift, turn
 from strategies import examples
 
 from raff2urdf.raff.kleinfinger import Kleinfinger, parameters, transform
@@ -36,6 +36,15 @@ generic = st.builds(
 
 def off(one: Matrix, other: Matrix) -> float:
     return float(np.abs(one - other).max())
+
+
+@given(kleinfingers)
+@examples(200)
+def test_the_transform_is_the_product_of_its_six_elementary_ones(k: Kleinfinger) -> None:
+    """Rz(gamma) Tz(epsilon) Rx(alpha) Tx(d) Rz(theta) Tz(r), from father to link."""
+    product = turn("z", k.gamma) @ shift("z", k.epsilon) @ turn("x", k.alpha)
+    product = product @ shift("x", k.d) @ turn("z", k.theta) @ shift("z", k.r)
+    assert off(transform(k), product) <= EXACT
 
 
 @given(kleinfingers)
@@ -77,6 +86,15 @@ def test_an_axis_keeps_its_tilt_however_far_away_it_is(angle: float, far: float,
     placement[:3, 3] = far * np.array([0.9, -0.6, 0.7])
     found = transform(parameters(placement))
     assert off(found[:3, :3], placement[:3, :3]) <= EXACT
+
+
+@given(placements(st.sampled_from([0.0, math.pi])))
+@examples(60)
+def test_between_parallel_axes_the_perpendicular_is_taken_through_the_new_origin(placement: Matrix) -> None:
+    k = parameters(placement)
+    assert k.r == 0.0
+    assert k.d == pytest.approx(math.hypot(placement[0, 3], placement[1, 3]), abs=1e-15)
+    assert k.epsilon == placement[2, 3]
 
 
 def changed(row: int, column: int, value: float) -> Matrix:

@@ -16,7 +16,7 @@ from test_nff import CUBE
 
 import cinegen
 import raff2urdf
-from raff2urdf import RaffWarning
+from raff2urdf import RaffError, RaffWarning
 from raff2urdf.graphics import scene as scene_file
 from raff2urdf.graphics.meshes import CONVERTED, keep
 
@@ -100,6 +100,18 @@ def test_a_mesh_has_the_size_that_the_units_say(workshop: Path, units: str, metr
         model = yourdfpy.URDF.load(str(workshop / "generated" / "arm.urdf"))
         widths = [150, 75, 20] if thick else [100, 50, 0]
         assert model.scene.extents == pytest.approx(np.array(widths) * metres)
+
+
+def test_base_links_and_frames_show_all_their_files_that_can_be_shown(workshop: Path) -> None:
+    several = 'filename { "red.nff" "gone.nff" "face.dxf" } filename { "broken.nff" "bar.stl" }'
+    xml, (warned,) = convert(
+        workshop, f"base {{ {several} }} link 1 {{ type 2 pred 0 {several} }} frame 2 {{ pred 1 {several} }}"
+    )
+    shown = [("meshes/arm/red.nff.1.stl", RED), ("meshes/arm/face.dxf.1.stl", BLUE), ("../parts/bar.stl", None)]
+    for node in ("base", "link1", "frame2"):
+        assert named(xml, node) == shown
+        reason = "broken.nff (line 9: '9' is not a vertex of this object (0 to 3))"
+        assert f"{node}: gone.nff (not found), {reason}" in warned
 
 
 def test_files_of_one_name_are_kept_apart(workshop: Path) -> None:
@@ -191,7 +203,35 @@ def test_what_cannot_be_shown_is_warned_of_once_and_replaced_by_the_skeleton(
     assert not (workshop / "generated" / "meshes").exists()
 
 
+# --- all or nothing ----------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("taken", ["meshes", "meshes/arm", "meshes/arm/red.nff.1.stl", "arm.constraints.json"])
+def test_where_one_file_cannot_be_written_none_is(workshop: Path, taken: str) -> None:
+    """A file stands where a folder should, or a folder where a file should."""
+    place = workshop / "generated" / taken
+    if "." in taken:
+        place.mkdir(parents=True)
+    else:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_bytes(b"mine")
+    before = sorted(workshop.rglob("*"))
+    raff = write(workshop, 'base { filename { "red.nff" } }')
+    with pytest.raises(RaffError, match=r"generated/\S+: can't be written: "):
+        raff2urdf.convert(raff, workshop / "generated")
+    assert sorted(workshop.rglob("*")) == sorted([*before, raff])
+
+
 # --- in the user's cache -----------------------------------------------------------------------------------------
+
+
+def test_cinegen_shows_the_same_meshes_without_a_folder_of_outputs(workshop: Path, cache: Path) -> None:
+    mechanism = cinegen.load(write(workshop, 'base { filename { "cube.nff" } }'))
+    shapes = mechanism.visual.geometryObjects
+    assert [shape.meshColor.tolist() for shape in shapes][:3] == [[1, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 1]]
+    assert {Path(shape.meshPath).parent for shape in shapes} == {cache}
+    convert(workshop, 'base { filename { "cube.nff" } }')
+    beside = {path.read_bytes() for path in (workshop / "generated").rglob("*.stl")}
+    assert {Path(shape.meshPath).read_bytes() for shape in shapes} == beside
+    assert sorted(path.name for path in (workshop).iterdir()) == ["arm.raff", "cache", "generated", "parts"]
 
 
 def test_a_damaged_mesh_of_the_cache_is_mended(cache: Path) -> None:
@@ -223,3 +263,15 @@ def test_an_archive_that_unpacks_to_more_than_is_allowed_is_not_read(
             archive.writestr(f"3D/{i}.model", bytes(3_000_000))
     (warning,) = convert(workshop, 'base { filename { "bomb.3mf" } }')[1]
     assert "bomb.3mf (holds 6 MB when unpacked: the most is 5 MB)" in warning
+
+
+@pytest.mark.parametrize("name", ["cut.dxf", "cut.stl"])
+def test_libraries_log_nothing_about_damaged_files(
+    workshop: Path, name: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (workshop / "parts" / "cut.dxf").write_text(
+        "  0\nSECTION\n  2\nENTITIES\n  0\nENDSEC\n  0\nLINE\n  8\n0\n  0\nEOF\n"
+    )
+    (workshop / "parts" / "cut.stl").write_text("solid x\nfacet normal 0 0 --1\nouter loop\nvertex 0 0 0\nendsolid\n")
+    convert(workshop, f'base {{ filename {{ "{name}" }} }}')
+    assert capfd.readouterr() == ("", "")

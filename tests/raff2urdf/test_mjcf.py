@@ -1,6 +1,7 @@
 """MJCF: MuJoCo places every node where RAFF says it is, and begins and stays with all loops closed; Pinocchio reads it
 too."""
 
+import math
 import warnings
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from mechanisms import KNOWN
 
 from raff2urdf import RaffWarning, convert, loads
 from raff2urdf.conversion import translate
+from raff2urdf.writers.mjcf import quaternion
 from raff2urdf.writers.tree_at_home import TreeAtHome
 
 EXACT = 1e-9  # m and rad
@@ -87,6 +89,19 @@ def test_it_begins_at_home_with_loops_closed_with_and_without_the_keyframe(robot
     mujoco.mj_resetData(model, data)
     mujoco.mj_forward(model, data)
     assert opening(model, data) < EXACT
+
+
+def test_its_loops_leave_the_mobility_that_raff_counts(folder: Path) -> None:
+    for name in ("delta4", "gough", "five_bar", "slider-crank, cut at the slide", "planar 3-RRR", "loose"):
+        robot = exported(name, folder)
+        model, data = read(robot)
+        jacobian = np.zeros((data.nefc, model.nv))
+        if mujoco.mj_isSparse(model):
+            mujoco.mju_sparse2dense(jacobian, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind)
+        else:
+            jacobian[:] = data.efc_J[: data.nefc * model.nv].reshape(data.nefc, model.nv)
+        rank = np.linalg.matrix_rank(jacobian[: data.ne], tol=1e-6)
+        assert model.nv - rank == robot.made.analysis.mobility, name
 
 
 def test_after_half_a_second_of_simulation_loops_are_closed(robot: Exported) -> None:
@@ -169,6 +184,26 @@ def test_pinocchio_reads_the_same_robot(robot: Exported) -> None:
     start = [np.linalg.inv(placed["base"]) if robot.made.robot.movable else np.eye(4) for placed in (found, expected)]
     for node in expected:
         np.testing.assert_allclose(start[0] @ found[node], start[1] @ expected[node], atol=EXACT)
+
+
+# --- what is written ---------------------------------------------------------------------------------------------
+def test_a_free_robot_falls_and_its_loops_stay_closed(folder: Path) -> None:
+    robot = exported("loose", folder)
+    model, data = read(robot)
+    height = data.body("base").xpos[2]
+    for _ in range(round(0.5 / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+    assert data.body("base").xpos[2] - height == pytest.approx(-0.5 * 9.81 * 0.25, rel=0.01)
+    assert opening(model, data) / robot.length < STAY
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 3, 4, 6, 9, 13, 19])
+def test_quaternions_turn_as_their_matrices_do(seed: int) -> None:
+    vector = np.random.default_rng(seed).normal(size=3)
+    vector *= math.pi / np.linalg.norm(vector) * (1.0 if seed < 3 else 1e-9 if seed < 6 else 0.1 * seed / 2)
+    turned = pin.exp3(vector)
+    w, x, y, z = quaternion(turned)
+    np.testing.assert_allclose(pin.Quaternion(w, x, y, z).toRotationMatrix(), turned, atol=1e-15)
 
 
 # --- meshes ------------------------------------------------------------------------------------------------------

@@ -1,5 +1,6 @@
 """Loops that are redundant but for rounded numbers: they are recognised, and healed or relaxed."""
 
+import copy
 from collections import Counter
 from pathlib import Path
 
@@ -13,9 +14,11 @@ import cinegen
 import raff2urdf
 from cinegen.ik.step import Status
 from cinegen.loops.clusters import subsystems
+from cinegen.model.healing import by_geometry, moved, twists_of
+from cinegen.model.intended import errors, relations
 from cinegen.model.load import build
 from raff2urdf.conversion import describe
-from raff2urdf.near_redundancy import near_redundancy
+from raff2urdf.near_redundancy import near_redundancy, settle
 
 LEGS = ("lower_0+1", "lower_0-1", "lower_1+1", "lower_1-1")
 
@@ -88,6 +91,12 @@ def test_legs_whose_hips_are_tilted_by_rounding_are_healed_or_relaxed(walkers):
         assert closure <= 1e-10
 
 
+def test_the_healed_geometry_is_that_of_another_process(walkers):
+    again = copy.deepcopy(walkers[0])
+    np.testing.assert_array_equal(again.q_home, walkers[0].q_home)
+    assert again.mobility == walkers[0].mobility
+
+
 @pytest.mark.parametrize(("name", "digits"), [("four_bar", 3), ("3rrr", 4), ("sarrus", 6), ("bennett", 3)])
 def test_rounded_mechanisms_are_healed(name, digits, recwarn):
     text, mobility = EXACT[name]
@@ -131,6 +140,30 @@ def test_raff2urdf_heals_as_load_does_and_what_it_writes_is_exact(name, angle, f
         np.testing.assert_allclose(apart.homogeneous, np.eye(4), atol=1e-9)
 
 
+def test_a_gap_that_is_no_rounding_is_an_error():
+    urdf, constraints = described(mechanisms.four_bar(2))
+    constraints["loops"][0]["first"]["placement"][2][3] += 0.1
+    with pytest.raises(cinegen.ClosureError):
+        build(urdf, constraints, relax=None)
+
+
+@pytest.mark.parametrize("name", ["sarrus", "3rrr", "bennett"])
+def test_derivatives_by_the_geometry_are_those_of_differences(name):
+    mechanism = build(*described(EXACT[name][0]))
+    system, rng = mechanism.structure.own_system(), np.random.default_rng(0)
+    count, twists = mechanism.model.njoints - 1, twists_of(system)
+    step = 1e-6 * rng.normal(size=(twists, 6))
+    step[count : 2 * count] = 0.0  # bodies behind joints: `moved` leaves them
+    q = system.integrate(mechanism.q_home, 0.1 * rng.normal(size=mechanism.model.nv))
+    ahead, back = moved(system, step.ravel()), moved(system, -step.ravel())
+    system.evaluate(q)
+    change = (ahead.evaluate(q)[0] - back.evaluate(q)[0]) / 2.0
+    np.testing.assert_allclose(by_geometry(system) @ step.ravel(), change, atol=1e-11)
+    wanted = relations(system)
+    change = (errors(ahead, wanted, twists)[0] - errors(back, wanted, twists)[0]) / 2.0
+    np.testing.assert_allclose(errors(system, wanted, twists)[1] @ step.ravel(), change, atol=1e-11)
+
+
 def test_loops_that_no_joint_can_open_are_not_nearly_redundant():
     class Rigid:
         def evaluate(self, q):
@@ -141,3 +174,23 @@ def test_loops_that_no_joint_can_open_are_not_nearly_redundant():
 
     assert near_redundancy(Rigid(), np.zeros(0)) is None
     assert near_redundancy(Rigid(), np.zeros(2)) is None
+
+
+class Circles:
+    """Two circles of radius 1 whose centres are 2.1 apart; no point of one is on the other."""
+
+    evaluations = 0
+
+    def evaluate(self, q):
+        self.evaluations += 1
+        (a, b), (c, d) = np.cos(q), np.sin(q)
+        return np.array([a + b - 2.1, c - d]), np.array([[-c, -d], [a, -b]])
+
+    def integrate(self, q, step):
+        return q + step
+
+
+def test_equations_that_can_not_be_solved_are_given_up_soon():
+    circles = Circles()
+    assert settle(circles, np.array([0.3, -0.2]), 1e-6) is None
+    assert circles.evaluations < 25

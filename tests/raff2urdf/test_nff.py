@@ -1,5 +1,6 @@
 """The Neutral File Format of WorldToolKit: what is written is read back, and what is wrong is said with its line."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -62,10 +63,36 @@ def test_a_cube_has_six_faces_of_its_colours() -> None:
     }
 
 
+def test_it_is_read_from_a_file(tmp_path: Path) -> None:
+    (tmp_path / "cube.nff").write_bytes(b"\xef\xbb\xbf" + CUBE.replace("cube ", "w\xfcrfel ").encode("latin-1"))
+    assert len(nff.read(tmp_path / "cube.nff")) == 6
+    with pytest.raises(RaffError, match=r"gone\.nff: can't be read: No such file"):
+        nff.read(tmp_path / "gone.nff")
+
+
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_any_end_of_line_any_space_and_comments_will_do(end: str) -> None:
     text = "// one more\n\n" + CUBE.replace(" ", "\t  ").replace("\n", " // said\n//\n \n") + "\n"
     assert found(text.replace("\n", end)) == found(CUBE)
+
+
+def test_the_version_may_be_left_out_and_unknown_lines_of_the_head_too() -> None:
+    head, body = CUBE.split("\n\n", 1)
+    assert found(f"NFF\n{body}") == found(CUBE)
+    assert found(f"{head}\nlight 0 0 1 0.5\nambient 0.3\n{body}") == found(CUBE)
+
+
+@pytest.mark.parametrize(
+    ("vertices", "colour"),
+    [
+        (("0x00ff00", "0x00ff00", "0x00ff00"), (0, 255, 0, 255)),  # as WorldToolKit has it: they count more
+        (("0x00ff00", "0x00ff00", "0x0000ff"), (255, 0, 0, 255)),  # shaded: one colour can't say it
+        (("0x00ff00", "", ""), (255, 0, 0, 255)),
+    ],
+)
+def test_a_colour_that_all_corners_share_is_the_polygons(vertices: tuple[str, ...], colour: tuple[int, ...]) -> None:
+    a, b, c = vertices
+    assert list(found(f"nff\na\n3\n0 0 0 {a}\n1 0 0 {b}\n0 1 0 {c}\n1\n3 0 1 2 0xf00\n")) == [colour]
 
 
 # --- written and read back ---------------------------------------------------------------------------------------

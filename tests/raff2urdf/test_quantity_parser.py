@@ -71,6 +71,13 @@ def test_a_number_without_a_unit_is_in_m_degrees_and_s(dimension, value):
     assert parse("1", dimension) == value
 
 
+def test_decimal_numbers_are_converted_exactly():
+    assert parse("-900mm", LENGTH) == -0.9
+    assert parse("0.3 mm", LENGTH) == 0.0003
+    assert parse("10in", LENGTH) == 0.254
+    assert parse("250", LENGTH, "mm") == 0.25
+
+
 @given(st.floats(1e-4, 1e5), st.sampled_from([LENGTH, ANGLE, SPEED, ANGULAR_SPEED, TIME]), st.sampled_from(["m", "mm"]))
 def test_what_is_shown_can_be_typed(number, dimension, unit):
     def both() -> tuple[str, float]:
@@ -135,6 +142,11 @@ def test_a_unit_behind_a_range_is_that_of_both_ends(low, high, unit):
 def test_ranges_that_are_refused(text, why):
     with pytest.raises(QuantityError, match=why):
         parse_range(text, LENGTH)
+
+
+def test_ends_of_a_range_may_have_different_units():
+    assert parse_range("-5mm..0.1m", LENGTH) == (-0.005, 0.1)
+    assert parse_range("-500mm..0", LENGTH) == (-0.5, 0.0)
 
 
 def test_in_a_list_all_numbers_have_a_unit_or_none():

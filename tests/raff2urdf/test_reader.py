@@ -79,6 +79,14 @@ def test_figure_5_repaired_means_what_it_says() -> None:
 # --- every construct ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize(("unit", "metres"), [("um", 0.0015), ("mm", 1.5), ("cm", 15.0), ("m", 1500.0)])
+def test_units_say_what_a_length_is(unit: str, metres: float) -> None:
+    document = raff2urdf.loads(f"RAFF test\nunits {unit}\nrobot r {{ }}")
+    assert document.units == unit
+    assert document.metres(1500.0) == metres
+    assert raff2urdf.loads("RAFF test").units == "mm"
+
+
 def test_the_six_parameters_stand_in_any_order_and_default_to_zero() -> None:
     link = link_of("parameters { epsilon 6 gamma 5 alpha 4 d 3 r 2 theta 1 }")
     assert link.parameters == RaffParameters(theta=1, r=2, d=3, alpha=4, gamma=5, epsilon=6)
@@ -156,6 +164,13 @@ robot s {
         (text[: text.index(word)].count("\n") + 1, text.index(word) - text.rfind("\n", 0, text.index(word)))
         for word in words
     ]
+
+
+def test_everything_that_blocks_lack_is_reported_at_once() -> None:
+    found = problems_of("RAFF t\nrobot r {\nlink 1 { }\nframe 2 { }\n}\nsensor 1 { }")
+    assert [(problem.location.line, problem.message.split("'")[1]) for problem in found if problem.location] == [
+        (3, "type"), (3, "pred"), (4, "pred"), (6, "port"),
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize("line", ["lnk 1 { type 2 pred 0 }", "link 1 { parameters { d x } }", "frame 1 { }"])

@@ -11,7 +11,7 @@ from mechanisms import Matrix, shift, turn
 from strategies import examples
 
 from raff2urdf.raff.document import LoopKind
-from raff2urdf.residual import log, log_derivative, loop_residual, skew
+from raff2urdf.residual import ROWS, log, log_derivative, loop_residual, skew
 
 STEP = 1e-6
 NUMERIC = 2e-9  # error of a central difference with STEP: 1e-16 / STEP, and third derivatives times STEP^2
@@ -73,7 +73,23 @@ def test_a_rotation_by_nearly_pi_keeps_angle_and_direction(direction: np.ndarray
     assert np.allclose(log(rotation), (math.pi - below) * direction, rtol=0, atol=2e-15)
 
 
+@given(directions())
+@examples(60)
+def test_a_rotation_by_pi_has_one_of_its_two_vectors(direction: np.ndarray) -> None:
+    half_turn = 2.0 * np.outer(direction, direction) - np.eye(3)
+    vector = log(half_turn)
+    assert min(np.abs(vector - math.pi * direction).max(), np.abs(vector + math.pi * direction).max()) <= 2e-15
+
+
 SMALL = 3e-3  # rad: below, Pinocchio's is wrong by up to 2e-9
+
+
+@given(directions(), st.floats(SMALL, 3.1) | st.floats(-2.5, -1.5).map(lambda exponent: 10.0**exponent))
+@examples(150)
+def test_the_derivative_of_the_rotation_vector_is_pinocchios(direction: np.ndarray, angle: float) -> None:
+    """Pinocchio's is by the velocity in the moving axes, one rotation away."""
+    rotation = pin.exp3(angle * direction)
+    assert np.allclose(log_derivative(angle * direction), pin.Jlog3(rotation) @ rotation.T, rtol=0, atol=1e-11)
 
 
 @given(directions(), st.floats(0.0, SMALL))
@@ -153,6 +169,25 @@ def test_a_gap_is_as_large_as_the_ends_are_off_what_the_joint_allows(
     twist[direction] = size
     residual = loop_residual(kind, pin.exp6(twist).homogeneous @ allowed, length)[0]
     assert np.linalg.norm(residual) >= 0.999 * size * (1.0 / length if direction < 3 else 1.0)
+
+
+@given(st.data(), kinds)
+@examples(100)
+def test_a_closed_joint_moves_freely_as_it_may_and_not_at_all_else(data: st.DataObject, kind: LoopKind) -> None:
+    """The derivative's null space, at a closed loop, is the joint's freedom: in the first end's axes."""
+    derivative = loop_residual(kind, data.draw(freedoms(kind)), 1.0)[1]
+    free = [i for i in range(6) if i not in FORBIDDEN[kind]]
+    assert np.linalg.matrix_rank(derivative, tol=1e-8) == ROWS[kind]
+    assert np.abs(derivative[:, free]).max(initial=0.0) <= 1e-14 or kind is LoopKind.PRISMATIC
+    if kind is LoopKind.PRISMATIC:  # p_z turns into p_x and p_y: only the slide itself is free
+        assert np.abs(derivative[:, 2]).max() <= 1e-14
+
+
+@pytest.mark.parametrize("flip", [turn("x", math.pi), turn("y", math.pi), turn("z", 1.0) @ turn("x", math.pi)])
+def test_a_hinge_with_opposite_axes_is_not_closed(flip: Matrix) -> None:
+    residual, derivative = loop_residual(LoopKind.REVOLUTE, flip, 1.0)
+    assert np.linalg.norm(residual) == pytest.approx(math.pi)
+    assert np.isfinite(derivative).all()
 
 
 @given(st.floats(-7, 7), st.floats(0, 3.1), st.floats(-7, 7))

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 import raff2urdf
-from raff2urdf.raff.document import Document, RaffPart, RaffRobot
+from raff2urdf.raff.document import Document, LoopKind, RaffPart, RaffRobot
 from raff2urdf.raff.drawn import slips_of
 from raff2urdf.shipped import robots
 from raff2urdf.slips import Fault
@@ -49,3 +49,10 @@ def shipped() -> Iterator[tuple[str, Document, RaffRobot]]:
 def test_robots_that_are_right_are_not_doubted() -> None:
     for name, document, robot in shipped():
         assert slips(document, robot) is None, name
+
+
+def test_a_rigid_loop_in_the_place_of_a_hinge_is_named() -> None:
+    document = raff2urdf.load("four_bar")
+    said = slips_of(document, document.robot(), {0: LoopKind.RIGID}, Fault.OPEN)
+    assert said is not None
+    assert "write 'type 2' for 'type 0' in the constraint" in said

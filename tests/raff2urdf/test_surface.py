@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from mechanisms import turn
 from strategies import examples
 
-from raff2urdf.graphics.surface import Polygons, area, fewer_colours, stl
+from raff2urdf import RaffError
+from raff2urdf.graphics.surface import LARGEST, MOST_CORNERS, Polygons, area, fewer_colours, stl
 
 COLOURS = st.tuples(*[st.integers(0, 255)] * 4)
 
@@ -62,6 +63,58 @@ def test_triangles_have_the_area_of_their_polygon_and_face_where_it_does(
     expected = shoelace(outline)
     assert found.sum(axis=0) == pytest.approx(expected * rotation[:, 2], abs=1e-3)
     assert np.linalg.norm(found, axis=1).sum() == pytest.approx(expected, rel=1e-4, abs=1e-3)
+
+
+def test_a_concave_quadrangle_is_cut_along_its_inner_diagonal() -> None:
+    """Whichever corner is the inner one. A fan from the first corner has 3 times the area where it is wrong."""
+    dart = [(0.0, 0.0, 0.0), (2.0, -1.0, 0.0), (0.5, 0.0, 0.0), (2.0, 1.0, 0.0)]
+    for shift in range(4):
+        corners = np.array(dart[shift:] + dart[:shift])
+        assert area(cut(corners)) == pytest.approx(0.5)
+
+
+@given(outlines())
+@examples(30)
+def test_what_is_seen_from_both_sides_faces_both(outline: list[tuple[float, float]]) -> None:
+    corners = np.column_stack([np.array(outline), np.zeros(len(outline))])
+    found = directed_area(cut(corners, both=True))
+    assert found.sum(axis=0) == pytest.approx(0.0, abs=1e-3)
+    assert np.linalg.norm(found, axis=1).sum() == pytest.approx(2.0 * shoelace(outline), rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    "corners",
+    [
+        [(0, 0, 0)] * 3,
+        [(0, 0, 0), (1, 1, 1), (2, 2, 2)],
+        [(0, 0, 0), (1, 0, 0), (2, 0, 0), (3, 0, 0)],
+        [(0, 0, 0), (1, 0, 0), (2, 0, 0), (3, 0, 0), (4, 0, 0)],
+        [(5, 5, 5)] * 7,
+        [(1e-46, 0, 0), (0, 1e-46, 0), (0, 0, 0)],
+    ],
+)
+def test_what_has_no_area_is_left_out(corners: list[tuple[float, float, float]]) -> None:
+    polygons = Polygons()
+    polygons.add(corners, (1, 2, 3, 255))
+    assert polygons.surfaces() == []
+
+
+@pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf, 1.01 * LARGEST, 1e300])
+@pytest.mark.parametrize("count", [3, 4, 6])
+def test_what_is_no_number_for_stl_is_refused(number: float, count: int) -> None:
+    polygons = Polygons()
+    polygons.add([(0.0, 0.0, float(i * i)) for i in range(count - 1)] + [(0.0, 1.0, number)], None)
+    with pytest.raises(RaffError, match="not a number up to 1e\\+37"):
+        polygons.surfaces()
+
+
+def test_a_polygon_of_too_many_corners_is_refused() -> None:
+    circle = [(math.cos(i), math.sin(i), 0.0) for i in np.linspace(0.0, 6.0, MOST_CORNERS)]
+    polygons = Polygons()
+    polygons.add(circle, None)
+    assert len(polygons.surfaces()[0].triangles) == MOST_CORNERS - 2
+    with pytest.raises(RaffError, match="1001 corners"):
+        polygons.add([*circle, (0.0, 0.0, 0.0)], None)
 
 
 # --- colours -----------------------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -9,13 +10,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
-from mechanisms import shift
-from strategies import documents, examples
+from mechanisms import shift, turn
+from strategies import EXTREME, UNITS, documents, examples
 
 import raff2urdf
 from raff2urdf import RaffError, loads
 from raff2urdf.conversion import Translation, translate
-from raff2urdf.raff.document import Document, JointType, RaffRobot
+from raff2urdf.placement import roll_pitch_yaw
+from raff2urdf.raff.document import Document, JointType, RaffLink, RaffParameters, RaffRobot
+from raff2urdf.raff.kleinfinger import Kleinfinger
 from raff2urdf.tree import placements
 from raff2urdf.writers.urdf import UNLIMITED
 
@@ -34,6 +37,10 @@ def translated(
 def text_of(body: str) -> str:
     """The URDF of the robot whose block holds `body`."""
     return translated(loads(f"RAFF test\nrobot r {{\n{body}\n}}")).urdf
+
+
+def xml_of(body: str) -> Any:
+    return etree.fromstring(text_of(body).encode())
 
 
 def numbers(text: str) -> list[float]:
@@ -76,7 +83,30 @@ def test_pinocchio_places_every_node_where_raff_does(document: Document, seed: i
             assert np.abs(found[node.node] - expected[number]).max() <= EXACT
 
 
+@pytest.mark.parametrize("near", [0.0, 1e-15, 1e-12, 1e-9, 1e-8, 1e-7, 1e-5, 1e-3])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_angles_are_exact_at_a_pitch_near_90_degrees(near: float, side: float) -> None:
+    placement = turn("z", 0.7) @ turn("y", side * (math.pi / 2.0 - near)) @ turn("x", -0.4)
+    roll, pitch, yaw = roll_pitch_yaw(placement)
+    assert np.abs(turn("z", yaw) @ turn("y", pitch) @ turn("x", roll) - placement).max() <= 1e-15
+
+
 # --- joints ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("link", "kind"),
+    [
+        ("type 0 pred 0", "fixed"),
+        ("type 1 pred 0", "prismatic"),
+        ("type 2 pred 0", "continuous"),
+        ("type 2 pred 0 limits { 0 90 }", "revolute"),
+    ],
+)
+def test_a_joint_has_the_type_that_its_link_says(link: str, kind: str) -> None:
+    (joint,) = xml_of(f"link 1 {{ {link} }}").findall("joint")
+    assert (joint.get("name"), joint.get("type")) == ("joint1", kind)
+    assert (joint.find("parent").get("link"), joint.find("child").get("link")) == ("base", "link1")
 
 
 def test_limits_are_in_radians_metres_and_seconds() -> None:
@@ -91,6 +121,19 @@ def test_limits_are_in_radians_metres_and_seconds() -> None:
     assert model.upperPositionLimit.tolist() == [math.radians(80), 0.21121]
     assert model.velocityLimit.tolist() == [math.radians(90), 0.5]
     assert model.effortLimit.tolist() == [12.5, UNLIMITED]
+
+
+@given(st.tuples(EXTREME, EXTREME), EXTREME.filter(bool), st.sampled_from([1, 2]), st.sampled_from(UNITS))
+@examples(100)
+def test_limits_read_back_to_the_same_double(pair: tuple[float, float], speed: float, kind: int, units: str) -> None:
+    """Up to what counts as unlimited."""
+    link = RaffLink(1, RaffParameters(), JointType(kind), 0, limits=(min(pair), max(pair)), velocity=abs(speed))
+    document = Document("t", (RaffRobot("r", parts=(link,)),), units=units)
+    limit = etree.fromstring(translated(document).urdf.encode()).find("joint/limit")
+    si = math.radians if kind == 2 else document.metres
+    low, high = (min(max(si(value), -UNLIMITED), UNLIMITED) for value in (min(pair), max(pair)))
+    assert (float(limit.get("lower")), float(limit.get("upper"))) == (low, high)
+    assert float(limit.get("velocity")) == min(si(abs(speed)), UNLIMITED)
 
 
 # --- the base ----------------------------------------------------------------------------------------------------
@@ -150,3 +193,32 @@ def test_a_robot_of_any_size_is_drawn_or_refused(size: float, word: str) -> None
         check_shapes(text)
         origins = etree.fromstring(text.encode()).findall("joint/origin")
         assert all(math.isfinite(number) for origin in origins for number in numbers(origin.get("xyz")))
+
+
+def ends_of_bars(document: Document, robot: RaffRobot | None = None) -> dict[str, list[np.ndarray]]:
+    """Both ends of every cylinder that collides, in the frame of its node."""
+    xml = etree.fromstring(translated(document, robot).urdf.encode())
+    ends: dict[str, list[np.ndarray]] = {}
+    for link in xml.findall("link"):
+        for visual in link.findall("collision"):
+            cylinder = visual.find("geometry/cylinder")
+            if cylinder is None:
+                continue
+            roll, pitch, yaw = numbers(visual.find("origin").get("rpy"))
+            axis = (turn("z", yaw) @ turn("y", pitch) @ turn("x", roll))[:3, 2]
+            middle = np.array(numbers(visual.find("origin").get("xyz")))
+            half = 0.5 * float(cylinder.get("length")) * axis
+            ends.setdefault(link.get("name"), []).extend([middle - half, middle + half])
+    return ends
+
+
+@given(st.builds(Kleinfinger, *[st.floats(-3, 3) if i % 2 == 0 else st.floats(0.1, 1.0) for i in range(6)]))
+@examples(40)
+def test_bars_lead_all_the_way_to_where_a_child_stands(k: Kleinfinger) -> None:
+    words = f"gamma {math.degrees(k.gamma)!r} epsilon {1e3 * k.epsilon!r} alpha {math.degrees(k.alpha)!r}"
+    words += f" d {1e3 * k.d!r} theta {math.degrees(k.theta)!r} r {1e3 * k.r!r}"
+    document = loads(f"RAFF t\nrobot r {{ link 1 {{ parameters {{ {words} }} type 2 pred 0 }} }}")
+    child = placements(document, document.robot())[1][:3, 3]
+    ends = ends_of_bars(document)["base"]
+    assert min(np.linalg.norm(end) for end in ends) <= 1e-5
+    assert min(np.linalg.norm(end - child) for end in ends) <= 1e-5

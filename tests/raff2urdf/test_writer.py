@@ -1,5 +1,6 @@
 """What is written reads back as the same document."""
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -32,6 +33,11 @@ def test_white_space_and_comments_mean_nothing(document: Document, data: st.Data
     assert raff2urdf.loads(data.draw(layouts(text))) == document
 
 
+@pytest.mark.parametrize("name", ["robot", "3RRR", "a b", "", "-1", "a//b", "{", "Tête à tête", ".5"])
+def test_a_file_may_bear_any_name(name: str) -> None:
+    assert raff2urdf.loads(raff2urdf.dumps(Document(name))).name == name
+
+
 @pytest.mark.parametrize("wrong", ['a "b"', "a\nb"])
 @pytest.mark.parametrize("where", ["document", "path", "name", "filename", "port"])
 def test_a_text_that_raff_cannot_hold_is_refused(wrong: str, where: str) -> None:
@@ -45,6 +51,13 @@ def test_a_text_that_raff_cannot_hold_is_refused(wrong: str, where: str) -> None
     }[where]()
     with pytest.raises(raff2urdf.RaffError, match="quotation mark or a line's end"):
         raff2urdf.dumps(document)
+
+
+@pytest.mark.parametrize("wrong", [math.inf, -math.inf, math.nan])
+def test_a_number_that_raff_cannot_hold_is_refused(wrong: float) -> None:
+    link = RaffLink(1, RaffParameters(d=wrong), JointType.REVOLUTE, 0)
+    with pytest.raises(raff2urdf.RaffError):
+        raff2urdf.dumps(Document("x", (RaffRobot("r", parts=(link,)),)))
 
 
 @pytest.mark.parametrize("what", ["graphics", "sensors"])

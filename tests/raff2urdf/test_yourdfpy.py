@@ -24,9 +24,13 @@ from yourdfpy import (
     Visual,
 )  # fmt: skip
 
+import raff2urdf
 from raff2urdf import RaffError, readers
+from raff2urdf.conversion import translate
 from raff2urdf.placement import from_origin
 from raff2urdf.urdf_object import ExactUrdf, geometry, material_of
+
+ROBOTS = Path(__file__).parents[2] / "robots"
 
 ULP = 2.0**-52
 
@@ -43,6 +47,18 @@ def read_back(text: str) -> yourdfpy.URDF:
 
 def two_links(joint: Joint, *visuals: Visual, inertial: Inertial | None = None) -> Robot:
     return Robot("r", [Link("a"), Link("b", inertial, list(visuals))], [joint])
+
+
+@pytest.mark.parametrize("name", ["delta4", "gough", "arm7"])
+def test_a_translated_robot_is_a_valid_yourdfpy_urdf_and_its_text_is_that_object(name: str) -> None:
+    path = ROBOTS / f"{name}.raff"
+    document = raff2urdf.load(path)
+    made = translate(document, document.robot(), path.parent)
+    assert isinstance(made.model, yourdfpy.URDF)
+    assert made.model.validate()
+    for joint in made.model.robot.joints:
+        joint.axis = np.array([1.0, 0.0, 0.0]) if joint.axis is None else joint.axis  # as it is read
+    assert read_back(made.urdf) == made.model
 
 
 @given(
@@ -107,6 +123,20 @@ def test_what_can_not_be_written_is_named(change: dict, message: str) -> None:
     vars(joint).update(change)
     with pytest.raises(RaffError, match=message):
         ExactUrdf(two_links(joint)).text()
+
+
+@pytest.mark.parametrize(
+    ("shapes", "inertia", "message"),
+    [
+        ([Visual(geometry=geometry("mesh", (1.0, 1.0, 1.0), None))], np.eye(3), "Argument must be bytes or unicode"),
+        ([Visual()], np.eye(3), "One of <sphere>, <cylinder>, <box>, <mesh> needs to be defined"),
+        ([], np.array([[1.0, 0.1, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), "its inertia must be a symmetric"),
+    ],
+)
+def test_the_link_that_can_not_be_written_is_named(shapes: list[Visual], inertia: np.ndarray, message: str) -> None:
+    robot = two_links(Joint("j", "fixed", "a", "b"), *shapes, inertial=Inertial(np.eye(4), 1.0, inertia))
+    with pytest.raises(RaffError, match=f"link 'b' of robot 'r' can't be written as URDF: {message}"):
+        ExactUrdf(robot).text()
 
 
 def test_a_model_without_a_name_gets_one(tmp_path: Path) -> None:

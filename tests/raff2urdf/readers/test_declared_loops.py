@@ -144,6 +144,15 @@ def test_a_loop_of_old_gazebo_is_warned_of(bars):
         readers.read(bars(f"<gazebo>{hinge.format('a')}{hinge.format('b')}</gazebo>"))
 
 
+def test_a_second_parent_is_removed_from_the_tree(bars):
+    path = bars(f'<joint name="pin" type="continuous">\n{ENDS}</joint>')
+    with pytest.warns(RaffWarning, match=r"every joint moves independently: joint 'pin' \(line 6\)"):
+        opened = readers.read(path, ignore_loops=True)
+    for text in (opened.urdf, readers.read(path).urdf):
+        assert '"pin"' not in text
+        assert text.count("<joint") == 3
+
+
 # --- raff2urdf's own URDFs ---------------------------------------------------------------------------------------
 
 
@@ -160,3 +169,13 @@ def test_a_urdf_of_ours_without_its_constraints_is_refused(elements, root, tmp_p
         readers.read(urdf)
     urdf.write_text(re.sub("  <!-- raff2urdf constraints: .*-->\n", "", urdf.read_text()))
     assert readers.read(urdf)[1] is None  # nothing in it tells of a loop
+
+
+def test_a_urdf_of_ours_without_loops_names_its_constraints_too(root, tmp_path):
+    """They have its home and its sensors."""
+    raff2urdf.convert(root / "robots" / "arm7.raff", tmp_path)
+    urdf = tmp_path / "arm7.urdf"
+    assert "<!-- raff2urdf constraints: arm7.constraints.json (0 loops) -->" in urdf.read_text()
+    (tmp_path / "arm7.constraints.json").unlink()
+    with pytest.warns(raff2urdf.RaffWarning, match=r"arm7\.urdf:4: this comment names arm7\.constraints\.json"):
+        assert readers.read(urdf)[1] is None

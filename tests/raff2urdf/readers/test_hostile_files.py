@@ -85,6 +85,14 @@ def test_numbers_of_couplings_in_raff(tmp_path: Path) -> None:
         refused(tmp_path, message, r__raff=text)
 
 
+def test_a_velocity_limit_that_would_be_taken_for_none(tmp_path: Path) -> None:
+    urdf = URDF.format('<limit effort="1" velocity="1e-13"/>', "")
+    message = "velocity limit of {0} is 1e-13: it must be above 0, and not as slow as 1e-12 rad/s or m/s"
+    refused(tmp_path, message.format("joint 'j'"), r__urdf=urdf)
+    raff = "RAFF x\nrobot r { base { } link 1 { type 2 pred 0 velocity 1e-13 } }"
+    refused(tmp_path, message.format("link 1"), r__raff=raff)
+
+
 def of_b(content: str) -> str:
     """A URDF whose link b has some content, which begins on line 2."""
     return URDF.format("", "").replace('<link name="b"/>', f'<link name="b">{content}</link>')
@@ -102,6 +110,25 @@ MASS = '<inertial>\n<mass value="{}"/></inertial>'
 def test_shapes_and_masses(tmp_path: Path, content: str, message: str, capfd: pytest.CaptureFixture[str]) -> None:
     """URDF's own parser prints an error, and leaves them out or goes on."""
     refused(tmp_path, f"r.urdf:3: {message}", r__urdf=of_b(content))
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("inertial", "lacks"),
+    [
+        ('<mass value="1"/>', "inertia"),
+        ('<mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0"/>', "izz of <inertia>"),
+    ],
+)
+def test_an_incomplete_mass_is_reported(
+    tmp_path: Path, inertial: str, lacks: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "r.urdf"
+    path.write_text(of_b(f"<inertial>{inertial}</inertial>"))
+    with pytest.warns(
+        cinegen.CinegenWarning, match=rf"r.urdf:2: the <inertial> of link 'b' has no {lacks}: its mass is"
+    ):
+        cinegen.load(path)
     assert capfd.readouterr() == ("", "")
 
 
@@ -242,6 +269,14 @@ def test_mjcf_includes_files_near_it_only(tmp_path: Path, element: str) -> None:
     for file in ("../../secret.xml", str(tmp_path / "secret.xml"), "link.xml"):
         refused(folder, rf"r.xml:1: the file '{file}' leads out of", r__xml="<mujoco>" + element.format(file) + body)
     refused(folder, "'pipe.xml' is not a regular file", r__xml="<mujoco>" + element.format("pipe.xml") + body)
+
+
+def test_an_error_lists_twenty_problems(tmp_path: Path) -> None:
+    links = "\n".join(f"link {i} {{ type 7 pred 0 }}" for i in range(1, 100))
+    (tmp_path / "r.raff").write_text(f"RAFF x\nrobot r {{ base {{ }}\n{links}\n}}")
+    with pytest.raises(RaffError, match=r"and 79 more$") as caught:
+        cinegen.load(tmp_path / "r.raff")
+    assert len(caught.value.problems) == 99
 
 
 def test_an_error_quotes_some_of_a_long_text(tmp_path: Path) -> None:

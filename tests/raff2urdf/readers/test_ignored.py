@@ -53,6 +53,13 @@ def test_loops_and_couplings_that_are_read_are_not_listed(tmp_path):
     assert ignored(write(tmp_path, loop + frames + control)) == [("ros2_control/hardware", 1, (5,))]
 
 
+def test_what_drives_joints_is_not_listed(tmp_path):
+    transmission = "<transmission name='t'><joint name='drive'/><actuator name='m'/></transmission>"
+    plugin = "<gazebo><plugin name='p' filename='libdiff_drive.so'><leftJoint>drive</leftJoint></plugin></gazebo>"
+    control = "<ros2_control name='r'><joint name='drive'><command_interface name='c'/></joint></ros2_control>"
+    assert ignored(write(tmp_path, transmission + plugin + control)) == []
+
+
 def test_other_formats(root, tmp_path):
     path = tmp_path / "arm.sdf"
     path.write_text(

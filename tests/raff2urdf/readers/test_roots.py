@@ -51,6 +51,11 @@ def test_a_world_that_is_not_declared_is_the_base(load, kind, floating):
     assert declared.source.notes == ()
 
 
+def test_another_parent_that_is_not_declared_is_refused(load):
+    with pytest.raises(cinegen.CinegenError, match="'wurld', which is not a link"):
+        load(links("a"), TURN.format("j", "wurld", "a", "0 0 0"))
+
+
 FOUR_BAR = (
     links("ground", "crank", "rocker", "coupler"),
     TURN.format("drive", "ground", "crank", "0 0 0"),
@@ -81,6 +86,25 @@ def test_a_tree_that_only_loops_join_to_the_base_is_held_by_them(load, first):
         np.testing.assert_allclose(crank @ [0.0, 0.1, 0.0, 1.0], coupler @ [0.0, 0.0, 0.0, 1.0], atol=1e-9)
         np.testing.assert_allclose(coupler @ [0.5, 0.0, 0.0, 1.0], rocker @ [0.0, 0.3, 0.0, 1.0], atol=1e-9)
         np.testing.assert_allclose(coupler[2], [0.0, 0.0, 1.0, 0.0], atol=1e-9)  # it stays in the plane
+
+
+@pytest.mark.parametrize("motors", ["name_mot: [drive]", ""])
+def test_files_next_to_a_urdf_join_trees_too(load, tmp_path, motors):
+    ends = links("at_crank", "at_rocker", "end")
+    fixed = '<joint name="{0}" type="fixed"><parent link="{1}"/><child link="{0}"/><origin xyz="{2}"/></joint>'
+    fixed = "".join(fixed.format(*one) for one in (
+        ("at_crank", "crank", "0 0.1 0"), ("at_rocker", "rocker", "0 0.3 0"), ("end", "coupler", "0.5 0 0"),
+    ))  # fmt: skip
+    pairs = "closed_loop: [[at_crank, coupler], [at_rocker, end]]\ntype: [3d, 3d]"
+    (tmp_path / "r.yaml").write_text(f"{pairs}\n{motors}\n")
+    found = load(*FOUR_BAR, ends, fixed)
+    assert found.mobility == 2  # balls: the coupler spins about its own axis
+    assert found.actuated == ("drive",)
+    assert not [node for node in found.nodes if "_free" in node]
+    for q in (found.q_home, *found.random_closed(5)):
+        at = {link: found.placement(q, link).translation for link in ("at_crank", "at_rocker", "coupler", "end")}
+        np.testing.assert_allclose(at["at_crank"], at["coupler"], atol=1e-9)
+        np.testing.assert_allclose(at["at_rocker"], at["end"], atol=1e-9)
 
 
 def test_two_trees_meet_in_a_link_with_two_parents(load):

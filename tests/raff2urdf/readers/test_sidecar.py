@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import warnings
 
 import pytest
@@ -9,7 +10,7 @@ import pytest
 import cinegen
 import raff2urdf
 from raff2urdf import readers
-from raff2urdf.errors import RaffWarning
+from raff2urdf.errors import RaffError, RaffWarning
 
 
 @pytest.fixture
@@ -19,6 +20,59 @@ def five_bar(root, tmp_path):
     urdf = tmp_path / "five_bar.urdf"
     urdf.write_text(re.sub("  <!--.*-->\n", "", urdf.read_text()))
     return tmp_path
+
+
+def refused(path, message):
+    with pytest.raises(RaffError, match=message) as caught:
+        readers.read(path)
+    assert "--ignore-loops (in Python ignore_loops=True)" in str(caught.value)
+    with pytest.warns(RaffWarning, match="left out, as requested"):
+        assert readers.read(path, ignore_loops=True)[1] is None
+
+
+RENAMED = "{} fits this URDF and no other one here: rename it to "
+
+KEPT = "five_bar.constraints.json"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("five_bar.urdf", "r.urdf", RENAMED.format(KEPT) + "r.constraints.json, or leave the loops open"),
+        (KEPT, "loops.json", RENAMED.format("loops.json") + "five_bar"),
+        (KEPT, "five_bar.urdf.constraints.json", RENAMED.format("five_bar.urdf.constraints.json") + "five_bar"),
+        (KEPT, "FIVE_BAR.CONSTRAINTS.json", "FIVE_BAR.CONSTRAINTS.json differs only in case: rename it to five_bar"),
+    ],
+)
+def test_a_file_that_was_renamed(old, new, says, five_bar):
+    (five_bar / old).rename(five_bar / new)
+    refused(next(five_bar.glob("*.urdf")), f"its loops would be lost: {says}")
+
+
+@pytest.mark.parametrize("name", [KEPT, "robot.yaml"])
+def test_a_link_to_nowhere(name, five_bar):
+    (five_bar / KEPT).unlink()
+    (five_bar / name).symlink_to("gone.json")
+    refused(five_bar / "five_bar.urdf", f"{name} is a link to gone.json, which does not exist: restore that file")
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted"), [("robot.yml", "robot.yaml"), ("Robot.yaml", "robot.yaml"), ("five_bar.yml", "five_bar.yaml")]
+)
+def test_a_robot_yaml_under_another_name(name, wanted, five_bar):
+    (five_bar / KEPT).unlink()
+    (five_bar / name).write_text("closed_loop: [[link5, link3]]\ntype: [6d]\n")
+    refused(five_bar / "five_bar.urdf", f"{name} is not read under this name: rename it to {wanted}")
+
+
+def test_a_copy_of_a_urdf_without_its_constraints(five_bar):
+    """They name the URDF by its hash, though they belong to another one by their name."""
+    shutil.copy(five_bar / "five_bar.urdf", five_bar / "r.urdf")
+    message = "five_bar.constraints.json was written for the same links and joints: copy it to r.constraints.json"
+    refused(five_bar / "r.urdf", message)
+    (five_bar / "five_bar.constraints.json").rename(five_bar / "any.json")
+    (five_bar / "five_bar.urdf").unlink()
+    refused(five_bar / "r.urdf", message.replace("five_bar.constraints.json", "any.json"))
 
 
 # --- constraints name their URDF ---------------------------------------------------------------------------------

@@ -25,9 +25,11 @@ ARM = """<robot name="arm">
 
 @pytest.mark.parametrize(("change", "says"), [
     (('<child link="tool"/>', '<child link="upper"/>'), r"x:12: joint 'hold' has the child 'upper' .*line 5: "),
+    (('<link name="tool"/>', '<link name="upper"/>'), r"x:4: link 'upper' is defined twice, first on line 3"),
     (('rpy="0 0 0.5"', 'rpy="0 0"'), r'x:8: rpy="0 0" of <origin> must be three numbers'),
     (('xyz="0 0 1" rpy', 'xyz="0 nan 1" rpy'), r'x:8: xyz="0 nan 1" of <origin> must be three numbers'),
     (('velocity="3"', 'velocity="-3"'), r"x:10: the velocity limit of joint 'turn' is -3: it must not be negative"),
+    (('lower="-1"', 'lower="nan"'), r"x:10: the lower limit 'nan' of joint 'turn' is not a number"),
     (('effort="1"', 'effort="nan"'), r"x:10: the effort limit 'nan' of joint 'turn' is not a number"),
     (('<limit', '<dynamics damping="thick"/><limit'), r"x:10: the damping 'thick' of joint 'turn' must be a"),
     (('<limit', '<dynamics friction="-1"/><limit'), r"x:10: the friction '-1' of joint 'turn' .* not negative"),

@@ -3,9 +3,11 @@
 import re
 import sys
 
+import numpy as np
 import pytest
 
 import cinegen
+import raff2urdf
 from raff2urdf import readers
 from raff2urdf.errors import RaffError
 
@@ -63,6 +65,17 @@ def test_a_sidecar_file_is_named_without_xacro(bars, tmp_path):
     assert cinegen.load(path).mobility == 2
 
 
+def test_commands_and_conversion_take_xacro(bars, tmp_path, capsys):
+    from cinegen.cli import main
+    from raff2urdf.urdf2raff.cli import main as urdf2raff
+
+    path = bars("bars.urdf.xacro", BARS.replace("loop_joint", "frame"))
+    assert main(["info", str(path)]) == 0
+    assert "bars: robot 'bars', mobility 2" in capsys.readouterr().out
+    assert urdf2raff([str(path), "-o", f"{tmp_path}/"]) == 0
+    assert len(raff2urdf.load(tmp_path / "bars.raff").robot().links) == 2
+
+
 @pytest.mark.parametrize(("element", "says"), [
     ("<xacro:nope/>", "xacro: unknown macro name: xacro:nope"),
     ('<link name="${nope}"/>', "xacro: name 'nope' is not defined"),
@@ -75,6 +88,22 @@ def test_what_xacro_refuses_is_told(element, says, bars):
         readers.read(path)
 
 
+def test_packages_are_found_as_for_meshes_without_ros(bars, tmp_path, capsys):
+    from cinegen.cli import main
+
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts/bar.xacro").write_text(BAR)
+    bars_open = BARS.replace("loop_joint", "frame")
+    path = bars("b/urdf/bars.urdf.xacro", bars_open.replace("bar.xacro", "$(find bars)/bar.xacro"))
+    assert main(["info", str(path)]) == 1
+    option = re.search(r"package 'bars' is not found: .* by (--package bars=)FOLDER \(in", capsys.readouterr().err)[1]
+    assert main(["info", str(path), *f"{option}{tmp_path / 'parts'}".split()]) == 0
+    assert cinegen.load(path, packages={"bars": tmp_path / "parts"}).mobility == 2
+    (tmp_path / "b/package.xml").write_text("<package><name>bars</name></package>")
+    (tmp_path / "b/bar.xacro").write_text(BAR)
+    assert cinegen.load(path).mobility == 2
+
+
 ARMS = """<robot name="arms" xmlns:xacro="http://www.ros.org/wiki/xacro">
   <xacro:arg name="prefix" default="left_"/> <xacro:arg name="length" default="1"/>
   <link name="$(arg prefix)base"/> <link name="tip"/>
@@ -82,6 +111,25 @@ ARMS = """<robot name="arms" xmlns:xacro="http://www.ros.org/wiki/xacro">
     <parent link="$(arg prefix)base"/> <child link="tip"/> <origin xyz="$(arg length) $(arg height) 0"/>
   </joint>
 </robot>"""
+
+
+def test_arguments_are_given_and_missing_ones_proposed(bars, tmp_path, capsys):
+    from cinegen.cli import main
+    from raff2urdf.urdf2raff.cli import main as urdf2raff
+
+    path = bars("arms.xacro", ARMS)
+    assert main(["info", str(path)]) == 1
+    said = capsys.readouterr().err
+    declared = 'the file declares prefix (default "left_"), length (default "1")'
+    assert "the argument 'height' has no value: add --xacro-arg height=VALUE (in Python xacro_args={" in said
+    assert declared in said
+    option = re.search(r"add (--xacro-arg height=)VALUE", said)[1].split()
+    assert main(["info", str(path), option[0], option[1] + "2"]) == 0
+    arms = cinegen.load(path, xacro_args={"height": "2", "prefix": "right_"})
+    assert arms.nodes == ("right_base", "tip")
+    np.testing.assert_allclose(arms.placement(arms.q_home, "tip").translation, [1.0, 2.0, 0.0])
+    assert urdf2raff([str(path), "-o", f"{tmp_path}/", "--xacro-arg", "height=2"]) == 0
+    assert raff2urdf.to_raff(path, xacro_args={"height": "2"}).joints
 
 
 @pytest.mark.parametrize(("name", "options", "says"), [
@@ -107,6 +155,16 @@ def test_an_option_without_effect_is_refused(name, options, says, bars, capsys, 
         assert re.search(says, capsys.readouterr().err)
 
 
+def test_an_option_needs_an_effect_on_one_of_several_files(bars, capsys):
+    from cinegen.cli import main
+
+    arms, others = bars("arms.xacro", ARMS), bars("others.xacro", ARMS.replace("prefix", "side"))
+    given = ["--xacro-arg", "height=2", "--xacro-arg", "prefix=a_", "--xacro-arg", "side=b_"]
+    assert main(["info", str(arms), str(others), *given]) == 0
+    assert main(["info", str(arms), str(others), *given, "--xacro-arg", "wide=1"]) == 1
+    assert "arms.xacro, " in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("given", ["side", "=left", "side=left=right"])
 def test_an_argument_is_a_name_and_a_value(given, bars, capsys):
     from cinegen.cli import main
@@ -114,6 +172,45 @@ def test_an_argument_is_a_name_and_a_value(given, bars, capsys):
     path = bars("arms.xacro", ARMS.replace("$(arg height)", "0").replace("prefix", "side"))
     assert main(["info", str(path), "--xacro-arg", given]) == (0 if given.startswith("side=") else 2)
     assert ("write NAME=VALUE" in capsys.readouterr().err) != given.startswith("side=")
+
+
+def test_a_file_of_macros_names_those_that_call_them(tmp_path, capsys):
+    from cinegen.cli import main
+
+    xacro, include = (
+        '<robot {0} xmlns:xacro="http://www.ros.org/wiki/xacro">{1}</robot>',
+        '<xacro:include filename="{}"/>',
+    )
+    (tmp_path / "robots").mkdir()
+    (tmp_path / "macros").mkdir()
+    (tmp_path / "package.xml").write_text("<package><name>arms</name></package>")
+    own = tmp_path / "macros/bar.xacro"
+    with_block = BAR.replace("parent at", "parent at:=0 color:=red *origin").replace('<origin xyz="${at}"/>', "")
+    own.write_text(with_block.replace("</joint>", '<xacro:insert_block name="origin"/></joint>'))
+    assert main(["info", str(own)]) == 1
+    said = capsys.readouterr().err
+    assert re.search(r"bar.xacro: defines macros only \('bar'\): load a file that calls them, by <xacro:include", said)
+    lines = re.search(r"by (<.*>)", said)[1].replace('filename="bar', f'filename="{tmp_path}/macros/bar')
+    for word, value in (("name", "tip"), ("parent", "base")):
+        lines = lines.replace(f'{word}="..."', f'{word}="{value}"')
+    written = tmp_path / "written.xacro"
+    written.write_text(xacro.format('name="it"', f'<link name="base"/>{lines}'))
+    assert cinegen.load(written).joints == ("tip_joint",)
+    written.write_text(xacro.format('name="it"', include.format(own)))
+    assert main(["info", str(written)]) == 1
+    assert "written.xacro: defines macros only ('bar'): load a file that calls them" in capsys.readouterr().err
+    written.unlink()
+    own.write_text(BAR)
+    two = '<xacro:macro name="two"><xacro:bar name="b" parent="a" at="0 0 1"/></xacro:macro>'
+    (tmp_path / "macros/two.xacro").write_text(xacro.format("", include.format("../macros/bar.xacro") + two))
+    caller = tmp_path / "robots/two.urdf.xacro"
+    calls = f'{include.format("$(find arms)/macros/two.xacro")}<link name="a"/><xacro:two/>'
+    caller.write_text(xacro.format('name="two"', calls))
+    for path in (own, tmp_path / "macros/two.xacro"):
+        assert main(["info", str(path)]) == 1
+        named = re.search(r"defines macros only .*: load (\S+), which calls them", capsys.readouterr().err)[1]
+        assert named == str(caller)
+    assert main(["info", named]) == 0
 
 
 def test_without_xacro_the_error_names_the_command_that_installs_it(tmp_path, monkeypatch):

@@ -25,6 +25,7 @@ def test_what_can_mean_only_one_thing_is_read(text):
     ("<robot/><robot/>", "x:1: invalid XML: Extra content"),
     ("<robot>\n" + 10_000 * "<a>" + 10_000 * "</a>" + "</robot>", "x:2: invalid XML: Excessive depth"),
     ("<!DOCTYPE r [<!ENTITY a 'ha'><!ENTITY b '&a;&a;'>]><r>&b;</r>", "x:1: the entity 'a' is not read"),
+    ("<!DOCTYPE r [<!ENTITY a SYSTEM 'file:///etc/passwd'>]><r>&a;</r>", "x:1: the entity 'a' is not read"),
     ("<!DOCTYPE r SYSTEM 'x.dtd'><r>\n&b;</r>", r"x:\d: the entity 'b' is not read"),
     ("<r xmlns:xi='http://www.w3.org/2001/XInclude'>\n<xi:include href='/etc/passwd'/></r>",
      "x:2: '/etc/passwd' by XInclude is not read"),

@@ -17,6 +17,7 @@ from raff2urdf.conversion import translate
 from raff2urdf.coupling import Coupling, coupling_entry
 from raff2urdf.raff.reader import parse as parse_raff
 from raff2urdf.readers.urdf import joints, parse
+from raff2urdf.urdf2raff.frames import tidy
 from raff2urdf.urdf2raff.robot import import_tree
 
 SPECIAL = st.sampled_from([0.0, 0.0, 0.0, math.pi / 2, -math.pi / 2, math.pi, 1.5708, 1e-7, 2.5e-5, 0.3])
@@ -102,6 +103,30 @@ def test_gamma_and_epsilon_are_said_only_where_a_link_branches(text):
     for link in robot.links:
         if link.parameters.gamma or link.parameters.epsilon:
             assert carried[body(link.pred)] > 1
+
+
+@settings(max_examples=100)
+@given(trees(), st.sampled_from(["mm", "m", "um", "cm"]))
+def test_to_and_fro_is_a_fixed_point(text, units):
+    first = import_tree(parse(text, "x"), "x", units=units)
+    made = translate(first.document, first.document.robot(), Path())
+    second = import_tree(parse(made.urdf, "y"), "y", made.constraints, units)
+    again = translate(second.document, second.document.robot(), Path())
+    third = import_tree(parse(again.urdf, "z"), "z", again.constraints, units)
+    assert third.document == second.document
+    assert again.urdf == translate(third.document, third.document.robot(), Path()).urdf
+    model, other = model_of(made.urdf), model_of(again.urdf)
+    data, there = model.createData(), other.createData()
+    pin.framesForwardKinematics(model, data, pin.neutral(model))
+    for own, theirs in second.joints.items():  # zeros do not move any more, but where a frame had to be chosen anew
+        assert own == theirs
+    q = pin.neutral(other)
+    for name, offset in second.offsets.items():
+        q[other.joints[other.getJointId(name)].idx_q] = offset
+    pin.framesForwardKinematics(other, there, q)
+    for link, node in second.nodes.items():
+        wanted, stands = data.oMf[model.getFrameId(link)], there.oMf[other.getFrameId(node)]
+        assert np.abs(wanted.homogeneous - stands.homogeneous).max() < 1e-11
 
 
 CHAIN = """<robot name="arm">
@@ -257,6 +282,15 @@ def test_actuated_joints_are_declared_only_where_the_file_does():
     assert declared(lift | {"actuated": False}, bend | {"actuated": None}) == [False, None]
     assert declared(lift | {"actuated": False}, bend | {"actuated": False}) == [False, False]
     assert declared(lift | {"actuated": True}, bend | {"actuated": True}) == [True, True]
+
+
+@given(st.floats(-1e4, 1e4), st.integers(0, 6))
+def test_a_tidy_number_is_short_and_stays_as_it_is(value, decimals):
+    near = tidy(value, 1e-9)
+    assert abs(near - value) <= 1e-9
+    assert tidy(near, 1e-9) == near
+    short = round(value, decimals)
+    assert tidy(short + 1e-10, 1e-9) == short
 
 
 def chain(count):

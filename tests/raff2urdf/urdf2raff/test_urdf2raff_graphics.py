@@ -11,6 +11,7 @@ import raff2urdf
 from raff2urdf.conversion import convert
 from raff2urdf.placement import from_origin
 from raff2urdf.readers.urdf import numbers
+from raff2urdf.urdf2raff.cli import main
 
 URDF = """<robot name="arm">
   <material name="blue"><color rgba="0 0 1 1"/></material>
@@ -96,6 +97,29 @@ def test_what_raff2urdf_draws_itself_is_drawn_again(root, tmp_path):
     assert not (tmp_path / "four_bar_graphics").exists()
     (made,) = convert(tmp_path / "four_bar.raff", tmp_path / "again")
     assert made.urdf.read_bytes() == (tmp_path / "four_bar.urdf").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("visual", "says"),
+    [
+        (MESH.format("meshes/part.stl", ' scale="1 1"', ""), r'arm.urdf:3: scale="1 1" of <mesh> in link .* must be 3'),
+        ('<visual><geometry><torus radius="1"/></geometry></visual>', r"arm.urdf:3: the shape <torus> is not in URDF"),
+    ],
+)  # fmt: skip
+def test_a_shape_that_is_wrong_is_told_by_its_line(there, capsys, visual, says):
+    path = write(there, base=visual, upper=BOX)
+    before = set(there.rglob("*"))
+    with pytest.raises(raff2urdf.RaffError, match=says):
+        raff2urdf.to_raff(path, there / "out/arm.raff")
+    assert set(there.rglob("*")) == before
+    assert main([str(path), "-o", str(there / "out/arm.raff")]) == 1
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "Traceback" not in err
+    assert "arm.urdf:3:" in err
+    assert set(there.rglob("*")) == before
+    if "scale" not in says:  # a URDF whose numbers are wrong is refused
+        raff2urdf.to_raff(path, there / "out/arm.raff", graphics=False)  # what can be read is not lost
 
 
 @pytest.mark.parametrize(("name", "says"), [
