@@ -508,7 +508,7 @@ def test_bounds_that_are_parallel_doubled_or_nothing_do_no_harm(seed):
     check_nearest(wanted, g, low, high)
 
 
-@law(150)
+@law(80)
 @given(seeds)
 def test_a_corner_where_more_bounds_meet_than_there_are_dimensions(seed):
     rng = np.random.default_rng(seed)
