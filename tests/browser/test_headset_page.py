@@ -119,6 +119,38 @@ def test_two_hands_that_hold_the_world_scale_and_rotate_it(worn):
 
 
 @pytest.mark.slow
+def test_one_user_has_a_browser_and_one_a_headset(worn, tab):
+    one, page, headset = worn("delta4")
+    seated = tab(one)
+    assert not seated.is_visible("#enter-vr")
+    assert not seated.is_visible("#enter-ar")
+    assert one.hub.rate == pytest.approx(90.0)
+    task = grasp(one, page, headset, "right", "delta4", "link5")
+    headset.put("right", np.add(RIGHT, [0.0, -0.03, 0.0]))
+    rests(page, one, 1e-7)
+    shown = "cockpit.state.tasks.map((task) => task.position).flat()"
+    at = place(one, "delta4", "link5", task.offset.translation)
+    assert becomes(seated, lambda: np.allclose(seated.evaluate(shown), at, atol=1e-6))
+    assert seated.get_attribute("html", "data-control") == "other"
+    seated.click("#take-control")
+    assert becomes(page, lambda: page.get_attribute("html", "data-control") == "other")
+    assert becomes(page, lambda: not held(one, "delta4"))
+    headset.press("right", 0.0)
+    headset.aim("right", "delta4", "link5")
+    headset.press("right", 1.0)
+    assert "Press A or X to take it" in headset.panel()["lines"][1]
+    assert not held(one, "delta4")
+    headset.press("right", 0.0)
+    headset.press("right", 1.0, "a-button")
+    assert becomes(page, lambda: page.get_attribute("html", "data-control") == "mine")
+    headset.press("right", 0.0, "a-button")
+    grasp(one, page, headset, "right", "delta4", "link5")
+    page.evaluate("cockpit.presentation.end()")
+    assert becomes(seated, lambda: not held(one, "delta4"))  # who takes off the headset lets go
+    assert becomes(seated, lambda: one.hub.rate == 60.0)
+
+
+@pytest.mark.slow
 def test_a_hand_pinches_parts_and_the_room_is_behind_them_in_augmented_reality(cockpit, page_with_headset):
     one = cockpit("five_bar", follow=None)
     page, headset = page_with_headset(one)

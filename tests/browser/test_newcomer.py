@@ -199,6 +199,25 @@ def test_the_toolbar_stands_beside_its_part_hides_it_and_looks_at_it(arm):
     assert page.evaluate(seen) is True
 
 
+def test_a_slider_lights_its_part_and_a_part_its_slider(arm):
+    _, page = arm
+    lit = """() => {
+      let most = 0;
+      cockpit.view.group("arm7", "link3").traverse(({ material }) => {
+        if (material?.emissive) most = Math.max(most, material.emissive.b);
+      });
+      return most;
+    }"""
+    dark = page.evaluate(lit)
+    page.click("#fold")
+    row = page.locator("[data-joint='arm7/joint3']")
+    row.hover()
+    assert becomes(page, lambda: page.evaluate(lit) > dark)
+    x, y, *_ = find(page, "arm7", "link3")
+    page.mouse.move(x, y)
+    assert becomes(page, lambda: "lit" in row.get_attribute("class"))
+
+
 def touch(line, kind, *points):
     line.send(
         "Input.dispatchTouchEvent",

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
-from tabs import IN_BROWSER, READY, becomes, tools
+from browsers import Browser
+from tabs import IN_BROWSER, READY, becomes, find, picture, tools
 
 from cinegen.mission import Recording
 
@@ -115,3 +118,39 @@ def test_a_link_has_the_camera_and_offers_its_configuration(five_bar, tab):
     assert becomes(page, lambda: page.locator(".toast.warning").count() == 2)
     assert page.locator(".toast img").count() == 0
     assert page.evaluate(NEAR, CAMERA)
+
+
+def test_users_see_who_points_at_a_part(five_bar, tab):
+    """The other user is a program, which sends what its page would."""
+    page = tab(five_bar.url, f"localStorage.setItem('cinegen.user.name', {json.dumps(json.dumps(HOSTILE))})")
+    other = Browser(five_bar.url)
+    other.say("set_user", name=HOSTILE[::-1], colour=3)
+    other.say("set_cursor", robot="five_bar", node="link1", point=[0.0, 0.0, 0.1])
+    label = page.locator(".label.user")
+    assert becomes(page, lambda: label.all_inner_texts() == [HOSTILE[::-1]])
+    assert page.locator(".label img").count() == 0
+    assert label.get_attribute("data-colour") == "3"
+    tools(page, "view")
+    page.click("#section-users summary")
+    assert becomes(
+        page, lambda: set(page.locator("#users li").all_inner_texts()) == {f"{HOSTILE} (you)", HOSTILE[::-1]}
+    )
+    picture(page, "users")
+    other.say("set_cursor", robot="five_bar", node="link1", dragging=True)
+    assert becomes(page, lambda: label.all_inner_texts() == [f"{HOSTILE[::-1]} drags"])
+
+    def seen():
+        """What the other user sees of the page's."""
+        return next((one for one in other.users if one["client"] == page.evaluate("cockpit.hello.client")), {})
+
+    assert becomes(page, lambda: page.evaluate("cockpit.report.clients === 2"))
+    x, y, *point = find(page, "five_bar", "link4")
+    page.mouse.move(x, y)
+    assert becomes(page, lambda: seen().get("node") == "link4")
+    assert (seen()["name"], seen()["robot"], seen()["dragging"]) == (HOSTILE, "five_bar", False)
+    mechanism, q = five_bar.setup.robots["five_bar"], five_bar.state.robots["five_bar"].q
+    assert mechanism.placement(q, "link4").act(np.array(seen()["point"])) == pytest.approx(np.array(point), abs=0.05)
+    page.mouse.move(5, 500)
+    assert becomes(page, lambda: seen().get("robot") is None)
+    other.leave()
+    assert becomes(page, lambda: label.count() == 0)

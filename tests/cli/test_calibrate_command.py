@@ -52,3 +52,13 @@ def test_the_robot_its_picture_and_the_next_poses_are_written(typed, tmp_path):
     before = (tmp_path / "new.raff").read_text()
     assert "new.raff" in typed("five_bar", "m.csv", "-o", "new.raff", code=1)  # nothing is replaced
     assert (tmp_path / "new.raff").read_text() == before
+
+
+def test_mistakes(typed, tmp_path):
+    (tmp_path / "bad.csv").write_text("pose,joint1,joint3,tool.x\nsigma,,,1mm\na,1,2,x\n")
+    assert "bad.csv, line 3, column tool.x: 'x' is not a length" in typed("five_bar", "bad.csv", code=1)
+    assert "--poses has no effect without --propose" in typed("five_bar", "m.csv", "--poses", "p.csv", code=2)
+    assert "--sigma" in typed("five_bar", "m.csv", "--sigma", "link2.d", code=2)
+    assert "is not above 0" in typed("five_bar", "m.csv", "--sigma", "link2.d=0mm", code=1)
+    assert "absent.csv" in typed("five_bar", "absent.csv", code=1)
+    assert not (tmp_path / "new.raff").exists()

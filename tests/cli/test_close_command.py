@@ -149,6 +149,13 @@ def test_limits_are_kept_of_joints_that_follow_too(filtered, tmp_path):
     assert said[4] == said[2]
 
 
+def test_degrees_and_millimetres_are_no_radians_and_metres(filtered):
+    """Each would be many revolutions, and within the limits in degrees."""
+    said = filtered('{"joint1": 30}\n{"joint1": 0.1}\n', "planar_3r.raff")
+    assert "did you mean 30 degrees, which are 0.5236 rad? Values are in rad and m" in said[0]["error"]
+    assert said[1]["joint1"] == 0.1
+
+
 def test_bytes_that_are_no_text_are_answered_too(filtered):
     given = b'\xff\xfe\n{"joint1": 0.5}\n\0\n{"j\xc3\xb6int": 1}\n'
     answers = filtered(given, "four_bar.raff")

@@ -53,6 +53,17 @@ def test_info_as_json_agrees_with_the_mechanism(root, robot, here):
 
 
 @pytest.mark.usefixtures("session_in_a_thread")
+def test_several_robots_follow_a_shape_for_as_long_as_said(root, tmp_path, here):
+    files = [root / "robots/two_arms.raff", root / "robots/four_bar.raff"]
+    code, said, _ = here("drive", *files, "--follow", "figure8", "--seconds", "0.5", "--no-browser")
+    assert code == 0
+    for name in ("two_arms.left", "two_arms.right", "four_bar"):
+        assert f"{name}: tool follows a" in said
+    assert re.search(r"loops closed to \de-1[3-9]", said)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.usefixtures("session_in_a_thread")
 def test_where_nobody_can_press_ctrl_c_it_moves_for_a_while_and_leaves_a_page(root, tmp_path, here, monkeypatch):
     monkeypatch.setattr(served_page, "_UNATTENDED", 0.2)
     monkeypatch.setattr(sys, "stdin", io.StringIO())

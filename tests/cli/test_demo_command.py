@@ -39,6 +39,12 @@ def test_a_robot_or_a_scene_is_driven(run, name, says):
     assert "warning" not in err
 
 
+def test_an_example_is_run(run):
+    code, out, _ = run("demo", "kleinfinger")
+    assert code == 0
+    assert out.strip()
+
+
 def test_commands_take_the_names_of_robots_and_scenes(run, tmp_path):
     assert run("info", "four_bar")[1].startswith("four_bar: robot 'linkage', mobility 1")
     assert run("plan", "disc", "--json")[0] == 0

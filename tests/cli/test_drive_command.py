@@ -33,6 +33,8 @@ def run(capsys, root, monkeypatch, tmp_path):
     ("arguments", "says"),
     [
         (["robots/delta4.raff", "--sensor", "7=/dev/ttyUSB0"], "no node of these files may follow a sensor 7"),
+        (["robots/delta4.raff", "--sensor", "platfrom=spnav:"], "no node 'platfrom': did you mean 'platform'"),
+        (["robots/delta4.raff", "--base", "delta4"], "write NAME=ROBOT.NODE"),
         (["robots/delta4.raff", "--base", "delta4=delta4.platform"], "carry each other"),
         (["robots/delta4.raff", "--host", "no such host"], "no such host"),
         (["robots/delta4.raff", "--record", "folder/../"], "can't be written"),
@@ -102,6 +104,23 @@ def test_a_mission_is_recorded_replayed_and_exported(run, tmp_path):
     code, _, err = run(*again, "--force")
     assert code == 0
     assert Recording.load("run.jsonl").seconds < 1.0
+
+
+@pytest.mark.usefixtures("session_in_a_thread")
+def test_a_scene_is_driven_recorded_and_shown_again(run, tmp_path):
+    scene = "robots/scenes/generic.toml"
+    options = ["--no-browser", "--seconds", "1", "--record", "run.jsonl", "--snapshot", "page.html"]
+    code, out, err = run("drive", "--scene", scene, *options)
+    assert (code, err) == (0, "")
+    assert "mobile: 2 joints, 0 loops, mobility 2" in out
+    assert "keeps 0.05 m clear of 6 obstacles" in out
+    assert "<title>mobile</title>" in (tmp_path / "page.html").read_text(encoding="utf-8")
+    code, out, _ = run("replay", "run.jsonl", "--no-browser", "--seconds", "0.3")
+    assert code == 0
+    recording = Recording.load("run.jsonl")
+    assert recording.robots == ("mobile",)
+    assert tuple(recording.obstacles) == ("triangle", "rod", "angle", "block", "hexagon", "post")
+    assert recording.q["mobile"][-1] == pytest.approx([0.5, 0.8])
 
 
 def test_a_session_that_is_killed_leaves_its_recording_whole(root, tmp_path):

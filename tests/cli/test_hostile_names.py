@@ -1,16 +1,72 @@
 """Names of robots are text, not commands: at the terminal, and in the files that commands write."""
 
 import json
+import re
 import shlex
 import sys
 
 import pytest
-from hostile_names import JOINTS, LINKS, urdf
+from hostile_names import CONTROLS, JOINTS, LINKS, urdf
 
+import cinegen
 from cinegen.cli import main
 from cinegen.errors import CinegenError
 from cinegen.mission import MissionRecorder, RobotSample
 from raff2urdf import output
+
+SHOWN = r"a\u009b2Jb\nchecked: all is well\u202edc\u200b"
+CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b\u200e\u200f\u2028-\u202e\u2066-\u2069]")
+
+
+@pytest.fixture
+def arm(tmp_path):
+    """A robot whose own name has control characters."""
+    path = tmp_path / "arm.urdf"
+    path.write_text(urdf(CONTROLS, LINKS[:3], JOINTS[:3]), encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def recording(tmp_path):
+    """A recording of six joints with hostile names, of a robot whose name has control characters."""
+    path = tmp_path / "six.urdf"
+    path.write_text(urdf("six", LINKS[:6], JOINTS[-6:]), encoding="utf-8")
+    mechanism = cinegen.load(path)
+    with MissionRecorder(tmp_path / "run.jsonl", {"six": mechanism}) as recorder:
+        for tick in range(11):
+            q = mechanism.q_home.copy()
+            q[0] += 0.001 * tick
+            recorder.write(0.1 * tick, {"six": RobotSample(q, "IDLE")})
+    first, *moments = (tmp_path / "run.jsonl").read_text().splitlines()
+    header = json.loads(first)
+    header["robots"] = {f"{CONTROLS}\nmovej([9, 9, 9, 9, 9, 9])": header["robots"]["six"]}
+    rest = [line.replace('"six"', json.dumps(f"{CONTROLS}\nmovej([9, 9, 9, 9, 9, 9])")) for line in moments]
+    (tmp_path / "run.jsonl").write_text("\n".join([json.dumps(header), *rest, ""]))
+    return tmp_path / "run.jsonl"
+
+
+def test_the_name_of_a_robot_is_one_printable_line(arm, capsys):
+    assert main(["info", str(arm)]) == 0
+    said = capsys.readouterr().out
+    assert f"robot '{SHOWN}'" in said
+    assert not CONTROL.search(said)
+    assert "\nchecked" not in said
+    assert main(["info", str(arm), "--json"]) == 0
+    said = capsys.readouterr().out
+    assert not CONTROL.search(said)
+    assert json.loads(said)[0]["robot"] == SHOWN
+
+
+@pytest.mark.parametrize("root", ["raff2urdf", "cinegen"])
+def test_errors_and_warnings_control_no_terminal(root, tmp_path, capsys):
+    path = tmp_path / "a.raff"
+    path.write_text("RAFF x\x1b[2J\u202e\n", encoding="utf-8")
+    command = ["info", f"{path}\x1b]0;owned\x07"] if root == "cinegen" else [f"{path}\x1b]0;owned\x07"]
+    program = main if root == "cinegen" else __import__("raff2urdf.cli", fromlist=["main"]).main
+    assert program(command) == 1
+    said = capsys.readouterr()
+    assert not CONTROL.search(said.out + said.err)
+    assert r"\u001b]0;owned\u0007" in said.err
 
 
 def test_whatever_reaches_a_stream_of_a_command_is_text(capsys):
@@ -26,10 +82,19 @@ def test_whatever_reaches_a_stream_of_a_command_is_text(capsys):
     assert "\x1b" not in said.err
 
 
-def test_two_names_that_are_shown_alike_are_refused(robot, tmp_path, capsys):
-    recording, arm = tmp_path / "run.jsonl", robot("planar_3r")
-    with MissionRecorder(recording, {"arm": arm}) as recorder:
-        recorder.write(0.0, {"arm": RobotSample(arm.q_home, "IDLE")})
+def test_a_recording_adds_no_statement_to_urscript(recording, capsys):
+    assert main(["export", str(recording), "--to", "urscript"]) == 0
+    assert not CONTROL.search(capsys.readouterr().out)
+    lines = recording.with_suffix(".script").read_text(encoding="utf-8").splitlines()
+    code = [line for line in lines if not line.startswith("#")]
+    assert code[0] == "def cinegen_motion():"
+    assert code[-1] == "end"
+    assert all(re.fullmatch(r"  (movej\(\[|servoj\(\[|stopj\()[-\d., \[\]a-z=]*\)", line) for line in code[1:-1])
+    assert sum("movej" in line for line in code) == 1
+    assert sum(JOINTS[-1] in line for line in lines) == 1
+
+
+def test_two_names_that_are_shown_alike_are_refused(recording, capsys):
     first, *moments = recording.read_text().splitlines()
     header = json.loads(first)
     ((_, robot),) = header["robots"].items()
@@ -39,7 +104,7 @@ def test_two_names_that_are_shown_alike_are_refused(robot, tmp_path, capsys):
     assert "two names differ only in characters that can't be printed" in capsys.readouterr().err
 
 
-def test_code_of_a_robot_with_such_a_name_stays_in_its_folder(tmp_path):
+def test_code_of_a_robot_with_such_a_name_stays_in_its_folder(arm, tmp_path):
     path = tmp_path / "in" / "x.urdf"
     path.parent.mkdir()
     path.write_text(urdf("../../owned", LINKS[:2], JOINTS[:2]), encoding="utf-8")

@@ -32,8 +32,6 @@ from raff2urdf.escape import csv_text, one_line
 from raff2urdf.urdf2raff.cli import main as urdf2raff
 from raff2urdf.writers import DIALECTS
 
-SHOWN = r"a\u009b2Jb\nchecked: all is well\u202edc\u200b"
-"""The robot's own name, `CONTROLS`."""
 NAMED = "a name begins with a letter or '_', and has only letters, digits"
 CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b\u200e\u200f\u2028-\u202e\u2066-\u2069]")
 SOURCES = {"urdf": arm_of, "sdf": sdf, "xml": mjcf, "raff": raff}
@@ -74,8 +72,6 @@ def terminal(mechanism, path, tmp_path, capsys):
     assert main(["info", str(path), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert [one["name"] for one in found[0]["joints"]] == list(mechanism.joints)
-    if path.suffix == ".urdf":
-        assert found[0]["robot"] == SHOWN
 
 
 def notebook(mechanism, path, tmp_path, capsys):

@@ -85,6 +85,15 @@ def test_what_begins_with_a_negative_number_is_a_value(words, value):
     assert any(given in (value, [value], Path(value)) for given in apart.values())
 
 
+def test_variants_get_a_table_and_files(typed, tmp_path):
+    said = typed("map", "planar_3r", "--over", "xy", "--grid", 12, "--vary", "link2.d=0.3..0.5:2", "--box",
+                 "x=0.2..0.4,y=0..0.2", "-o", "all", "--plot", "all.png")  # fmt: skip
+    assert "link2.d" in said
+    assert (tmp_path / "all/link2.d=300/robot.raff").is_file()
+    assert (tmp_path / "all/table.csv").is_file()
+    assert (tmp_path / "all.png").stat().st_size > 10_000
+
+
 def test_what_is_without_bound_is_said(typed):
     """Along z a planar linkage bears any force."""
     options = ("five_bar", "--over", "x=-0.2..0.2:6,y=0.3..0.5:6", "-q", "force")
@@ -104,6 +113,16 @@ def test_ctrl_c_is_no_traceback(typed, monkeypatch):
 
     monkeypatch.setattr("cinegen.workspace.make_map", stopped)
     assert "finished cells are kept; the same command continues" in typed("map", "five_bar", code=130, err=True)
+
+
+def test_two_maps_are_compared(typed, tmp_path):
+    for name, more in (("a", ()), ("b", ("--no-limits",))):
+        typed("map", "five_bar", "--over", "x=-0.4..0.4:16,y=-0.7..0.7:16", "-o", f"{name}.zarr", *more)
+    found = json.loads(typed("compare", "a.zarr", "b.zarr", "--json"))
+    assert found["extents"]["only_second"]["value"] > 0.0
+    said = typed("compare", "a.zarr", "b.zarr", "--plot", "both.png")
+    assert "only b" in said
+    assert (tmp_path / "both.png").stat().st_size > 10_000
 
 
 @pytest.mark.parametrize(
@@ -155,3 +174,21 @@ def test_loads_and_springs(typed):
     assert float(found["stiffness"][1].strip(",")) > 1e5
     err = typed(*springs, "-q", "stiffness", "--stiffness", "joint1=4N/m", "-o", "x", code=2, err=True)
     assert "joint1: '4N/m' is a stiffness: an angular stiffness is wanted (Nm/rad, kNm/rad)" in err
+
+
+def test_torques_of_a_map_are_of_rest_and_say_what_they_leave_out(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("arm.urdf").write_text("""<robot name="arm"><link name="base"/>
+      <link name="rod"><inertial><origin xyz="0.5 0 0"/><mass value="1"/>
+        <inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial></link>
+      <joint name="pin" type="revolute"><parent link="base"/><child link="rod"/><axis xyz="0 1 0"/>
+        <limit lower="-3" upper="3" effort="9" velocity="1"/>
+        <dynamics damping="2" friction="0.4" spring_stiffness="5"/></joint></robot>""")
+    wanted = ["forces leave out the springs of pin", "forces leave out the Coulomb friction at rest of pin"]
+    for quantity, notes in (("torque", wanted), ("sigma_1", [])):
+        command = ["map", "arm.urdf", "--over", "pin", "--grid", "8", "-q", quantity]
+        assert main([*command, "-o", f"{quantity}.zarr", "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["notes"] == notes
+        assert main([*command, "-o", f"{quantity}.zarr"]) == 0
+        said = capsys.readouterr().out
+        assert [line for line in said.splitlines() if "note:" in line] == [f"  note: {note}" for note in notes]

@@ -93,6 +93,23 @@ def test_where_there_is_no_mode_it_says_what_stays_open(typed):
     assert typed("gough", *asked, "--view", code=1) == said
 
 
+def test_what_is_not_proved_is_not_called_all(typed):
+    path = "../tests/robots/data/peaucellier"
+    said = " ".join(typed(path).split())
+    assert "4 assembly modes" in said
+    assert "These are all" not in said
+    assert "There may be more. Monodromy: 4 complex solutions" in said
+    assert "the last 6 monodromy loops found no more; trace test satisfied to " in said
+    assert "in infinitely many configurations (self-motions): joint6, joint7 move (1 DoF, a curve of degree 2)" in said
+    assert "2 self-motions found; not excluded: modes and self-motions that neither paths nor 64 random starts" in said
+    found = json.loads(typed(path, "--json"))[0]
+    assert (found["complete"], found["trace_test"]) == (False, True)
+    assert [(m["dimension"], m["degree"], m["moving"]) for m in found["self_motions"]] == [
+        (1, 2, ["joint6", "joint7"])
+    ] * 2
+    assert all(mode["isolated"] for mode in found["modes"])
+
+
 @pytest.mark.parametrize(
     ("name", "options", "code", "says"),
     [

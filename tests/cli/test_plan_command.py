@@ -12,7 +12,7 @@ import pytest
 from cinegen.cli import main
 from cinegen.collision import load_scene, obstacle_kinds
 from cinegen.collision.body import PlacedShape
-from cinegen.mission import Recording
+from cinegen.mission import MissionError, Recording
 from cinegen.planning import plan
 from cinegen.plotting import draw_plan
 from cinegen.session import scene_setup
@@ -44,6 +44,22 @@ def scene(tmp_path):
 
 
 # --- what is told ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["rod", "generic"])
+def test_scenes_of_the_paper_are_reached_and_the_answer_says_how(root, typed, name):
+    said = typed(name)
+    found = load_scene(root / f"robots/scenes/{name}.toml")
+    lines = said.splitlines()
+    assert lines[0].startswith(f"{name}: ")
+    assert all(one.name in said for one in found.obstacles)
+    assert f"reached: {found.node} is at its goal" in lines
+    told = {words[0]: words[1:] for words in (line.split() for line in lines if line.startswith("  ")) if words}
+    assert float(told["clearance"][0]) >= found.safety
+    assert f"{found.safety:g} m required" in said
+    assert int(told["steps"][0]) > 0
+    assert "strategy" in said
+    assert max(map(len, lines)) <= 100
 
 
 def test_only_paths_of_robots_without_loops_are_called_proved(root, typed, scene):
@@ -100,6 +116,27 @@ def test_what_can_not_be_is_said_at_once_with_what_to_do(typed, scene, values, s
 # --- JSON --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("name", ["rod"])
+def test_json_holds_a_way_from_the_start_to_the_goal(root, typed, name):
+    said = json.loads(typed(name, "--json"))
+    found = load_scene(root / f"robots/scenes/{name}.toml")
+    mechanism = found.mechanism
+    assert (said["scene"], said["status"], said["planner"]) == (name, "reached", "auto")
+    path = [mechanism.configuration(values) for values in said["path"]]
+    assert set(said["path"][0]) == set(mechanism.joints)
+    assert (path[0] == found.start).all()
+    end = mechanism.placement(path[-1], found.node).translation
+    goal = found.goal.translation[: found.translation]
+    assert end[: found.translation] == pytest.approx(goal, abs=2e-4 * mechanism.length)
+    assert said["trace"][-1] == pytest.approx(end)
+    assert len(said["clearances"]) == len(path) == said["attempts"][-1]["steps"] + 1
+    assert min(said["clearances"]) >= said["clearance"] >= said["safety"] == found.safety
+    assert said["length"] >= math.dist(said["trace"][0], said["trace"][-1])
+    steps = np.linalg.norm(np.diff(said["trace"], axis=0), axis=1).sum()
+    assert said["length"] == pytest.approx(steps, rel=0.02)
+    assert [one["status"] for one in said["attempts"]][-1] == "reached"
+
+
 def test_json_is_json_where_there_is_no_way_and_nothing_to_meet(typed, scene):
     said = json.loads(typed(scene(), "--json"), parse_constant=pytest.fail)
     assert said["clearance"] is None
@@ -136,6 +173,28 @@ def test_a_way_that_ends_early_is_recorded_as_far_as_it_came_and_none_is_not(typ
     assert not none.exists()
 
 
+@pytest.mark.usefixtures("session_in_a_thread")
+def test_the_page_of_what_got_stuck_leaves_the_exit_code(typed, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    options = ["--field", "firas", "--view", "--seconds", "0.2", "--no-browser"]
+    assert "page: http://127.0.0.1:" in typed("rod", *options, code=1)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_recording_replaces_another_when_it_is_complete(typed, tmp_path, monkeypatch):
+    def fail(_):
+        raise MissionError("the motion fails")
+
+    path = tmp_path / "out.jsonl"
+    path.write_text("old")
+    monkeypatch.setattr("cinegen.mission.results.timed_path", fail)
+    assert "the motion fails" in typed("rod", "-o", path, "--force", code=1, err=True)
+    assert path.read_text() == "old"
+    monkeypatch.undo()
+    typed("rod", "-o", path, "--force")
+    assert len(Recording.load(path).times) > 2
+
+
 # --- to another assembly mode ----------------------------------------------------------------------------------------
 
 
@@ -159,6 +218,12 @@ def test_a_path_through_a_singularity_is_reported(changed):
     assert re.search(r"singular after step \d+: sigma [-.e\d]+ of type 2", text)
     assert "1 time limit 0 RRT-Connect, around singularities 2 reached" in text
     assert "the actuated joints lose control: only momentum or gravity" in text
+
+
+def test_no_path_is_no_proof(changed):
+    text = " ".join(changed("2", "--timeout", 0.5, code=1).split())
+    assert "time limit: no path was found in 0.5 s, which is no proof that there is none" in text
+    assert "Try --timeout 3, or --singular cross." in text
 
 
 @pytest.mark.parametrize("shape", [coal.Cone(0.2, 1.0), coal.Ellipsoid(0.2, 0.2, 0.5)], ids=["known", "unknown"])

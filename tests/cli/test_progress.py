@@ -4,6 +4,7 @@ import re
 
 import pytest
 
+from cinegen.cli import progress
 from cinegen.cli.progress import Progress
 
 
@@ -39,3 +40,16 @@ def test_nothing_of_it_stays(terminal, error):
         pass
     assert screen.getvalue().endswith("\r\x1b[1A\x1b[2K")  # the line above is empty again
     assert "\x1b[?25h" in screen.getvalue()  # the cursor is visible again
+
+
+def test_nobody_else_is_bothered(terminal, monkeypatch, capsys):
+    screen = terminal()
+    with monkeypatch.context() as patient:
+        patient.setattr(progress, "_PATIENCE", 60.0)
+        with Progress() as bar:
+            bar.fraction(0.5)
+    assert screen.getvalue() == ""
+    monkeypatch.undo()
+    with Progress() as bar:
+        bar.fraction(0.5)
+    assert capsys.readouterr().err == ""

@@ -239,3 +239,22 @@ def test_an_unexpected_error_is_one_line(capsys, monkeypatch, error, code, says)
     monkeypatch.setenv(TRACEBACK, "1")
     with pytest.raises(type(error)):
         run("thing", command)
+
+
+@pytest.mark.parametrize(
+    ("limit", "words", "says"),
+    [
+        ("-f 0", "drive robots/four_bar.raff --snapshot page.html", "can't be written: File too large"),
+        ("-v 500000", "info robots/planar_3r.raff", "cinegen: out of memory"),
+    ],
+)
+def test_limits_of_the_system_are_reported_in_a_line(root, tmp_path, limit, words, says):
+    words = words.replace("robots/", f"{root}/robots/")
+    done = subprocess.run(
+        ["/bin/sh", "-c", f"ulimit {limit}; exec {sys.executable} -m cinegen {words}"],
+        cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(root)}, stdin=subprocess.DEVNULL, capture_output=True,
+        text=True, timeout=120,
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert says in done.stderr.splitlines()[-1]
+    assert "Traceback" not in done.stderr

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import gc
 import json
 import logging
@@ -141,6 +142,39 @@ def test_tokens_that_are_none(page):
             assert Peer(url).ask(f"{path}?token={token}").status() in (400, 403)
 
 
+def test_who_asks_and_vanishes(page):
+    url = page().url
+    for path in ("", "viewer.js", "snapshot.html", "static/cockpit.js"):
+        for delay in (0.0, 0.001, 0.01, 0.05):
+            for _ in range(3):
+                peer = Peer(url, 2048).ask(path)
+                time.sleep(delay)
+                peer.vanish()
+
+
+@pytest.mark.parametrize("path", ["session", "page"])
+def test_who_looks_and_vanishes(page, path):
+    """At once, in the middle of the first words, or after some time."""
+    one = page()
+    for delay in (0.0, 0.0005, 0.001, 0.005, 0.02, 0.1):
+        for _ in range(5):
+            peer = Peer(one.url, 2048).upgrade(path)
+            time.sleep(delay)
+            peer.vanish()
+    assert becomes(lambda: not one.hub.clients and not one.server.pages)
+
+
+def test_who_commands_and_vanishes(page):
+    one = page()
+    for said in ({"hand": True}, {"nonsense": 1}, {"ack": 1}, {"pause": True}, {"pause": False}):
+        for _ in range(4):
+            peer = Peer(one.url, 2048).upgrade("session")
+            assert becomes(lambda: one.hub.clients)
+            peer.say(**said)
+            peer.vanish()
+    assert becomes(lambda: not one.hub.clients and one.hub.controller is None)
+
+
 def test_who_acknowledges_without_reading_and_vanishes(page):
     """What is sent piles up; it is in the middle of being sent when the connection ends."""
     one = page()
@@ -153,6 +187,21 @@ def test_who_acknowledges_without_reading_and_vanishes(page):
     for peer in peers:
         peer.vanish()
     assert becomes(lambda: not one.hub.clients)
+
+
+@pytest.mark.parametrize("path", ["session", "page"])
+@pytest.mark.parametrize("half", [socket.SHUT_WR, socket.SHUT_RD], ids=["says no more", "hears no more"])
+def test_a_connection_that_is_half_open(page, path, half):
+    one = page()
+    peers = [Peer(one.url, 2048).upgrade(path) for _ in range(5)]
+    assert becomes(lambda: len(one.hub.clients) == 5)
+    for peer in peers:
+        peer.socket.shutdown(half)
+    time.sleep(0.1)
+    for peer in peers:
+        with contextlib.suppress(OSError):
+            peer.vanish()
+    assert becomes(lambda: not one.hub.clients and not one.server.pages)
 
 
 def test_who_answers_no_ping_is_given_up(page, monkeypatch):

@@ -105,6 +105,19 @@ def test_cells_of_motors_are_where_these_lead_the_end(made, robot):
     assert cloud.description.quantities == ()
 
 
+def test_turns_in_one_place_are_shown_on_a_ball_about_it(made, robot):
+    gough = robot("gough")
+    path, dataset = made("gough", Region((GridAxis("rx", -0.3, 0.3, 4), GridAxis("ry", -0.3, 0.3, 3))))
+    cloud = serve(path).cells()
+    home = gough.placement(gough.q_home, gough.end).translation
+    for point, number in zip(cloud.arrays["points"], cloud.arrays["numbers"], strict=True):
+        q = dataset["configuration"].values.reshape(-1, gough.model.nq)[number]
+        assert (point - home) / np.linalg.norm(point - home) == pytest.approx(
+            gough.placement(q, gough.end).rotation[:, 2]
+        )
+    assert not any(axis.translates for axis in cloud.description.axes)
+
+
 @pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
 def test_beside_the_map_stands_its_robot(made, robot):
     path, _ = made("delta4", Region(BOX), "sigma_1", "margin")

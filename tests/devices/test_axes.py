@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from mouse_streams import magellan_motion
+from played import PlayedMagellan, wait
 
 import cinegen
 from cinegen.cli import main
 from cinegen.devices import SensorError, TwistMapping, open_sensor
-from cinegen.session import Session, SetupError, arrange
+from cinegen.session import Session, SessionRunner, SetupError, arrange
 from cinegen.session import commands as c
 from cinegen.session.session import OtherRobots
 from raff2urdf import RaffError
@@ -137,6 +139,42 @@ def test_the_list_of_sensors_shows_the_axes(raff, tmp_path, capsys):
 
 
 # --- a session -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
+def test_a_mouse_whose_z_axis_is_inverted_and_turned_back_while_it_drives(robot, tmp_path):
+    device = PlayedMagellan(tmp_path / "mouse").plug()
+    delta = robot("delta4")
+    sensors = [f"1={device.path}#axes=x,y,-z"]
+    with SessionRunner(arrange({"delta": delta}, sensors=sensors), own_process=False) as runner:
+
+        def height():
+            return delta.placement(runner.state.robots["delta"].q, "platform").translation[2]
+
+        def sensor():
+            return next(one for one in runner.state.sensors if one.id == "1")
+
+        wait(lambda: runner.state is not None and sensor().state.value == "live")
+        for sign in (-1, 1):
+            begin = height()
+
+            def moved(sign=sign, begin=begin):
+                device.send(magellan_motion((0, 300, 0, 0, 0, 0)))  # up
+                assert sign * (height() - begin) > -0.01
+                return sign * (height() - begin) > 0.02
+
+            wait(moved)
+            assert sensor().twist[2] > 0.5
+            runner.send(c.ChangeSensor("1", "x y z"))
+            wait(lambda: sensor().axes == "x, y, z, 0, 0, 0")
+            rest = []
+
+            def rests(rest=rest):
+                rest.append(height())
+                return len(rest) > 100 and rest[-1] == rest[-100]
+
+            wait(rests)
+    device.unplug()
 
 
 def test_a_session_keeps_changed_axes_until_the_file_changes_them(raff):

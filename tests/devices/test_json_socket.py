@@ -236,6 +236,14 @@ def test_a_program_that_sends_no_token_is_dropped(sensor, monkeypatch):
         assert drained(program) == ["no token within 0.05 s: disconnected"]
 
 
+def test_a_port_without_a_token_takes_programs_that_have_one_too(open_port):
+    assert open_port.token == ""
+    for first in (TWIST, b'{"token": "any"}\n' + TWIST):
+        with Program(open_port, first):
+            comes(open_port, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
+        wait(lambda: "no programs" in open_port.status.message)
+
+
 def test_tokens_are_random_unless_they_are_given(monkeypatch):
     monkeypatch.delenv("CINEGEN_TOKEN", raising=False)
     url = "tcp://127.0.0.1:0"

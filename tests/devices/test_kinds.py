@@ -116,6 +116,18 @@ def test_the_command_lists(root, capsys):
     assert set(said["here"]) == {"ports", "spacenav"}
 
 
+@pytest.mark.filterwarnings("default::cinegen.CinegenWarning")
+def test_the_command_says_what_is_wrong(root, capsys):
+    file = str(root / "robots" / "delta4.raff")
+    assert main(["sensors", file, "--sensor", "7=spnav:"]) == 1
+    assert "no sensor '7'" in capsys.readouterr().err
+    assert main(["sensors", "--monitor", "spnaw:", "--seconds", "0"]) == 1
+    assert "no kind of sensor" in capsys.readouterr().err
+    assert main(["sensors", "--monitor", "path:circle", "--seconds", "0"]) == 1
+    assert main(["sensors", "--monitor", "/dev/ttyd2", "--seconds", "0.2"]) == 0
+    assert "IRIX" in capsys.readouterr().err
+
+
 class Watched:
     """What a monitor says; presses Ctrl-C as soon as all that is expected was said."""
 

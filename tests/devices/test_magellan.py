@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from mouse_streams import NIBBLES, counts, cut, magellan_keys, magellan_motion, magellan_twist, nibbles
 
@@ -63,6 +63,15 @@ def test_however_it_is_cut_the_events_are_the_same(stream, places):
     events = whole.feed(stream)
     assert [event for part in cut(stream, places) for event in parts.feed(part)] == events
     assert parts.damaged == whole.damaged
+
+
+@given(st.lists(st.tuples(packets, st.binary(max_size=30)), min_size=1, max_size=6))
+@example([(magellan_motion([1, 2, 3, 4, 5, 6]), b"v")])  # the letter that begins the answer who it is
+def test_noise_before_a_packet_of_motion_does_no_harm(sent):
+    """Whatever stands in the line before it, CR or not: the packet itself is whole."""
+    for packet, noise in sent:
+        if packet.startswith(b"d"):
+            assert Magellan().feed(noise + packet)[-1:] == Magellan().feed(packet)
 
 
 @st.composite

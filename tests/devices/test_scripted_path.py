@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cinegen import Solver
+from cinegen import Solver, load
 from cinegen.devices import SHAPES, fit_path
 from cinegen.errors import UnknownNameError
 
@@ -43,6 +43,31 @@ def test_the_crank_of_a_four_bar_revolves(robot):
     lag, speed, _ = follow(bar, path, 2.0 * path.period)
     assert lag < 1e-3 * bar.length
     assert speed < 3.0
+
+
+HINGE = """<robot name="hinge">
+  <link name="base"/><link name="arm"/><link name="tip"/>
+  <joint name="hinge" type="revolute">
+    <parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
+    <limit lower="-0.5" upper="2" velocity="0.4" effort="1"/>
+  </joint>
+  <joint name="end" type="fixed"><parent link="arm"/><child link="tip"/><origin xyz="0.5 0 0"/></joint>
+</robot>"""
+
+
+def test_a_joint_with_limits_moves_to_and_fro_between_them_and_keeps_its_velocity_limit(tmp_path):
+    (tmp_path / "hinge.urdf").write_text(HINGE)
+    hinge = load(tmp_path / "hinge.urdf")
+    path = fit_path(hinge, "tip")
+    assert not path.closed
+    angles = [np.arctan2(*path.target(t).translation[1::-1]) for t in np.arange(0.0, 2.0 * path.period, 0.02)]
+    assert angles[0] == pytest.approx(0.0, abs=1e-12)
+    assert -0.5 <= min(angles) < -0.3
+    assert 1.8 < max(angles) <= 2.0
+    assert np.abs(np.diff(angles)).max() / 0.02 <= 0.4
+    lag, speed, _ = follow(hinge, path, 2.0 * path.period)
+    assert lag < 1e-6
+    assert speed <= 0.4 + 1e-9
 
 
 @pytest.mark.parametrize("shape", SHAPES)

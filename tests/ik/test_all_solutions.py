@@ -89,6 +89,9 @@ def guessed(mechanism, pose, node, starts, seed=0):
         q = mechanism.integrate(mechanism.q_home, scale * rng.uniform(-math.pi, math.pi, model.nv))
         for _ in range(40):
             error, rows = asked.equations(mechanism.placement(q, node), mechanism.jacobian(q, node))
+            if mechanism.loops:
+                error = np.concatenate([error, -mechanism.loop_residual(q)])
+                rows = np.vstack([rows, mechanism.loop_jacobian(q)])
             size = np.abs(error).max()
             if size < 1e-11:
                 break
@@ -252,6 +255,18 @@ def test_legs_and_parallelograms_have_two_solutions_each(robot, name, count, tas
     assert len(found) == count
     assert not found.outside[0]
     assert mechanism.distance(mechanism.q_home, found[0]) < 1e-9
+
+
+@pytest.mark.parametrize(("name", "starts"), [("rx90", 200), ("delta4", 100)])
+def test_newton_from_random_starts_finds_no_other_solution(robot, name, starts):
+    mechanism = robot(name)
+    node, q = mechanism.end, mechanism.random_closed(3, seed=2)[-1]
+    pose = mechanism.placement(q, node)
+    found = solved(mechanism, pose, node)
+    others = guessed(mechanism, pose, node, starts)
+    assert len(others) >= len(found) / 2
+    for other in others:
+        assert min(apart(mechanism, other, one) for one in found) < 1e-5
 
 
 # --- what is not isolated, and tasks ----------------------------------------------------------------------------------

@@ -82,6 +82,28 @@ def test_axes_take_effect_at_the_next_tick(arm):
         assert abs(rotation[:, 0] @ gap) < 1e-8
 
 
+@pytest.mark.parametrize(
+    ("name", "wrong"),
+    [("offset", "here"), ("offset", (1.0, 2.0)), ("offset", (0.0, np.nan, 0.0)), ("node", "nowhere"), ("node", []),
+     ("axes", "nowhere"), ("axes", np.zeros(3)), ("node", None)],
+)  # fmt: skip
+def test_a_wrong_value_is_kept_and_reported_until_it_is_corrected(arm, name, wrong):
+    solver, task = arm
+    good, q = getattr(task, name), solver.q
+    setattr(task, name, wrong)
+    step = solver.step()
+    assert step.status is Status.BAD_TARGET
+    assert np.isnan(step.errors[0]).all()
+    assert np.isnan(task.error).all()
+    assert np.array_equal(step.q, q)
+    task.target = task.target  # another value that is good does not hide it
+    assert not task.is_valid()
+    assert not task.copy().is_valid()
+    setattr(task, name, good)
+    assert task.is_valid()
+    assert solver.step().status is Status.FOLLOWING
+
+
 def test_a_twist_begins_again_where_another_frame_follows(arm):
     """Its directions of zero velocity keep the frame where it is, not where the last frame was."""
     solver, task = arm

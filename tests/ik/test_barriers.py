@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from reference_tick import damping
 from scipy.optimize import linprog, minimize
 
-from cinegen import Solver, Status
+from cinegen import CinegenError, Solver, Status
 from cinegen.ik import Posture
 from cinegen.ik._kernels.memory import SPEED_SCALE
 from cinegen.ik.barrier import Bounds
@@ -236,6 +236,13 @@ def test_a_step_that_is_not_clear_is_made_shorter_until_it_is(robot):
     assert (step.q == mechanism.q_home + asked[-1]).all()
 
 
+def test_all_barriers_are_asked_and_the_strictest_counts(robot):
+    solver, _ = pulled(robot("planar_3r"), np.random.default_rng(0))
+    for parts in ((1.0, 0.0), (0.0, 1.0)):
+        solver.barriers = [Odd(clear=lambda state, q, part=part: part) for part in parts]
+        assert not solver.step().v.any()
+
+
 def test_what_a_barrier_does_to_what_it_is_shown_changes_nothing(robot):
     def spoil(state, q):
         q[:] = 17.0
@@ -249,6 +256,12 @@ def test_what_a_barrier_does_to_what_it_is_shown_changes_nothing(robot):
 
 
 # --- barriers that make no sense -----------------------------------------------------------------------------------
+
+
+def test_bounds_that_only_fit_together_do_not_fit(robot):
+    solver, _ = pulled(robot("planar_3r"), np.random.default_rng(0))
+    solver.barriers = [Linear(np.zeros((2, 3)), np.ones(3)), Linear(np.zeros((3, 3)), np.ones(2))]
+    assert not solver.step().v.any()
 
 
 @pytest.mark.parametrize("name", ["planar_3r", "arm7", "delta4"])
@@ -276,3 +289,13 @@ def test_more_rows_than_bits_are_told_from_none(robot):
     assert rows[150] @ step.v <= 1e-9
     assert step.status is Status.BARRED
     assert step.active_barriers == (52,)
+
+
+@pytest.mark.parametrize("wrong", [object(), Posture, "bounds", 3.0])
+def test_what_is_no_barrier_is_refused_and_the_others_stay(robot, wrong):
+    solver, _ = pulled(robot("planar_3r"), np.random.default_rng(0))
+    good = Linear(np.zeros((1, 3)), np.zeros(1))
+    solver.barriers = [good]
+    with pytest.raises(CinegenError, match="a barrier has the methods `bounds` and `clear`"):
+        solver.barriers = [good, wrong]
+    assert solver.barriers == (good,)

@@ -71,6 +71,19 @@ def test_a_branch_that_is_kept_is_not_left(five_bar, kind):
     assert any(step.branch_changed for step in dragged_through(five_bar, solver))
 
 
+@pytest.mark.parametrize("name", ["gough", "sr400", "arm7", "delta4"])
+def test_where_no_toggle_is_near_a_kept_branch_changes_nothing(robot, name):
+    mechanism = robot(name)
+    solver, other = Solver(mechanism, DT, keep_branch=True), Solver(mechanism, DT)
+    for one in (solver, other):
+        task = one.add_task(mechanism.end, rotation=0)
+        task.target = pin.SE3(task.target.rotation, task.target.translation + 0.03 * mechanism.length)
+    for _ in range(20):
+        step = solver.step()
+        assert (step.q == other.step().q).all()
+        assert not step.branch_changed
+
+
 @pytest.mark.parametrize("name", ["gough", "delta4", "five_bar", "planar_hybrid"])
 def test_the_sign_is_that_of_the_determinant_where_the_jacobian_is_square(robot, name):
     """Of independent rows, which Gaussian elimination chooses at the first configuration."""

@@ -94,6 +94,38 @@ def test_an_objective_that_raises_is_in_each_step_and_once_in_the_log(robot, cap
     assert "in velocity" in text
 
 
+def test_two_objectives_that_raise_are_both_reported(robot, caplog):
+    _, tick = dragged(robot("arm7"), [Objective(fails), Posture(), Objective(fails)])
+    for _ in range(3):
+        step = tick()
+        assert len(step.exceptions) == 2
+        assert step.failed_objectives == (0, 2)
+    assert [record.getMessage()[:11] for record in records(caplog)] == ["objective 0", "objective 2"]
+
+
+def test_an_objective_that_raises_sometimes_is_used_in_all_other_ticks(robot, caplog):
+    mechanism = robot("arm7")
+    count = 0
+
+    def sometimes(state):
+        nonlocal count
+        count += 1
+        if count % 3 == 0:
+            raise RuntimeError(f"tick {count}")  # another text each time, the same fault
+        return 0.1 * mechanism.scale
+
+    solver, tick = dragged(mechanism, [Objective(sometimes)])
+    count = 0
+    for i in range(1, 31):
+        step = tick()
+        assert bool(step.exceptions) == (i % 3 == 0) == bool(step.failed_objectives)
+    assert len(records(caplog)) == 1
+    solver.objectives[0].answer = lambda state: {}["another"]
+    assert [type(error) for error in tick().exceptions] == [KeyError]
+    assert [record.exc_info[0] for record in records(caplog)] == [RuntimeError, KeyError]
+    assert solver.exception_log.messages[0] == f"objective 0 (Objective) of {mechanism.name}: RuntimeError: tick 3"
+
+
 @pytest.mark.parametrize(
     ("answer", "text"),
     [

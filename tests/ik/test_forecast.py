@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from loop_openings import pin_screws
 from planar import ROCKER, TWO_R, root, singular_values, two_r
 
-from cinegen import Solver, forecast_motion
+from cinegen import CinegenError, Solver, forecast_motion
 from cinegen.ik import EventKind, LimitMargin, LookAhead, Posture
 from cinegen.tolerances import NEAR_SINGULAR
 
@@ -163,6 +163,21 @@ def test_a_joint_that_is_held_by_its_limit_is_said_at_once(raff):
     assert forecast_motion(solver, 1.0).events == ()
 
 
+def test_a_limit_that_holds_for_long_is_said_once(robot):
+    """While a joint is pressed against its limit, closing the loops moves it off by a hair now and then."""
+    bar = robot("five_bar")
+    solver = Solver(bar, 1 / 240)
+    solver.add_task("tool", rotation=0).twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
+    forecast = forecast_motion(solver, 4.0)
+    met = forecast.events[1].q
+    assert met[bar.q_index("joint2")] in (*bar.limits.lower, *bar.limits.upper)
+    assert bar.closure(met) < 1e-12
+    assert [(event.kind, event.joint) for event in forecast.events] == [
+        (EventKind.TYPE_1, None),
+        (EventKind.LIMIT, "joint2"),
+    ]
+
+
 # --- the end of reach ------------------------------------------------------------------------------------------------
 
 
@@ -291,6 +306,24 @@ def test_a_leap_of_a_target_and_the_end_of_a_twist_do_not_go_on(robot):
 # --- what can't be followed ------------------------------------------------------------------------------------------
 
 
+def test_tasks_that_are_invalid_are_left_out(robot):
+    forecasts = []
+    for wrong in ({}, {"target": None}, {"weight": 0.0}, {"twist": "x"}):
+        solver = Solver(robot("arm7"), DT)
+        if wrong:
+            setattr(solver.add_task("link3"), *wrong.popitem())
+        solver.add_task("tool").twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
+        forecasts.append(forecast_motion(solver, 1.0).q)
+    assert all(np.array_equal(one, forecasts[0]) for one in forecasts[1:])
+
+
+def test_times_that_make_no_sense_are_refused(robot):
+    solver = Solver(robot("arm7"), DT)
+    for seconds, dt in ((0.0, None), (-1.0, None), (math.nan, None), (math.inf, None), (1.0, 0.0), (1.0, math.nan)):
+        with pytest.raises(CinegenError, match="positive"):
+            forecast_motion(solver, seconds, dt)
+
+
 def test_its_ticks_are_bounded_and_end_where_asked(robot):
     solver = Solver(robot("arm7"), DT)
     for seconds, ticks in ((0.004, 1), (0.01, 1), (0.05, 5), (0.055, 6), (1.0, 100), (1.3, 100), (1e3, 100)):
@@ -298,3 +331,15 @@ def test_its_ticks_are_bounded_and_end_where_asked(robot):
         assert len(forecast.times) == len(forecast.q) == ticks + 1
         assert forecast.times[-1] == pytest.approx(max(seconds, ticks * DT))
     assert len(forecast_motion(solver, 3.0, 0.02).times) == 151
+
+
+def test_it_reads_well(raff):
+    arm = raff(SWING % {"velocity": ""})
+    solver = Solver(arm, DT)
+    assert repr(forecast_motion(solver, 1.0)) == "<Forecast of 1 s: no events>"
+    solver.add_task("tool", translation=0, rotation=1).twist = [0.0, 0.0, 0.0, 0.0, 0.0, 0.5]
+    forecast = forecast_motion(solver, 2.5)
+    assert str(forecast.events[0]) == "in 2.09 s: joint1 meets its limit"
+    assert repr(forecast.events[0]) == "<Event LIMIT: in 2.09 s: joint1 meets its limit>"
+    assert repr(forecast).startswith("<Forecast of 2.5 s: in 2.09 s: joint1 meets its limit; in 2.1")
+    assert "joint1 meets its limit" in forecast._repr_html_()

@@ -12,8 +12,8 @@ import pinocchio as pin
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from reference_tick import relative_weights, resolve
-from scipy.optimize import linprog, nnls
+from reference_tick import damping, relative_weights, resolve
+from scipy.optimize import LinearConstraint, linprog, minimize, nnls
 from variants import FEWER, others_slow
 
 import cinegen
@@ -22,7 +22,7 @@ from cinegen import Solver
 from cinegen.ik._kernels import bounds, tasks
 from cinegen.ik._kernels.memory import SolverMemory
 from cinegen.ik.equations import axes_of, equations, task_rank
-from cinegen.ik.thresholds import FULL, REST
+from cinegen.ik.thresholds import FULL, REST, RESTING
 from cinegen.jit import factor, svd
 from cinegen.loops._kernels import kinematics, residual
 from cinegen.loops._kernels.memory import LoopMemory
@@ -510,6 +510,18 @@ def test_bounds_that_are_parallel_doubled_or_nothing_do_no_harm(seed):
 
 @law(80)
 @given(seeds)
+def test_a_corner_where_more_bounds_meet_than_there_are_dimensions(seed):
+    rng = np.random.default_rng(seed)
+    k = int(rng.integers(1, 6))
+    g, corner = rng.normal(size=(3 * k, k)), rng.normal(size=k)
+    x = check_nearest(corner + rng.normal(size=k), g, np.full(3 * k, -np.inf), g @ corner)
+    assert (g @ x <= g @ corner + 1e-9).all()
+    out = g.T @ rng.uniform(0.1, 1.0, 3 * k)  # straight out of the corner: it is the nearest
+    assert check_nearest(corner + out, g, np.full(3 * k, -np.inf), g @ corner) == pytest.approx(corner, abs=1e-8)
+
+
+@law(80)
+@given(seeds)
 def test_bounds_that_contradict_each_other_are_known(seed):
     """Acceleration limits can ask for what position limits forbid: 0 need not be inside."""
     rng = np.random.default_rng(seed)
@@ -551,8 +563,43 @@ def test_ticks_leave_nothing_behind():
 # --- the yardstick itself --------------------------------------------------------------------------------------------
 
 
+def _loops(rng, rows, nv, rank):
+    return rng.normal(size=(rows, rank)) @ rng.normal(size=(rank, nv))
+
+
+@given(seeds)
+def test_with_bounds_it_is_the_best_of_all_steps_within_them(seed):
+    """Against a general optimiser, on the function that the docstring states."""
+    rng = np.random.default_rng(seed)
+    loops, tasks, error = _loops(rng, 4, 7, 2), rng.normal(size=(3, 7)), rng.normal(size=3)
+    low, high = -rng.uniform(0.0, 0.4, 7), rng.uniform(0.0, 0.4, 7)
+    found = resolve(loops, 2, tasks, 3, error, np.ones(3), low, high)
+    assert np.abs(loops @ found.step).max() < 1e-9
+    assert (found.step <= high + 1e-11).all()
+    assert (found.step >= low - 1e-11).all()
+    motions, _ = free_motions(loops, 2)
+    _, sigma, wt = np.linalg.svd(tasks @ motions)
+    weight = np.concatenate([damping(sigma, float(np.linalg.norm(error))), np.full(2, RESTING)])
+
+    def cost(y):
+        return np.sum((tasks @ motions @ y - error) ** 2) + weight @ (wt @ y) ** 2
+
+    within = LinearConstraint(motions, low, high)
+    best = minimize(cost, np.zeros(5), constraints=[within], method="SLSQP", options={"ftol": 1e-14, "maxiter": 500})
+    assert cost(motions.T @ found.step) <= best.fun + 1e-6
+
+
 def test_the_free_motions_keep_their_width_where_the_loops_lose_a_rank():
     loops = np.diag([1.0, 1.0, 1e-14, 0.0])
     motions, sigma = free_motions(loops, 3)
     assert motions.shape == (4, 1)
     assert sigma == pytest.approx([1.0, 1.0, 0.0], abs=1e-13)
+
+
+def test_damping_is_exactly_none_away_from_singularities_and_smooth_up_to_them():
+    assert not damping(np.array([10.0, 1.0, NEAR_SINGULAR]), 0.1).any()
+    sigma = np.linspace(0.0, 2 * NEAR_SINGULAR, 4001)
+    values = damping(sigma, 0.05)
+    assert values[0] == RESTING + 0.05
+    assert (np.diff(values) <= 0.0).all()
+    assert np.abs(np.diff(values, 2)).max() < 1e-6  # no kink

@@ -16,7 +16,7 @@ from variants import FEWER, others_slow
 
 import cinegen
 from cinegen import Solver, Status
-from cinegen.ik import PointInPlane
+from cinegen.ik import PointInPlane, RelativePose
 from cinegen.ik.equations import axes_of, equations, task_rank
 
 several = [param for param in EVERY if load(*param.values).mobility > 1]
@@ -152,6 +152,75 @@ def test_priorities_swapped_swap_who_wins_and_any_integers_order_them():
     assert max(settle(solver).errors[0]) < 1e-9
 
 
+def test_the_same_task_twice_is_met_once_and_the_second_level_has_no_freedom():
+    delta = load("delta4", "r1")
+    solver = Solver(delta, 0.01)
+    twice = [solver.add_task("platform", rotation=0, priority=level) for level in (0, 1)]
+    for task in twice:
+        task.target = moved(task.target, (0.02, 0.03, -0.02))
+    assert np.abs(settle(solver).errors).max() < 1e-9
+    twice[1].target = moved(twice[1].target, (0.02, 0.0, 0.0))
+    assert settle(solver).levels[1].status is Status.NO_FREEDOM
+
+
+def test_levels_with_one_priority_are_one_level_bit_for_bit():
+    arm, motions = load("arm7", "arm"), []
+    for priority in (0, 5):
+        solver = Solver(arm, 0.01)
+        task = solver.add_task("tool", priority=priority)
+        task.target = moved(task.target, (0.1, 0.1, 0.1))
+        motions.append([solver.step().q for _ in range(50)])
+    assert np.array_equal(*motions)
+
+
+def test_a_stretched_arm_comes_to_rest_and_a_lower_level_never_vetoes():
+    arm = load("arm7", "arm")
+    far = Solver(arm, 0.01)
+    hand, elbow = far.add_task("tool", rotation=0), far.add_task("link4", rotation=0, priority=1)
+    hand.target, elbow.target = moved(hand.target, (3.0, 1.0, 0.5)), moved(elbow.target, (-0.2, 0.3, 0.2))
+    alone = Solver(arm, 0.01)
+    alone.add_task("tool", hand.target, rotation=0)
+    speeds = []
+    for _ in range(600):
+        step, reference = far.step(), alone.step()
+        speeds.append(float(np.abs(step.v).max()) * far.dt)
+    assert step.errors[0][0] == pytest.approx(reference.errors[0][0], abs=1e-5)
+    assert max(speeds[-50:]) < 1e-3  # rad in a tick
+    assert max(np.abs(np.diff(speeds))) < 0.1
+
+
+def test_two_arms_carry_an_object_within_limits(raff):
+    chain = [(20, 300, 0, 0), (30, 0, 0, 90), (-40, 320, 0, -90), (70, 0, 0, 90), (20, 280, 0, -90), (50, 0, 0, 90)]
+
+    def arm(first: int, base: int, side: int) -> str:
+        lines = [
+            f"link {first + i} {{ parameters {{ theta {side * a} r {r} d {d if i else base} alpha {alpha} }} type 2 "
+            f"pred {first + i - 1 if i else 0} }}"
+            for i, (a, r, d, alpha) in enumerate([*chain, (10, 0, 0, -90)])
+        ]
+        return "\n".join(
+            [*lines, f'frame {first + 7} {{ parameters {{ r 120 }} pred {first + 6} name "hand{first}" }}']
+        )
+
+    both = raff(f"robot both {{ base {{ }}\n{arm(1, 0, 1)}\n{arm(11, 500, -1)} }}")
+    solver = Solver(both, 0.01)
+    solver._write_tasks()
+    solver._memory.lower[:], solver._memory.upper[:] = both.q_home - 0.35, both.q_home + 0.35
+    solver.add_task(RelativePose("hand11", "hand1", solver.state.frame("hand11", "hand1")))
+    hand = solver.add_task("hand1", priority=1)
+    start, worst, limited = hand.target.copy(), 0.0, 0
+    for tick in range(1500):
+        w = 2.0 * np.pi * tick / 700.0
+        hand.target = pin.SE3(
+            start.rotation @ pin.exp3(0.4 * np.array([np.sin(w), np.sin(2.0 * w), 0.0])),
+            start.translation + 0.25 * np.array([np.sin(w), np.cos(2.0 * w) - 1.0, np.sin(3.0 * w)]),
+        )
+        step = solver.step()
+        worst, limited = max(worst, *step.errors[0]), limited + bool(step.saturated)
+    assert worst < 1e-10
+    assert limited > 500
+
+
 def test_a_biped_keeps_its_feet_while_its_trunk_circles(tmp_path):
     path = tmp_path / "biped.urdf"
     path.write_text(bipeds.URDF)
@@ -202,3 +271,37 @@ def test_an_outstretched_arm_escapes_while_an_objective_moves_it(spins):
     task.target = moved(task.target, (-0.19, 0.0, 0.0))
     steps = [solver.step() for _ in range(300)]
     assert min(step.errors[0][0] for step in steps) < 1e-6
+
+
+def test_wrong_priorities_are_errors_with_the_remedy():
+    solver = Solver(load("arm7", "arm"), 0.01)
+    task = solver.add_task("tool")
+    for wrong in (-1, 0.5, True, "first", None):
+        with pytest.raises(cinegen.CinegenError, match="0 or more"):
+            task.priority = wrong
+        with pytest.raises(cinegen.CinegenError, match="0 or more"):
+            solver.add_task("tool", priority=wrong)
+    task.priority = 3
+    assert solver.step().status is Status.FOLLOWING
+
+
+@pytest.mark.parametrize("name", ["arm7", "delta4", "gough", "five_bar"])
+def test_the_first_level_ends_where_it_would_alone(name):
+    """Random targets, some out of reach, and another node below."""
+    mechanism, rng = load(name, None), np.random.default_rng(11)
+    for case in range(4):
+        there, elsewhere = mechanism.random_closed(2, seed=case)
+        first, second = rng.choice(mechanism.nodes[1:], 2)
+        target = mechanism.placement(there, str(first))
+        if case == 0:
+            target = moved(target, tuple(mechanism.length * rng.normal(size=3)))
+        ends = []
+        for levels in (1, 2):
+            solver = Solver(mechanism, 0.02)
+            solver.add_task(str(first), target, rotation=0)
+            if levels == 2:
+                solver.add_task(str(second), mechanism.placement(elsewhere, str(second)), rotation=0, priority=1)
+            for _ in range(400):
+                step = solver.step()
+            ends.append(step.errors[0][0] / mechanism.length)
+        assert ends[1] < ends[0] + 1e-4, (case, first, second)

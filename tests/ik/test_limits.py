@@ -48,6 +48,17 @@ def worst_acceleration(solver, mechanism, acceleration, ticks, act=lambda tick: 
 # --- acceleration ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("name", FREE + CLOSED)
+def test_a_robot_starts_no_faster_than_its_acceleration_allows(robot, name):
+    """A closed one has a reserve for what closes its loops again."""
+    mechanism, rng = robot(name), np.random.default_rng(0)
+    for _ in range(5):
+        solver = Solver(mechanism, DT, acceleration=allowed(mechanism, 3.0))
+        solver.add_task(mechanism.nodes[-1], away(mechanism, mechanism.nodes[-1], rng, 3.0), rotation=0)
+        least = 0.975 if mechanism.is_constrained else 0.999
+        assert least < worst_acceleration(solver, mechanism, 3.0, 20) <= ROUNDING
+
+
 def test_a_joint_turns_round_and_stops_at_its_target_within_its_acceleration(raff):
     arm = raff(ONE_JOINT)
     solver = Solver(arm, 0.01, acceleration=2.0)
@@ -126,6 +137,22 @@ def test_the_joint_whose_acceleration_is_the_limit_is_named(raff):
 # --- velocity ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("name", FREE + CLOSED)
+def test_velocities_are_kept_to_rounding_however_the_target_jumps(robot, name):
+    mechanism, rng = robot(name), np.random.default_rng(3)
+    node, limit = mechanism.nodes[-1], mechanism.model.upperVelocityLimit
+    solver = Solver(mechanism, DT)
+    task = solver.add_task(node, rotation=0)
+    fastest = 0.0
+    for tick in range(400):
+        if tick % (40 if tick < 200 else 1) == 0:
+            task.target = away(mechanism, node, rng, float(rng.choice([0.1, 1.0, 10.0])))
+        step = solver.step()
+        assert (np.abs(step.v) <= limit * (1.0 + 1e-12)).all()
+        fastest = max(fastest, float((np.abs(step.v) / limit).max()))
+    assert fastest > 0.97  # and made use of
+
+
 @pytest.mark.parametrize("name", CLOSED)
 def test_closing_the_loops_costs_no_speed(robot, name):
     """It adds second-order motion to a step, which is shortened by that and no more."""
@@ -140,6 +167,29 @@ def test_closing_the_loops_costs_no_speed(robot, name):
                 assert (np.abs(step.v) / limit).max() > 0.995
                 at_speed += 1
     assert at_speed > 20
+
+
+@pytest.mark.parametrize("name", ["planar_3r", "arm7", "planar_hybrid", "delta4"])
+def test_slowed_down_the_tool_goes_straight_to_its_target(robot, name):
+    mechanism = robot(name)
+    node = mechanism.nodes[-1]
+    there = mechanism.random_closed(1, seed=5)[0]
+    home = mechanism.placement(mechanism.q_home, node).translation
+    way = mechanism.placement(there, node).translation - home
+    way *= 0.05 * mechanism.length / np.linalg.norm(way)
+    solver = Solver(mechanism, 1e-3)
+    solver.add_task(node, pin.SE3(mechanism.placement(mechanism.q_home, node).rotation, home + way), rotation=0)
+    slowed = 0
+    for _ in range(400):
+        step = solver.step()
+        if step.speed_scale < 1.0:
+            part = np.abs(step.v) / mechanism.model.upperVelocityLimit
+            assert part[mechanism.columns.index(step.limiting_joint)] > 0.999 * part.max()
+            slowed += 1
+        gone = mechanism.placement(step.q, node).translation - home
+        assert np.linalg.norm(np.cross(gone, way)) / np.linalg.norm(way) < 3e-3 * np.linalg.norm(way)
+    assert slowed > 3
+    assert np.linalg.norm(gone - way) < 1e-9 * mechanism.length
 
 
 # --- position ----------------------------------------------------------------------------------------------------
@@ -179,3 +229,15 @@ def test_pressed_against_a_wall_a_robot_rests_on_its_limits_and_leaves_them_at_o
         step = solver.step()
     assert step.status is Status.FOLLOWING
     assert step.errors[0][0] < 1e-6 * mechanism.length
+
+
+def test_a_robot_that_begins_beyond_a_limit_comes_back_and_goes_no_further(raff):
+    arm = raff(ONE_JOINT)
+    solver = Solver(arm, 0.01, q=[1.2])
+    task = solver.add_task("tool", turned(3.0), translation=0)
+    for _ in range(20):
+        assert solver.step().q[0] <= 1.2
+    task.target = turned(0.5)
+    for _ in range(20):
+        step = solver.step()
+    assert step.q[0] == pytest.approx(0.5)

@@ -71,6 +71,23 @@ def test_limits_that_are_restored_leave_no_trace(robot):
         assert (solver.step().q == other.step().q).all()
 
 
+def test_a_mapping_replaces_all_limits_and_an_entry_one(robot):
+    mechanism = robot("arm7")
+    solver = Solver(mechanism, DT)
+    solver.velocity_limits = {"joint1": 0.5, "joint2": 0.25}
+    solver.velocity_limits["joint3"] = 0.125
+    model = mechanism.limits["joint4"].velocity
+    assert [solver.velocity_limits[name] for name in ("joint1", "joint2", "joint3", "joint4")] == [
+        0.5, 0.25, 0.125, model,
+    ]  # fmt: skip
+    solver.velocity_limits = {"joint2": 0.4}
+    assert dict(solver.velocity_limits) == {
+        name: 0.4 if name == "joint2" else mechanism.limits[name].velocity for name in mechanism.joints
+    }
+    solver.velocity_limits = 0.3
+    assert set(solver.velocity_limits.values()) == {0.3}
+
+
 def test_accelerations_are_limited_from_the_next_tick_on(robot):
     mechanism = robot("arm7")
     solver = dragged(mechanism, 0.3)
@@ -125,6 +142,16 @@ def test_a_joint_beyond_a_new_position_limit_moves_back_only(raff):
 def turned(angle):
     rotation = pin.exp3(np.array([0.0, 0.0, angle]))
     return pin.SE3(rotation, rotation @ [1.0, 0.0, 0.0])
+
+
+def test_a_wider_limit_than_the_model_s_is_used(raff):
+    mechanism = raff(ONE_JOINT)
+    solver = Solver(mechanism, DT)
+    solver.position_limits[mechanism.joints[0]] = (-2.0, 2.0)
+    solver.add_task("tool", rotation=0).target = turned(1.5)
+    for _ in range(200):
+        step = solver.step()
+    assert abs(step.q[0] - 1.5) < 1e-6
 
 
 def test_a_floating_base_has_limits_of_velocity_and_acceleration(biped):

@@ -51,6 +51,15 @@ def test_a_value_is_kept_and_loops_close_there(robot):
     assert found.closure <= 1e-10
 
 
+def test_all_solutions_take_names_too(robot):
+    mechanism = robot("arm7")
+    q = mechanism.q_home
+    goal = {mechanism.end: mechanism.placement(q, mechanism.end)}
+    by_name = inverse_kinematics(mechanism, goal, all=True, locked=["joint3"])
+    by_value = inverse_kinematics(mechanism, goal, all=True, locked={"joint3": float(q[mechanism.q_index("joint3")])})
+    assert len(by_name) == len(by_value) > 0
+
+
 def test_a_locked_base_stays_and_the_hand_reaches(tmp_path):
     (tmp_path / "biped.urdf").write_text(bipeds.URDF)
     mechanism = cinegen.load(tmp_path / "biped.urdf")

@@ -189,6 +189,21 @@ def test_a_mechanism_whose_lock_leaves_no_motion_stays(robot):
     assert len(step.singular_values) == 0
 
 
+@pytest.mark.parametrize("name", ["arm7", "gough", "sr400"])
+def test_a_solver_that_was_unlocked_moves_as_if_it_had_never_been_locked(robot, name):
+    mechanism = robot(name)
+    solver, other = Solver(mechanism, DT), Solver(mechanism, DT)
+    solver.lock(*mechanism.actuated[:2])
+    solver.step()
+    solver.unlock()
+    assert solver.locked == ()
+    for one in (solver, other):
+        task = one.add_task(mechanism.end)
+        move(task, 0.05 * mechanism.length)
+    for _ in range(20):
+        assert (solver.step().q == other.step().q).all()
+
+
 def test_a_joint_stops_at_once_when_it_is_locked_while_it_moves(robot):
     mechanism = robot("arm7")
     solver = Solver(mechanism, DT, acceleration=2.0)

@@ -100,6 +100,11 @@ def test_a_screw_of_any_pitch_lifts_the_tool_on_its_axis(raff, lead):
     assert turns * lead / 1000.0 == pytest.approx(0.05, abs=1e-9)
 
 
+def test_a_screw_that_swings_a_tool_around_its_axis_counts_by_its_angle(raff):
+    arm = raff(QUILL.format(lead=0.1, frame="d 50"))
+    assert arm.scale[arm.v_index("joint3")] == 1.0
+
+
 def test_a_screw_joint_of_sdf_with_a_pitch_of_a_tenth_of_a_millimetre(tmp_path):
     (tmp_path / "jack.sdf").write_text(JACK.format(pitch=1e-4))
     jack = cinegen.load(tmp_path / "jack.sdf")

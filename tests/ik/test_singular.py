@@ -159,3 +159,17 @@ def test_a_joint_that_no_motor_determines_is_no_singularity(raff):
     q = Solver(idle, DT).step()
     assert q.passive_singular_values == pytest.approx(Solver(bar, DT).step().passive_singular_values)
     assert q.uncontrolled_dof.joints[idle.v_index("joint6")] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_values_do_not_change_with_later_ticks(robot):
+    delta = robot("delta4")
+    solver = Solver(delta, DT)
+    task = solver.add_task("platform")
+    step = solver.step()
+    before = step.lost_dof.joints, step.uncontrolled_dof.joints, step.passive_singular_values
+    task.target.translation += [0.2, 0.1, -0.1]
+    solver.step()
+    for one, other in zip(
+        before, (step.lost_dof.joints, step.uncontrolled_dof.joints, step.passive_singular_values), strict=True
+    ):
+        assert np.array_equal(one, other)

@@ -151,6 +151,37 @@ def test_a_cone_about_upright_is_never_left():
     assert np.mean(angles[100:]) > most - np.radians(0.1)  # along its edge
 
 
+def test_a_height_above_a_floor_and_a_start_below_it():
+    arm = load("arm7", "arm")
+    solver = Solver(arm, 0.01)
+    tool = solver.add_task("tool", rotation=0)
+    height = PointInPlane("tool", (0.0, 0.0, tool.target.translation[2] + 0.05))
+    floor = solver.add_task(Range(height, low=0.0))
+    before = height.error(solver.state)[0]
+    for _ in range(200):
+        step = solver.step()
+        now = height.error(solver.state)[0]
+        assert now >= min(before, 0.0) - 1e-6
+        before = now
+    assert now == pytest.approx(0.0, abs=1e-6)
+    assert step.status is Status.BARRED
+    assert step.active_barriers == (0,)
+    solver.remove_task(floor)
+    for _ in range(200):
+        step = solver.step()
+    assert step.errors[0][0] < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [({}, "low or high"), ({"low": 1, "high": 0}, "low must not exceed"), ({"radius": 0.0}, "radius must be above 0"),
+     ({"low": np.nan}, "low must not exceed"), ({"low": 0, "radius": 1.0}, "low or high")],
+)  # fmt: skip
+def test_ranges_without_sense_are_errors(options, says):
+    with pytest.raises(CinegenError, match=says):
+        Range(PointInPlane("tool"), **options)
+
+
 # --- one's own -------------------------------------------------------------------------------------------------------
 
 
@@ -259,6 +290,18 @@ def test_attributes_of_kinds_are_checked_when_they_are_set(name, wrong):
         task.points = (1.0, 0.0, 0.0)
 
 
+def test_copies_for_a_look_ahead_follow_bit_for_bit():
+    arm = load("arm7", "arm")
+    solver = Solver(arm, 0.01)
+    tool = solver.add_task("tool", arm.placement(arm.q_home + 0.2, "tool"))
+    solver.add_task(Distance("link4", "base", 0.5)).priority = 1
+    for _ in range(5):
+        solver.step()
+    forecast = cinegen.forecast_motion(solver, 0.2, dt=0.01, moving=False)
+    assert np.array_equal(forecast.q[-1], [solver.step().q for _ in range(20)][-1])
+    assert tool.priority == 0
+
+
 def test_inverse_kinematics_takes_all_kinds_and_priorities():
     arm = load("arm7", "arm")
     there = State(arm, arm.q_home + 0.4, 0.01)
@@ -345,3 +388,33 @@ def test_tasks_that_change_their_priority_at_each_look_end_no_loop():
     solver.add_task("link4", rotation=0)
     for _ in range(30):
         assert np.isfinite(solver.step().q).all()
+
+
+def test_units_of_joint_values_are_those_of_the_joints():
+    gough = load("gough", None)
+    leg = gough.actuated[0]
+    solver = Solver(gough, 0.01)
+    with pytest.raises(CinegenError, match="give unit=\\['m'\\]"):
+        solver.add_task(JointValues({leg: 0.1}))
+    solver.add_task(JointValues({leg: gough.q_home[gough.q_index(leg)] + 0.01}, unit="m"))
+    for _ in range(100):
+        step = solver.step()
+    assert step.errors[0] == (pytest.approx(0.0, abs=1e-9), 0.0)
+
+
+def test_the_centre_of_mass_of_a_robot_of_more_than_a_hundred_joints(tmp_path):
+    link = (
+        '<link name="l{0}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+        '</inertial></link><joint name="j{0}" type="continuous"><parent link="{1}"/><child link="l{0}"/>'
+        '<origin xyz="0 0 0.1"/>'
+        '<axis xyz="1 0 0"/></joint>'
+    )
+    links = [link.format(i, f"l{i - 1}" if i else "base") for i in range(105)]
+    path = tmp_path / "snake.urdf"
+    path.write_text(f'<robot name="snake"><link name="base"/>{"".join(links)}</robot>')
+    snake = cinegen.load(path)
+    state = State(snake, snake.q_home, 0.01)
+    task = CenterOfMass((0.0, 0.0, 0.0))
+    whole = pin.centerOfMass(snake.model, snake.model.createData(), snake.q_home)
+    assert task.error(state) == pytest.approx(whole, abs=1e-12)
+    assert task.jacobian(state).shape == (3, 105)

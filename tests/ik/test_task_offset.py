@@ -70,3 +70,9 @@ def test_reach_and_forecast_know_of_it(twins):
         one.target = pin.SE3(one.target.rotation, one.target.translation + np.array([0.0, 0.0, 10.0 * robot.length]))
     ahead, beyond = cinegen.forecast_motion(solver, 1.0), cinegen.forecast_motion(other, 1.0)
     assert [event.kind for event in ahead.events] == [event.kind for event in beyond.events]
+
+
+@pytest.mark.parametrize("at", ["here", (1.0, 2.0), (0.0, np.nan, 0.0), pin.SE3(np.eye(3), np.full(3, np.inf))])
+def test_what_is_no_place_is_refused(robot, at):
+    with pytest.raises(cinegen.CinegenError, match="three finite numbers"):
+        cinegen.Solver(robot("arm7"), 0.01).add_task("tool", offset=at)

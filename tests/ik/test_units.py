@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from cinegen import CinegenError, Solver, forecast_motion, inverse_kinematics
+from cinegen import CinegenError, Solver, inverse_kinematics
 
 FAR = pin.SE3(np.eye(3), np.array([300.0, 0.0, 0.0]))
 DEGREES = [90.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
@@ -27,9 +27,6 @@ def arm7(robot):
         (lambda solver: solver.add_task("tool", offset=FAR), "300 mm"),
         (lambda solver: solver.add_task("tool", FAR), "300 mm"),
         (lambda solver: solver.add_task("tool", rotation=True), "0 to 3 translations and rotations, not 3 and True"),
-        (lambda solver: solver.add_task("tool", priority=-1), "0 or more"),
-        (lambda solver: setattr(solver, "barriers", [object()]), "a barrier has the methods `bounds` and `clear`"),
-        (lambda solver: forecast_motion(solver, 0.0), "positive"),
         (lambda solver: solver.remove_task("tool"), "a task that add_task returned"),
         (lambda solver: inverse_kinematics(solver.mechanism, {"tool": FAR}), "300 mm"),
         (

@@ -90,6 +90,19 @@ def test_a_uniform_weight_changes_nothing(robot, name, weight):
         assert (solver.step().q == other.step().q).all()
 
 
+@pytest.mark.parametrize("name", ["delta4", "five_bar", "scara"])
+def test_a_mechanism_without_redundancy_does_not_notice_weights(robot, name):
+    """Up to rounding: the motion that tasks leave is none."""
+    mechanism = robot(name)
+    translations = {"delta4": 3, "five_bar": 2, "scara": 3}[name]
+    rotation = 3 if name == "scara" else 0
+    solver, other = aimed(mechanism, 0.1, rotation=rotation), aimed(mechanism, 0.1, rotation=rotation)
+    assert translations <= mechanism.mobility
+    solver.joint_weights = {mechanism.actuated[0]: 1e4}
+    for _ in range(30):
+        assert (solver.step().q == other.step().q).all()
+
+
 def test_a_heavy_joint_changes_neither_singular_values_nor_statuses_nor_what_is_reached(robot):
     mechanism = robot("arm7")
     for seed in range(5):

@@ -80,6 +80,27 @@ def test_rows_are_the_derivative_of_the_error():
             assert rows == pytest.approx(exact, abs=1e-6)
 
 
+def test_weights_may_be_set_between_ticks(robot):
+    solver = cinegen.Solver(robot("arm7"), DT)
+    task = solver.add_task("tool")
+    start = task.target.copy()
+    task.target = moved(start, np.array([0.03, 0.0, 0.0, 0.2, 0.0, 0.0]))
+    task.weights = (1, 1, 1, 0, 0, 0)
+    for _ in range(30):
+        first = solver.step()
+    assert max(task.error) <= 1e-9
+    task.weights = (1, 1, 1, 0.1, 1, 1)
+    assert first.errors[0][0] <= 1e-9  # a step keeps what it was made for
+    assert first.errors[0][1] == 0.0
+    for _ in range(60):
+        step = solver.step()
+    assert max(task.error) <= 1e-9
+    assert pin.log6(task.target.actInv(solver.mechanism.placement(step.q, "tool"))).vector == pytest.approx(0, abs=1e-9)
+    task.translation = 2
+    assert task.weights.tolist() == [1, 1, 0, 0.1, 1, 1]
+    assert step.lost_dof is not None
+
+
 def test_weights_that_can_not_be_used(robot):
     solver = cinegen.Solver(robot("arm7"), DT)
     for wrong in ((1, 1, 1), (1, 1, 1, -1, 1, 1), (1, 1, 1, np.nan, 1, 1), "heavy", np.ones((6, 1)), np.inf):
@@ -100,3 +121,14 @@ def test_weights_that_can_not_be_used(robot):
     assert solver.step().status is Status.BAD_TARGET
     task.weights = np.full(6, 1e-300)
     assert solver.step().status is Status.FOLLOWING
+
+
+def test_inverse_kinematics_leaves_an_axis_of_weight_0_free(robot):
+    arm, rng = robot("arm7"), np.random.default_rng(2)
+    for weights in ((1, 1, 1, 0, 1, 1), (0, 1, 1, 1, 0, 1), (1, 1, 0, 0, 0, 0.01)):
+        pose = arm.placement(arm.random_closed(1, seed=3)[0], "tool")
+        task = FrameTask("tool", moved(pose, 0.1 * rng.normal(size=6)), weights=weights)
+        result = cinegen.inverse_kinematics(arm, [task])
+        assert result
+        linear, angular = task.errors(arm.placement(result.q, "tool"))
+        assert np.concatenate([linear, angular]) == pytest.approx(0.0, abs=1e-9)

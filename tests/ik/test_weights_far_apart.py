@@ -61,6 +61,21 @@ def test_what_can_be_met_together_is_met_whatever_the_weights(robot, name):
         reached(solver, 400)
 
 
+def test_a_conflict_ends_at_the_weighted_mean(robot):
+    """Two targets of one point: the sum of squared weights times squared distances is least at their mean."""
+    for ratio in (2.0, 1e2, 1e4):
+        solver = Solver(robot("arm7"), 0.01)
+        tasks = [solver.add_task("tool", rotation=0, weight=weight) for weight in (ratio, 1.0)]
+        start = tasks[0].target.translation
+        places = start + np.array([0.02, 0.03, -0.02]), start + np.array([0.01, 0.04, -0.03])
+        for task, place in zip(tasks, places, strict=True):
+            task.target = pin.SE3(np.eye(3), place)
+        for _ in range(300):
+            q = solver.step().q
+        mean = (ratio**2 * places[0] + places[1]) / (ratio**2 + 1.0)
+        assert solver.mechanism.placement(q, "tool").translation == pytest.approx(mean, abs=2e-8)
+
+
 def test_a_light_task_is_as_fast_as_alone(tmp_path):
     """One of two arms is stretched by a task of weight 0.2 as it is by that task alone, while the other is held."""
     parts = [

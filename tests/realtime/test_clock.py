@@ -8,9 +8,11 @@ import gc
 import math
 import os
 import signal
+import subprocess
 import sys
 import threading
 import time
+import tracemalloc
 from types import SimpleNamespace
 
 import numpy as np
@@ -278,6 +280,40 @@ def test_an_error_of_the_block_is_not_covered_by_the_loops(caplog):
     assert "in trip" in caplog.text
 
 
+def test_an_error_that_nobody_asked_for_is_printed_in_the_end(root):
+    done = _program(
+        root,
+        """
+        import time
+        from cinegen.realtime import Clock
+
+        def trip(tick):
+            raise RuntimeError("tripped")
+
+        clock = Clock(0.001).start(trip)
+        while clock.running:
+            time.sleep(0.01)
+        """,
+    )
+    assert done.returncode == 0
+    assert "RuntimeError: tripped" in done.stderr
+    assert "was not raised before" in done.stderr
+
+
+def _program(root, text, **options):
+    """Runs a program to its end."""
+    lines = text.splitlines()
+    indent = min(len(line) - len(line.lstrip()) for line in lines if line.strip())
+    path = options.pop("path", None)
+    command = ["-c", "\n".join(line[indent:] for line in lines)]
+    if path is not None:
+        path.write_text(command[1], encoding="utf-8")
+        command = [str(path)]
+    return subprocess.run(
+        [sys.executable, *command], cwd=root, capture_output=True, text=True, timeout=60, check=False, **options
+    )
+
+
 # --- what is borrowed is given back ----------------------------------------------------------------------------------
 
 
@@ -322,6 +358,18 @@ def test_the_report_says_how_the_loop_was_scheduled(monkeypatch):
     assert scheduling == "ordinary scheduling (no real time: operation not permitted)"
     monkeypatch.delattr(os, "sched_setscheduler")
     assert "offers no real-time" in Clock(priority=7).run(lambda tick: None, 0.001).scheduling
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="this system has no such choice")
+def test_a_loop_runs_on_the_cores_it_is_given():
+    core = min(os.sched_getaffinity(0))
+    seen = set()
+    report = Clock(0.001, cores=[core]).run(lambda tick: seen.update(os.sched_getaffinity(0)), 0.005)
+    assert seen == {core}
+    assert report.scheduling.endswith(f"on cores {core}")
+    for impossible in ([4095], [-1]):
+        with pytest.raises(ClockError, match="can't run on cores"):
+            Clock(cores=impossible).run(lambda tick: None, 0.001)
 
 
 # --- mailboxes -------------------------------------------------------------------------------------------------------
@@ -378,6 +426,23 @@ def test_arrays_arrive_as_they_were(array):
     found = channel.state.read()["array"]
     np.testing.assert_array_equal(found, array)
     assert (found.dtype, found.flags.writeable) == (array.dtype, True)
+
+
+def test_what_arrives_costs_no_memory():
+    """Pinocchio's objects are made of arrays again: eigenpy never frees the type of an array that has its own."""
+    channel, placement = Channel.shared(0.001), pin.SE3.Random()
+    tracemalloc.start()
+    try:
+        for i in range(1100):
+            channel.state.write(placement, "state")
+            found = channel.state.read()
+            if i == 100:
+                before, _ = tracemalloc.get_traced_memory()
+        after, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert found == placement
+    assert after < before + 20_000  # 129,000 bytes if each message costs the type of its arrays
 
 
 def test_what_cant_be_sent_is_said():
