@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from cinegen.cli.files import check_outputs, print_result, write
 from cinegen.cli.numbers import UNITS, interval_of, named, values
-from cinegen.cli.options import FILE, JSON, RobotOptions, force_option, option
-from cinegen.cli.options import flag as flag_option
+from cinegen.cli.options import FILE, JSON, RobotOptions, force_option
 from cinegen.cli.progress import Progress
+from raff2urdf.command_line import flag, option
 from raff2urdf.files import output_path
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def run(
     ),
     at: str = option("VALUES", f"values of other coordinates, such as z=-0.9,rx=0 ({UNITS}; default: home)", ""),
     node: str | None = option("NAME", "node that is posed (default: the last of the file)"),
-    limits: bool = flag_option("--limits", "prove that all joints stay within their limits, too"),
+    limits: bool = flag("--limits", "prove that all joints stay within their limits, too"),
     boxes: int | None = option("N", "boxes that are tested at most (10000)", min=1),
     output: str | None = option(
         "FILE", "certificate to write (ROBOT-proof.json)", None, "-o", "--output", endings=(".json",)
