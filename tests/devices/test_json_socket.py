@@ -100,10 +100,13 @@ def test_what_a_program_can_say(sensor):
     ("line", "why"),
     [
         (b"hello", "malformed"),
+        (b'{"twist": [0, 0, NaN, 0, 0, 0]}', "malformed"),
         (b'{"twist": [0, 0, 1e999, 0, 0, 0]}', "Number out of range - at `$.twist[2]`"),
+        (b'{"twist": [0, 0, 1]}', "of length 6 - at `$.twist`"),
         (b'{"twist": [0, 0, 1, 0, 0, "1"]}', "Expected `float`, got `str` - at `$.twist[5]`"),
         (b"[" * 4000, "Expected `object`"),
         (b'{"quaternion": [' + b"[" * 4000, "at `$.quaternion[0]`"),
+        (b'{"twits": [0, 0, 0, 0, 0, 0]}', "unknown field `twits`"),
         (b'{"placement": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 2]]}', "at `$.placement[3]`"),
         (b'{"placement": [[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}', "rotation"),
         (b'{"placement": [[-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}', "reflection"),
