@@ -120,27 +120,35 @@ MOST_KNOWN = 12  # words in a list of known ones
 def near_names(word: str, known: Iterable[str]) -> list[str]:
     """Return the known names that are nearest to a word; none if all are far, or if too many are as near.
 
-    A name is near if at most every fourth letter must be changed, inserted or left out, upper and lower case being the
-    same. One letter always may differ, two where names of four or more begin alike, and the end may be left out.
+    A name is near if at most every fourth letter must be changed, inserted, left out or exchanged with the next one,
+    upper and lower case being the same. One letter always may differ, two where names of four or more begin alike, and
+    the end may be left out.
     """
-    short = dict.fromkeys(one for one in known if len(one) <= LONGEST)  # the time grows with squares of lengths
+    short = dict.fromkeys(name for name in known if len(name) <= LONGEST)  # the time grows with squares of lengths
     if not 0 < len(word) <= LONGEST:
         return []
     lower = word.casefold()
     similar = difflib.get_close_matches(word, list(short)[:MOST], n=NEAR + 1)
-    similar += [one for one in short if one.casefold() == lower and one not in similar]
-    distances = {one: _edits(lower, one.casefold()) for one in similar}
+    similar += [name for name in short if name.casefold() == lower and name not in similar]
+    distances = {name: _edits(lower, name.casefold()) for name in similar}
     least = min(distances.values(), default=0)
-    near = [one for one in short if distances.get(one) == least]
-    begins = all(one.casefold().startswith(lower) or lower.startswith(one.casefold()) for one in near)
-    same = len(word) > 3 and all(one[0].casefold() == lower[0] for one in near)
+    near = [name for name in short if distances.get(name) == least]
+    begins = all(name.casefold().startswith(lower) or lower.startswith(name.casefold()) for name in near)
+    same = len(word) > 3 and all(name[0].casefold() == lower[0] for name in near)
     return near if len(near) <= NEAR and (begins or least <= max(1 + same, len(word) // 4)) else []
 
 
 def _edits(word: str, other: str) -> int:
-    """Return the number of letters that are changed, inserted or left out between words."""
-    edits = difflib.SequenceMatcher(None, word, other, autojunk=False).get_opcodes()
-    return sum(max(end - start, to - at) for edit, start, end, at, to in edits if edit != "equal")
+    """Return the number of edits between words: Damerau and Levenshtein's distance, no part being edited twice."""
+    before, last = [0] * (len(other) + 1), list(range(len(other) + 1))
+    for i, letter in enumerate(word, 1):
+        row = [i]
+        for j, one in enumerate(other, 1):
+            row.append(min(last[j] + 1, row[-1] + 1, last[j - 1] + (letter != one)))
+            if i > 1 and j > 1 and letter == other[j - 2] and one == word[i - 2]:
+                row[-1] = min(row[-1], before[j - 2] + 1)
+        before, last = last, row
+    return last[-1]
 
 
 def did_you_mean(word: str, known: Sequence[str]) -> str:

@@ -14,6 +14,7 @@ JOINTS = [f"joint{number}" for number in range(1, 7)]
     ("shoulder_pan", ["shoulder_pan_joint", "elbow_joint"], ["shoulder_pan_joint"]),
     ("sigma_9", ["sigma_1", "sigma_2", "margin"], ["sigma_1", "sigma_2"]),
     ("alfa", ["alpha", "theta"], ["alpha"]),
+    ("cvs", ["csv", "npz"], ["csv"]),
     ("rad", ["rod", "base"], ["rod"]),
     ("joint9", JOINTS, []),  # all six are as near
     ("elbow", ["yellow", "bow"], []),
