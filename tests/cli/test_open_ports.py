@@ -35,8 +35,6 @@ OTHER_PAGES = (
     ("replay", "run.jsonl", *PAGE),
     ("drive", "--scene", "robots/scenes/disc.toml", *PAGE),
     ("modes", "robots/four_bar.raff", "--view", *PAGE),
-    ("prove", "robots/five_bar.raff", "--over", "x=-10..10mm,y=0.45..0.46", "-o", "proof.json"),
-    ("check-proof", "proof.json"),
     ("plan", "robots/scenes/disc.toml", "--view", *PAGE),
     ELSEWHERE,
 )
@@ -142,6 +140,8 @@ QUIET = (
     ("tolerance", "robots/four_bar.raff", "--sigma", "link*.d=1mm", "--samples", "10"),
     ("map", "robots/planar_3r.raff", "--over", "xy", "--grid", "4", "--workers", "1", "-o", "a.zarr"),
     ("compare", "a.zarr", "a.zarr"),
+    ("prove", "robots/five_bar.raff", "--over", "x=-10..10mm,y=0.45..0.46", "-o", "proof.json"),
+    ("check-proof", "proof.json"),
     ("plan", "robots/scenes/disc.toml", "-o", "run.jsonl"),
     ("export", "run.jsonl", "--to", "csv"),
     ("generate", "robots/four_bar.raff", "--to", "js"),
