@@ -372,14 +372,14 @@ def check(certificate: Mapping[str, Any], report: Callable[[int, int], None] = l
     """
     with ctx.workprec(64):
         try:
-            return _verdict(certificate, report)
+            return _result(certificate, report)
         except CertificateError:
             raise
         except Exception as error:  # numbers and structures of any kind
-            raise CertificateError(f"the certificate is damaged ({type(error).__name__}: {error})") from None
+            raise CertificateError(f"it is damaged ({type(error).__name__}: {error})") from None
 
 
-def _verdict(certificate: Mapping[str, Any], report: Callable[[int, int], None]) -> dict[str, Any]:
+def _result(certificate: Mapping[str, Any], report: Callable[[int, int], None]) -> dict[str, Any]:
     robot, ends = Robot(certificate), list(certificate["over"].values())
     tree, leaves, pairs = iter(certificate["tree"]), list[Tube | None](), list[tuple[Tube, Tube, int]]()
     shares = list[float]()

@@ -152,14 +152,14 @@ def read_proof(certificate: Mapping[str, Any], report: Callable[[int, int], None
         ProofError: a claim is not confirmed.
     """
     try:
-        verdict = check(certificate) if report is None else check(certificate, report)
+        result = check(certificate) if report is None else check(certificate, report)
     except CertificateError as error:
         raise ProofError(f"the certificate is rejected: {error}") from error
     leaves = [node for node in certificate["tree"] if isinstance(node, dict)]
     reasons = Counter(leaf["reason"] for leaf in leaves if leaf["claim"] in ("open", "regular"))
     return Proof(
-        verdict["proved"], verdict["refuted"], verdict["undecided"], tuple(verdict["witnesses"]), dict(reasons),
-        verdict["boxes"], certificate,
+        result["proved"], result["refuted"], result["undecided"], tuple(result["witnesses"]), dict(reasons),
+        result["boxes"], certificate,
     )  # fmt: skip
 
 
@@ -175,7 +175,10 @@ def load_proof(path: Path | str, report: Callable[[int, int], None] | None = Non
         raise ProofError(f"{path}: can't be read ({error})") from None
     if not isinstance(certificate, dict) or certificate.get("format") != _FORMAT:
         raise ProofError(f"{path}: is no certificate of cinegen prove ({_FORMAT})")
-    return read_proof(certificate, report)
+    try:
+        return read_proof(certificate, report)
+    except ProofError as error:
+        raise ProofError(f"{path}: {error}") from None
 
 
 def _not_square(equations: int, unknowns: int) -> str:

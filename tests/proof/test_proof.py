@@ -145,6 +145,9 @@ def test_certificates_are_read_again(rectangle, tmp_path):
         load_proof(tmp_path / "b.json")
     with pytest.raises(ProofError, match="can't be read"):
         load_proof(tmp_path / "c.json")
+    (tmp_path / "d.json").write_text(json.dumps({**rectangle.certificate, "length": "long"}))
+    with pytest.raises(ProofError, match=r"d\.json: the certificate is rejected: it is damaged"):
+        load_proof(tmp_path / "d.json")
 
 
 # --- arithmetic ---------------------------------------------------------------------------------------------------
@@ -198,12 +201,12 @@ def mutated(certificate, rng):
     return found
 
 
-def assert_true(certificate, verdict, mechanism, rng):
-    """What a verdict says holds at random poses, by Newton's method in doubles."""
+def assert_true(certificate, result, mechanism, rng):
+    """What a result says holds at random poses, by Newton's method in doubles."""
     equations = Equations(certificate)
     equations.rows = np.array(certificate["rows"])
     low, high = np.array(list(certificate["over"].values())).T
-    if verdict["proved"] < 1.0:
+    if result["proved"] < 1.0:
         return
     coordinates = Coordinates(mechanism, list(RECTANGLE))
     for values in rng.uniform(low, high, (30, len(low))):
@@ -220,11 +223,11 @@ def mutate(certificate, mechanism, count):
     for _ in range(count):
         other = mutated(certificate, rng)
         try:
-            verdict = check(other)
+            result = check(other)
         except CertificateError:
             continue
         accepted += 1
-        assert_true(other, verdict, mechanism, np.random.default_rng(rng.randrange(2**32)))
+        assert_true(other, result, mechanism, np.random.default_rng(rng.randrange(2**32)))
     return accepted
 
 
