@@ -157,9 +157,14 @@ def test_nothing_is_drawn_while_nothing_changes_and_motions_leave_nothing_behind
       viewer.render = () => (render(), (drawn += 1));
     }""")
     assert becomes(page, "cockpit.view.resolution.complete")
+
+    def nothing_is_drawn():  # once the last messages of a page that was opened have come
+        before = page.evaluate("drawn")
+        page.evaluate(FRAMES)
+        return page.evaluate("drawn") == before
+
+    assert becomes(page, nothing_is_drawn)
     before = page.evaluate("drawn")
-    page.evaluate(FRAMES)
-    assert page.evaluate("drawn") == before
     grab(page, shown, "five_bar", "link4")
     page.mouse.up()
     assert becomes(page, f"drawn > {before}")
