@@ -138,6 +138,46 @@ def test_an_mjcf(tmp_path):
     assert all(re.search(part, line) for (_, part), line in zip(wanted, said, strict=True))
 
 
+def test_an_mjcf_that_includes_others(tmp_path):
+    """Files are included by files that are included; names are those of all files."""
+    (tmp_path / "parts").mkdir()
+    files = {
+        "a.xml": """<mujoco><compiler angle="gradian"/>
+            <include file="gone.xml"/>
+            <worldbody><body name="a" pox="1"><joint name="one"/><geom size="0.1"/>
+                <include file="parts/arm.xml"/></body></worldbody>
+            <include file="drives.xml"/>
+            <include file="a.xml"/></mujoco>""",
+        "parts/arm.xml": """<mujocoinclude><body name="b"><joint name="two" axis="0 0 0"/><geom size="0.1"/>
+            <joint name="one"/>
+            <include file="hand.xml"/></body></mujocoinclude>""",
+        "parts/hand.xml": '<mujocoinclude>\n<geom sizy="1"/></mujocoinclude>',
+        "drives.xml": '<mujocoinclude><actuator>\n<motor joint="twi"/></actuator></mujocoinclude>',
+    }
+    wanted = [
+        ("a.xml:1", "'gradian'"), ("a.xml:2", "there is no file 'gone.xml'"), ("a.xml:3", "'pox'"),
+        ("a.xml:6", "'a.xml' is already included"),
+        ("parts/arm.xml:1", "axis too small"), ("parts/arm.xml:2", "repeated name 'one'"),
+        ("drives.xml:2", "'twi' .*: did you mean 'two'"), ("parts/hand.xml:2", "'sizy'"),
+    ]  # fmt: skip
+    for missing in ("gone.xml", "broken.xml", ""):
+        head = f'<include file="{missing}"/>' if missing else ""
+        for name, text in files.items():
+            (tmp_path / name).write_text(text.replace('<include file="gone.xml"/>', head), encoding="utf-8")
+        (tmp_path / "broken.xml").write_text("<mujocoinclude>\n<a></mujocoinclude>", encoding="utf-8")
+        with pytest.raises(RaffError) as found:
+            raff2urdf.to_raff(tmp_path / "a.xml", tmp_path / "a.raff")
+        said = [line.removeprefix(f"{tmp_path}/") for line in str(found.value).splitlines()]
+        parts = [
+            (place, part)
+            for place, part in wanted
+            if (missing == "gone.xml" or "gone" not in part) and (not missing or "twi" not in part)  # a name of it?
+        ]
+        parts = [*([("broken.xml:2", "invalid XML")] if missing == "broken.xml" else []), *parts]
+        assert [line.partition(": ")[0] for line in said] == [place for place, _ in parts]
+        assert all(re.search(part, line) for (_, part), line in zip(parts, said, strict=True))
+
+
 def test_what_has_no_counterpart_in_an_mjcf(tmp_path):
     path = tmp_path / "a.xml"
     path.write_text(UNLIKE, encoding="utf-8")
