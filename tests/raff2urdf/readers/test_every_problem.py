@@ -79,15 +79,32 @@ wrench = [1, 2]
 SCENE = """robot = "planar_3r"
 safety = -1
 up = [0, 0, 0]
-goal = { point = [0.5, 0.2] }
+gaol = 3
+node = "tol"
+allowed_collisions = [["lnk1", "lnk2"]]
+locked = ["a", "b"]
+path = { upright = 1, line = [0, 0] }
+start = { joints = { jiont1 = 1, joint2 = "x" } }
+goal = { point = 5, tolerance = [-1, 0, 0], cone = 1 }
+attached = [{ kind = "bux", node = "tol" }]
+weights = { elbow = 1, joint1 = 1000 }
 [[obstacle]]
 kind = "spere"
 [[obstacle]]
 kind = "sphere"
-point = [1, 1, 1]
+point = [1]
 radius = 0.1
 radus = 1
 colur = 2
+[[obstacle]]
+kind = "cylinder"
+radus = 1
+length = -1
+[[obstacle]]
+kind = "mesh"
+rpy = 0
+scale = 0
+file = "none.stl"
 """
 
 
@@ -118,8 +135,40 @@ def test_a_scene(tmp_path):
     with pytest.raises(SceneError) as found:
         load_scene(path)
     said = str(found.value).splitlines()
-    wanted = ("safety must not be", "up must be", "'spere'", "'radus'", "'colur'")
-    assert [part in line for part, line in zip(wanted, said, strict=True)] == [True] * 5
+    wanted = (
+        "safety must not be", "up must be", "'spere'", "obstacle 2: point must", "'radus'", "'colur'",
+        "obstacle 3: radius is missing: is 'radus'", "obstacle 3: length", "obstacle 4: rpy", "obstacle 4: scale",
+        "obstacle 4: file", "unknown key 'gaol'",
+        "node 'tol' is not a node", "'lnk1' is not a node", "'lnk2' is not a node", "upright must", "line must",
+        "'jiont1' is not a joint", "joint2 is wrong", "goal: point must", "goal: tolerance must", "cone needs rpy",
+        "locked 'a' is not", "locked 'b' is not", "attached 1: node 'tol'", "attached 1: kind 'bux'",
+        "weights: 'elbow' is not", "weights: joint1 must be a weight",
+    )  # fmt: skip
+    assert all(part in line for part, line in zip(wanted, said[:20], strict=False)), str(found.value)
+    assert said[20:] == [f"and {len(wanted) - 20} more"]
+    lines = found.value.lines
+    assert [part in line for part, line in zip(wanted, lines, strict=True)] == [True] * len(wanted)
+
+
+@pytest.mark.parametrize(
+    ("changed", "wanted"),
+    [
+        ("robot = 'no.raff'\nsafety = -1\nnode = 'x'\ngoal = {}", ("safety", "no.raff' does not exist")),
+        (
+            "mobile = { radius = 0.1 }\nlocked = ['a']\nnode = 'x'\ngoal = { point = 1 }\n[path]\n[[attached]]",
+            ("node 'x'", "path is for robots", "goal: point", "locked 'a'", "attached is for robots"),
+        ),
+        ("robot = 'planar_3r'\n[start.joints]\na = 1\n[goal.joints]\nb = 2\njoint1 = 'x'",
+         ("start: joints: 'a'", "goal: joints: 'b'", "goal: joints: joint1")),
+    ],
+)  # fmt: skip
+def test_other_scenes(tmp_path, changed, wanted):
+    path = tmp_path / "a.toml"
+    path.write_text(changed, encoding="utf-8")
+    with pytest.raises(SceneError) as found:
+        load_scene(path)
+    said = str(found.value).splitlines()
+    assert [part in line for part, line in zip(wanted, said, strict=True)] == [True] * len(wanted), said
 
 
 def test_an_mjcf(tmp_path):
