@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import raff2urdf.errors
@@ -43,12 +43,14 @@ class ConfigurationError(CinegenError):
 
 
 def read_all(
-    reads: Mapping[str, Callable[[], Any]], failure: type[CinegenError], values: dict[str, Any] | None = None
+    reads: Mapping[str, Callable[[], Any]] | Iterable[tuple[str, Callable[[], Any]]],
+    failure: type[CinegenError],
+    values: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Return what functions that don't need each other return, by their names.
 
     Args:
-        reads: functions by the names of their values.
+        reads: functions by the names of their values, or pairs of both.
         failure: class of the errors that are collected and raised.
         values: to which each value is added as soon as it was read: for functions that need an earlier one, which keep
             the value that stands there if that one fails.
@@ -57,7 +59,7 @@ def read_all(
         failure: with the messages of all that fail, a line each.
     """
     values, problems = {} if values is None else values, list[str]()
-    for name, read in reads.items():
+    for name, read in reads.items() if isinstance(reads, Mapping) else reads:
         try:
             values[name] = read()
         except failure as error:

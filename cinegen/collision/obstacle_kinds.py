@@ -171,12 +171,12 @@ def _robot(table: SceneTable, folder: Path) -> list[Piece]:
     if "joints" in table:
         joints = table.table("joints")
         joints.know(*mechanism.joints)
-        reads = {
+        reads: dict[str, Callable[[], Any]] = {
             name: partial(joints.number, name, LENGTH if mechanism.is_prismatic(name) else ANGLE)
             for name in mechanism.joints
             if name in joints
         }
-        values = read_all({**reads, "": joints.finish}, SceneError)
+        values = read_all(reads | {"": joints.finish}, SceneError)
         del values[""]
         try:
             q = mechanism.close(mechanism.configuration(values), locked=values)

@@ -4,10 +4,13 @@ import re
 
 import pytest
 
+import cinegen
 import raff2urdf
 from cinegen.collision import SceneError, load_scene
+from cinegen.design.calibration.measurements import Measurements
 from cinegen.design.errors import DesignError
 from cinegen.design.synthesis.task_file import load_task
+from cinegen.mission import MissionError, MissionRecorder, Player, Recording, RobotSample
 from raff2urdf import RaffError
 
 URDF = """<robot name="a"><link name="base"/><link name="arm"/>
@@ -234,6 +237,64 @@ def test_what_has_no_counterpart_in_an_mjcf(tmp_path):
         raff2urdf.to_raff(path, tmp_path / "a.raff")
     wanted = ("'first' constrains the spatial", "'third' constrains the spatial")
     assert [part in line for part, line in zip(wanted, str(found.value).splitlines(), strict=True)] == [True] * 2
+
+
+def test_measurements():
+    """What can't be read of a line or a column is no reason for another message."""
+    text = """pos, joint1 [deg], joint3 [mm], tol.x [mm], tool.y [mm], tool.x [mm], tool.y [mm], tool.rz [deg]
+        sigma, , , , 0.05, x, 0.1,
+        1, 12.5, 30, 4, 5, 6, 7, 1
+        2, 14.0, 35, 4, 5.x, 6, 7, 1
+        3, 14.0, 35
+        sigma, -1, , , 0, 1, 1, 0.1
+        4, 1 parsec, 35, 4, 5, six, 7, 2
+        """
+    wanted = (
+        "line 1: the first column is 'pose'", "line 1, column 3: joint3", "line 1, column 4: 'tol.x'",
+        "line 1, column 7: tool.y has two", "line 2, column tool.x: 'x'", "line 3, column tool.rz: no sigma",
+        "line 4, column tool.y: '5.x'", "line 5: 3 cells", "line 6, column joint1: a standard deviation",
+        "line 6, column tool.y: a standard deviation", "line 7, column joint1: '1 parsec'",
+        "line 7, column tool.x: 'six'",
+    )  # fmt: skip
+    mechanism = cinegen.load("five_bar")
+    with pytest.raises(DesignError) as found:
+        Measurements.loads(text, mechanism)
+    said = str(found.value).splitlines()
+    assert [part in line for part, line in zip(wanted, said, strict=True)] == [True] * len(wanted), said
+    units = "pose, joint1, tool.x, tool.y\nsigma, , 1, 1\n1, 1rad, 400, 0.1\n2, 1rad, 410, 0.1\n3, 1rad, 410, 300"
+    with pytest.raises(DesignError) as found:
+        Measurements.loads(units, mechanism)
+    said = str(found.value).splitlines()
+    parts = ("line 3, column tool.x", "line 5, column tool.y")  # of each column the first
+    assert [part in line for part, line in zip(parts, said, strict=True)] == [True, True]
+
+
+def test_a_mission(tmp_path):
+    path = tmp_path / "a.jsonl"
+    arms = {"one": cinegen.load("planar_3r"), "two": cinegen.load("five_bar")}
+    with MissionRecorder(path, arms) as recorder:
+        for time in range(8):
+            recorder.write(float(time), {name: RobotSample(arm.q_home, f"{time}") for name, arm in arms.items()})
+    lines = path.read_text().splitlines()
+    lines[0] = lines[0].replace("revolute", "revolite")
+    lines[2] = lines[2].replace('"one"', '"none"')
+    lines[3] = lines[3].replace('"q":[', '"q":[0,')
+    lines[4] = '{"t":0,"robots":{},"obstacles":{"box":[0,0,0,0,0,0,1]}}'
+    lines[6] = lines[6][:20]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    with pytest.raises(MissionError) as found:
+        Recording.load(path)
+    said = str(found.value).splitlines()
+    wanted = (
+        ":3: robot 'none'", ":4: Expected `array` of length 3 - at `$.robots.one.q`", ":4: Expected `array` of length",
+        ":5: obstacle 'box'", ":5: Expected a time after", ":7: ",
+    )  # fmt: skip
+    assert [part in line for part, line in zip(wanted, said, strict=True)] == [True] * len(wanted), said
+    path.write_text(lines[0] + "\n", encoding="utf-8")
+    with pytest.raises(MissionError) as found:
+        Player(Recording.load(path))
+    said = str(found.value).splitlines()
+    assert [name in line for name, line in zip(("'one' was changed", "'two' was changed"), said, strict=True)]
 
 
 def test_a_task_of_a_synthesis(tmp_path):
