@@ -50,7 +50,7 @@ export class Hints {
     session.on("select", (part) => part !== null && this.#tell("rotate"));
     for (const event of /** @type {const} */ (["hello", "control"])) session.on(event, () => this.#first());
     view.before(() => {
-      if (this.#waits) this.#where.copy(lowest(view));
+      if (this.#waits) this.#where.copy(below(view));
     });
     frames.each((now) => this.#move(now));
     for (const event of ["pointerdown", "pointermove", "wheel", "keydown"]) window.addEventListener(event, () => this.#rest(), { capture: true, passive: true });
@@ -168,24 +168,24 @@ export class Hints {
 }
 
 /**
- * Return the corner of a part's box that is seen lowest, in the world: below it, a hint covers no part.
+ * Return a point of the world that is seen in the middle below all parts: a hint there covers none.
  *
  * @param {import("../view/view.js").View} view
  */
-function lowest({ root, camera }) {
-  const [corner, seen, where] = [new Vector3(), new Vector3(), new Vector3()];
-  let least = Infinity;
+function below({ root, camera }) {
+  const seen = new Box3();
+  const [corner, lowest] = [new Vector3(), new Vector3(0, Infinity, 0)];
   root.updateWorldMatrix(false, true);
   root.traverse((part) => {
     if (!(part instanceof Mesh)) return;
     if (part.geometry.boundingBox === null) part.geometry.computeBoundingBox();
     const ends = [part.geometry.boundingBox.min, part.geometry.boundingBox.max];
     for (let i = 0; i < 8; i += 1) {
-      corner.set(ends[i & 1].x, ends[(i >> 1) & 1].y, ends[i >> 2].z).applyMatrix4(part.matrixWorld);
-      if (!(seen.copy(corner).project(camera).y < least)) continue;
-      least = seen.y;
-      where.copy(corner);
+      corner.set(ends[i & 1].x, ends[(i >> 1) & 1].y, ends[i >> 2].z).applyMatrix4(part.matrixWorld).project(camera);
+      seen.expandByPoint(corner);
+      if (corner.y < lowest.y) lowest.copy(corner);
     }
   });
-  return root.worldToLocal(where);
+  lowest.x = (seen.min.x + seen.max.x) / 2;
+  return root.worldToLocal(lowest.unproject(camera));
 }
