@@ -279,7 +279,7 @@ class MapSpecification:
 
 @lru_cache(maxsize=4)
 def _parsed(text: str, source: str, folder: str) -> MapSpecification:
-    from cinegen.model.load import build
+    from cinegen.model.build import build
 
     try:
         document, robot = json.loads(text), json.loads(source)
