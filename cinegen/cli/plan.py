@@ -322,7 +322,7 @@ def _length(found: Plan) -> float:
     """Return the length of the node's path, m; between configurations it may be curved."""
     import numpy as np
 
-    from cinegen.planning.planner import refined
+    from cinegen.planning.search import refined
 
     mechanism, node = found.scene.mechanism, found.scene.node
     trace = np.array([mechanism.placement(q, node).translation for q in refined(mechanism, found.path)])
