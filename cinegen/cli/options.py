@@ -86,7 +86,7 @@ VIEW = flag("--view", "show the result in the page")
 
 @dataclass(frozen=True)
 class SceneRobotOptions(ReadFlags):
-    """How the robot of a scene is loaded."""
+    """Options by which the robot of a scene is loaded."""
 
     actuated: str | None = ACTUATED
     ignore_loops: bool = IGNORE_LOOPS

@@ -371,7 +371,8 @@ def _checked_quantities(spec: MapSpecification) -> tuple[str, ...]:
     if "solid_angle" in wanted and (spec.over_joints or spec.rotation):
         raise MapError("solid_angle counts possible directions of the node: leave its orientation free")
     if "solutions" in wanted and spec.over_joints and mechanism.is_constrained:
-        from cinegen.assembly.linkage import ModesError, linkage_of
+        from cinegen.assembly.errors import ModesError
+        from cinegen.assembly.linkage import linkage_of
 
         try:
             linkage_of(mechanism.successive)
