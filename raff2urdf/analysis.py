@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -125,75 +125,106 @@ def analyse(
     kinds, written = loop_kinds(robot, loops), robot
     robot = expanded(robot)
     joints = [link for link in robot.links if link.type is not JointType.FIXED]
-    rows, rank, gap, closure, length = 0, 0, 0.0, 0.0, length_of(document, written, kinds)
-    declared = declared_actuated(written)
-    problems, remarks, moved = list[Problem](), list[str](), dict[int, tuple[Array, Array]]()
-    values = {joint.joint: home_of(document, joint) for joint in joints}
-    closed = dict(values)
-    parts, elsewhere = list[tuple[Cluster, list[Array]]](), (dict(values), dict(values))
+    length, declared = length_of(document, written, kinds), declared_actuated(written)
+    problems, parts = list[Problem](), list[_ClosedCluster]()
     for cluster in clusters(document, robot, kinds, length) if robot.loops or robot.couplings else ():
-        gap = max(gap, *gaps(cluster, cluster.home))
-        closing = close(cluster, cluster.start)
-        offsets = {} if closing.closed or exact else play(cluster, cluster.start, closing)
-        if offsets:
-            remarks.append(play_text(cluster.names, cluster.ends, offsets))
-            steps = steps_of(offsets)
-            moved |= {cluster.loops[i]: ends for i, ends in steps.items()}
-            cluster = cluster.with_moved(steps)
-            closing = close(cluster, cluster.start)
-        if not exact and near_redundancy(cluster, closing.q, cluster.start) is not None:
-            what = f"robot '{robot.name}': nearly redundant loops: {', '.join(cluster.names)}"
-            raise NearlyRedundantError(document.source.problem(what))
-        closing = closing if closing.closed else close_from_afar(cluster, cluster.start)
-        if not closing.closed:
-            why = why_open(cluster, cluster.names, cluster.start, closing, raff=True)
+        part = _closed(cluster, exact)
+        if isinstance(part, _ClosedCluster):
+            parts.append(part)
+        else:
             edit = None if problems else slips_of(document, written, kinds, Fault.OPEN)
-            why = why if edit is None else f"{why}\n  {edit}"
+            why = part if edit is None else f"{part}\n  {edit}"
             problems.append(document.source.problem(f"robot '{robot.name}': {why}"))
-            continue
-        bounds = np.array([limits(document, joint) for joint in cluster.joints]).reshape(-1, 2)
-        inside = close_within(cluster, cluster.start, closing.q, *bounds.T)
-        closure = max(closure, *gaps(cluster, inside))
-        count, q = generic_rank(cluster, inside)
-        parts.append((cluster, [inside, next(closed_walk(cluster, q, 1), q), q]))
-        rows, rank = rows + len(cluster.evaluate(q)[1]), rank + count
-        closed.update(zip((joint.joint for joint in cluster.joints), closing.q.tolist(), strict=True))
-        for there, some in zip((values, *elsewhere), parts[-1][1], strict=True):
-            there.update(zip((joint.joint for joint in cluster.joints), some.tolist(), strict=True))
     if problems:
         raise RaffClosureError(problems)
-    if gap > CLOSED and (edit := slips_of(document, written, kinds, Fault.ELSEWHERE)) is not None:
-        remarks.insert(0, texts.DRAWN_OPEN.format(edit=edit))
-    in_loops = {joint.joint for cluster, _ in parts for joint in cluster.joints}
+    start = {joint.joint: home_of(document, joint) for joint in joints}
+    closed, home, *elsewhere = (start | {k: v for part in parts for k, v in part.values(i)} for i in range(4))
+    in_loops = {joint.joint for part in parts for joint in part.cluster.joints}
     for joint in joints:
         if joint.joint not in in_loops:
             low, high = limits(document, joint)
-            values[joint.joint] = min(max(values[joint.joint], low), high)
-    remarks += _beyond(document, joints, closed, values)
-    everywhere = [edges(document, robot, kinds, length, there) for there in (values, *elsewhere)]
+            home[joint.joint] = min(max(home[joint.joint], low), high)
+    gap = max((part.gap for part in parts), default=0.0)
+    remarks = [part.remark for part in parts if part.remark]
+    if gap > CLOSED and (edit := slips_of(document, written, kinds, Fault.ELSEWHERE)) is not None:
+        remarks.insert(0, texts.DRAWN_OPEN.format(edit=edit))
+    everywhere = [edges(document, robot, kinds, length, values) for values in (home, *elsewhere)]
     determined = _determined(document, robot, parts, everywhere, declared)
     actuated = tuple(joint for joint, has in declared.items() if has or (has is None and joint not in determined))
-    uncontrolled = tuple(joint for joint in declared if joint not in actuated and joint not in determined)
-    dependent = tuple(joint for joint in actuated if joint in determined)
-    mobility = len(joints) + (6 if robot.movable else 0) - rank
-    if rows:
-        length = length_of(document, written, kinds, values)
-    kinds_of = tuple(kinds.values())
+    rows, rank = sum(part.rows for part in parts), sum(part.rank for part in parts)
     return Analysis(
-        mobility,
-        rows,
-        rank,
-        actuated,
-        gap,
-        closure,
-        kinds_of,
-        values,
-        length,
-        uncontrolled,
-        dependent,
-        moved,
-        remarks=tuple(remarks),
+        mobility=len(joints) + (6 if robot.movable else 0) - rank,
+        rows=rows,
+        rank=rank,
+        actuated=actuated,
+        gap=gap,
+        closure=max((part.closure for part in parts), default=0.0),
+        kinds=tuple(kinds.values()),
+        home=home,
+        length=length_of(document, written, kinds, home) if rows else length,
+        uncontrolled=tuple(joint for joint in declared if joint not in actuated and joint not in determined),
+        dependent=tuple(joint for joint in actuated if joint in determined),
+        moved={loop: ends for part in parts for loop, ends in part.moved.items()},
+        remarks=(*remarks, *_beyond(document, joints, closed, home)),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _ClosedCluster:
+    """A cluster of loops that are closed.
+
+    Attributes:
+        cluster: with pins with play closed in the plane.
+        configurations: closed ones: nearest to that as written, home, another one, and one where the generic rank is
+            reached.
+        rows: number of its equations.
+        rank: number of independent ones.
+        gap: see `Analysis`.
+        closure: see `Analysis`.
+        moved: see `Analysis`.
+        remark: about pins with play; empty without any.
+    """
+
+    cluster: Cluster
+    configurations: tuple[Array, Array, Array, Array]
+    rows: int
+    rank: int
+    gap: float
+    closure: float
+    moved: Mapping[int, tuple[Array, Array]]
+    remark: str
+
+    def values(self, i: int) -> Iterator[tuple[str, float]]:
+        """Yield the name and the value of each joint in one of the configurations."""
+        return zip((joint.joint for joint in self.cluster.joints), self.configurations[i].tolist(), strict=True)
+
+
+def _closed(cluster: Cluster, exact: bool) -> _ClosedCluster | str:
+    """Close a cluster of loops, or return why it stays open.
+
+    Raises:
+        NearlyRedundantError: see `analyse`.
+    """
+    gap, closing = max(gaps(cluster, cluster.home)), close(cluster, cluster.start)
+    offsets = {} if closing.closed or exact else play(cluster, cluster.start, closing)
+    remark, moved = "", dict[int, tuple[Array, Array]]()
+    if offsets:
+        remark, steps = play_text(cluster.names, cluster.ends, offsets), steps_of(offsets)
+        moved = {cluster.loops[i]: ends for i, ends in steps.items()}
+        cluster = cluster.with_moved(steps)
+        closing = close(cluster, cluster.start)
+    if not exact and near_redundancy(cluster, closing.q, cluster.start) is not None:
+        what = f"robot '{cluster.robot.name}': nearly redundant loops: {', '.join(cluster.names)}"
+        raise NearlyRedundantError(cluster.document.source.problem(what))
+    closing = closing if closing.closed else close_from_afar(cluster, cluster.start)
+    if not closing.closed:
+        return why_open(cluster, cluster.names, cluster.start, closing, raff=True)
+    bounds = np.array([limits(cluster.document, joint) for joint in cluster.joints]).reshape(-1, 2)
+    home = close_within(cluster, cluster.start, closing.q, *bounds.T)
+    rank, generic = generic_rank(cluster, home)
+    configurations = closing.q, home, next(closed_walk(cluster, generic, 1), generic), generic
+    rows, closure = len(cluster.evaluate(generic)[1]), max(gaps(cluster, home))
+    return _ClosedCluster(cluster, configurations, rows, rank, gap, closure, moved, remark)
 
 
 def _beyond(
@@ -207,7 +238,7 @@ def _beyond(
         closed: their values with loops closed.
         home: likewise, within the limits if possible.
     """
-    found: dict[bool, list[Beyond]] = {False: [], True: []}
+    beyond: dict[bool, list[Beyond]] = {False: [], True: []}
     for joint in joints:
         low, high = limits(document, joint)
         for is_home, values in ((False, closed), (True, home)):
@@ -215,15 +246,15 @@ def _beyond(
             written = low <= home_of(document, joint) <= high
             if not low <= value <= high and (written or is_home):
                 slides = joint.type is JointType.PRISMATIC
-                found[is_home].append(Beyond(joint.joint, slides, value, low if value < low else high))
-    before, after = found[False], found[True]
+                beyond[is_home].append(Beyond(joint.joint, slides, value, low if value < low else high))
+    before, after = beyond[False], beyond[True]
     return [outside(after)] if after else [moved_within(before)] if before else []
 
 
 def _determined(
     document: Document,
     robot: RaffRobot,
-    parts: Sequence[tuple[Cluster, Sequence[Array]]],
+    parts: Sequence[_ClosedCluster],
     everywhere: Sequence[Sequence[Edge]],
     actuated: Mapping[str, bool | None],
 ) -> set[str]:
@@ -232,23 +263,24 @@ def _determined(
     Args:
         document: that holds the robot.
         robot: the robot, `expanded`.
-        parts: clusters, each with closed configurations, the generic rank at the last one.
-        everywhere: all joints at these configurations.
+        parts: its clusters.
+        everywhere: all joints at home and the other configurations of clusters.
         actuated: whether joints are, in file order; None: not stated.
     """
     joints = [link.joint for link in robot.links if link.type is not JointType.FIXED]
-    in_loops = {joint.joint for cluster, _ in parts for joint in cluster.joints}
+    in_loops = {joint.joint for part in parts for joint in part.cluster.joints}
     coupled = {joint for i in range(len(robot.couplings)) for joint in coupling_of(document, robot, i).terms}
     fixed = [i for i, joint in enumerate(joints) if actuated[joint] or joint not in in_loops or joint in coupled]
     idle = spins(everywhere, fixed)
-    found: set[str] = set()
-    for cluster, configurations in parts:
+    names: set[str] = set()
+    for part in parts:
+        cluster, (_, *configurations) = part.cluster, part.configurations
         columns = [joints.index(joint.joint) for joint in cluster.joints]
         rows = [motions(edges, idle, len(joints))[:, columns] for edges in everywhere]
         jacobians = [np.vstack([cluster.evaluate(q)[1], row]) for q, row in zip(configurations, rows, strict=True)]
         turning = np.abs(rows[-1]).max(axis=0, initial=0.0) > 0.0
-        found.update(determined(jacobians, _candidates(document, cluster, actuated, turning)))
-    return found
+        names.update(determined(jacobians, _candidates(document, cluster, actuated, turning)))
+    return names
 
 
 def _candidates(

@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 import sys
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TextIO
 
 import typer
 
@@ -105,33 +105,40 @@ def raff2urdf(
         loops = loop_kinds_of(loop)
         if check:
             return _check(name, robot, loops, exact)
-        found = convert(
+        conversions = convert(
             name, out, robot, loops, format=format, density=density, dialect=dialect,
             file=target, overwrite=force, exact=exact,
         )  # fmt: skip
-        return [_report(name, format, one) for one in found]
+        return [_report(name, format, conversion) for conversion in conversions]
 
-    reports: list[dict[str, Any]] = []
-    failed = False
-    stems: dict[str, str] = {}
     with warnings_printed():
-        for name in files:
-            try:
-                other = stems.get(Path(name).stem, name)
-                if other != name and not check:
-                    raise RaffError(f"{name}: would overwrite the files of {other}: give them different names")
-                found = process(name)
-                reports += found
-                stems[Path(name).stem] = name
-                if not json:
-                    print(*map(_summary, found), sep="\n", file=sys.stderr if output == "-" else sys.stdout)
-            except RaffError as error:
-                failed = True
-                reports.append({"file": name, "errors": [str(problem) for problem in error.problems]})
-                print_error(str(error))
+        stream = sys.stderr if output == "-" else sys.stdout
+        reports = _reports(files, process, are_written=not check, stream=None if json else stream)
     if json:
         print_json(reports)
-    return 1 if failed else 0
+    return 1 if any("errors" in report for report in reports) else 0
+
+
+def _reports(
+    files: list[str], process: Callable[[str], list[dict[str, Any]]], are_written: bool, stream: TextIO | None
+) -> list[dict[str, Any]]:
+    """Return the reports on files, each as soon as it is processed also on a stream; print errors."""
+    reports: list[dict[str, Any]] = []
+    stems: dict[str, str] = {}
+    for name in files:
+        try:
+            other = stems.get(Path(name).stem, name)
+            if other != name and are_written:
+                raise RaffError(f"{name}: would overwrite the files of {other}: give them different names")
+            of_file = process(name)
+            reports += of_file
+            stems[Path(name).stem] = name
+            if stream is not None:
+                print(*map(_summary, of_file), sep="\n", file=stream)
+        except RaffError as error:
+            reports.append({"file": name, "errors": [str(problem) for problem in error.problems]})
+            print_error(str(error))
+    return reports
 
 
 app.command("raff2urdf", cls=Command)(expand(raff2urdf))
@@ -190,12 +197,12 @@ def _check(name: str, robot: str | None, loops: dict[str, str], exact: bool) -> 
     document = parse(read(path), name)
     check(document)
     reports = []
-    for one in [document.robot(robot)] if robot is not None else document.robots:
-        analysis, links = examine(document, one, path.parent, loops, exact), expanded(one).links
-        warn_of(one.name, analysis)
+    for chosen in [document.robot(robot)] if robot is not None else document.robots:
+        analysis, links = examine(document, chosen, path.parent, loops, exact), expanded(chosen).links
+        warn_of(chosen.name, analysis)
         joints = sum(link.type != 0 for link in links)
-        counts = {"links": len(one.links), "joints": joints, "loops": len(one.loops)}
-        reports.append({"file": name, "robot": one.name, **counts, **_of_loops(analysis)})
+        counts = {"links": len(chosen.links), "joints": joints, "loops": len(chosen.loops)}
+        reports.append({"file": name, "robot": chosen.name, **counts, **_of_loops(analysis)})
     return reports
 
 

@@ -68,7 +68,7 @@ class Translation:
             RaffError: it can't be read.
         """
         path = Path(os.path.normpath((self.out or Path()).resolve() / mesh))  # the folder need not exist yet
-        pending = {one.resolve(): content for one, content in self.meshes.items()}.get(path)
+        pending = {file.resolve(): content for file, content in self.meshes.items()}.get(path)
         return read_bytes(path) if pending is None else pending
 
     def surface(self, mesh: str) -> Any:
@@ -265,37 +265,24 @@ def convert(
     robots = [document.robot(robot)] if robot is not None else list(document.robots)
     options = WriteOptions(density, dialect)
     if file is not None and len(robots) > 1:
-        names = ", ".join(one.name for one in robots)
+        names = ", ".join(chosen.name for chosen in robots)
         raise RaffError(f"{path}: holds several robots ({names}): name one with --robot, or a folder to write to")
     streamed = file is not None and _is_stream(out / file)
-    stem = stem_of(path)
-    conversions = []
-    contents: dict[Path, bytes] = {}
-    for one in robots:
-        name = stem if len(document.robots) == 1 else f"{stem}.{one.name}"
+    conversions, contents = list[Conversion](), dict[Path, bytes]()
+    for chosen in robots:
+        name = stem_of(path) if len(document.robots) == 1 else f"{stem_of(path)}.{chosen.name}"
         name = name if file is None else Path(file).stem
         meshes = out / "meshes" / _NOT_IN_XML.sub("_", name)
-        made = translate(document, one, path.parent, out, loops, None if streamed else meshes, exact)
-        warn_of(one.name, made.analysis, actuation=format != "urdf")
-        own, *others = files(format, made, name, options).items()
+        made = translate(document, chosen, path.parent, out, loops, None if streamed else meshes, exact)
+        warn_of(chosen.name, made.analysis, actuation=format != "urdf")
+        main, *others = files(format, made, name, options).items()
         constrained = made.constraints["loops"] or made.constraints.get("couplings")
         if streamed and constrained and others and dialect in ("json", "robot.yaml"):
             message = f"{out / str(file)}: its loops are left out: {others[0][0]} needs a file to be next to"
-            warnings.warn(f"robot '{one.name}': {message}", RaffWarning, stacklevel=2)
-        written = {out / (file or own[0]): _marked(own[1])}
+            warnings.warn(f"robot '{chosen.name}': {message}", RaffWarning, stacklevel=2)
+        written = {out / (file or main[0]): _marked(main[1])}
         written |= {out / key: content for key, content in (() if streamed else others)}
-        sidecar = out / f"{name}.constraints.json"
-        conversion = Conversion(
-            robot=one.name,
-            file=next(iter(written)),
-            constraints=sidecar if sidecar in written else None,
-            links=len(one.links),
-            joints=len(made.constraints["joints"]),
-            loops=len(one.loops),
-            analysis=made.analysis,
-            files=(*written, *made.meshes),
-            model=made.model,
-        )
+        conversion = _conversion(chosen, made, tuple(written), out / f"{name}.constraints.json")
         conversions.append(conversion)
         contents |= made.meshes  # first, so that a robot's own file never exists without its meshes
         contents |= dict(reversed(written.items()))
@@ -308,6 +295,21 @@ def convert(
     except OSError as error:
         raise RaffError(f"{error.filename}: can't be written: {error.strerror}") from None
     return conversions
+
+
+def _conversion(robot: RaffRobot, made: Translation, written: tuple[Path, ...], sidecar: Path) -> Conversion:
+    """Return the conversion of a robot whose files are `written`, the robot's own file first, and its meshes."""
+    return Conversion(
+        robot=robot.name,
+        file=written[0],
+        constraints=sidecar if sidecar in written else None,
+        links=len(robot.links),
+        joints=len(made.constraints["joints"]),
+        loops=len(robot.loops),
+        analysis=made.analysis,
+        files=(*written, *made.meshes),
+        model=made.model,
+    )
 
 
 def _marked(content: bytes) -> bytes:

@@ -1,6 +1,6 @@
 """Assembly modes: all configurations in which a closed mechanism can be assembled with given actuated joints."""
 
-from cinegen.assembly.linkage import ModesError
+from cinegen.assembly.errors import ModesError
 from cinegen.assembly.modes import assembly_modes
 from cinegen.assembly.results import AssemblyModes, NearestConfiguration, SelfMotion
 

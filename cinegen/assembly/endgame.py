@@ -15,7 +15,9 @@ import numpy as np
 
 from cinegen.arrays import Array, Bools, Integers
 from cinegen.assembly._kernels import ARRIVED, INFINITE, LOST, SINGULAR, Complex
-from cinegen.assembly.linkage import SAME, Linkage, Tracked
+from cinegen.assembly.distinct_solutions import SAME
+from cinegen.assembly.linkage import Linkage
+from cinegen.assembly.linkage_tables import Tracked
 
 _REGULAR = 1e-6  # smallest pivot over the largest
 _FIRST, _SMALLEST, _SHRINK = 1e-2, 1e-9, 0.1  # radii of the circles about s = 1

@@ -10,9 +10,10 @@ import numpy as np
 
 from cinegen.arrays import Array
 from cinegen.assembly._kernels import ARRIVED, INFINITE, LOST, SINGULAR, Complex
+from cinegen.assembly.distinct_solutions import SAME
 from cinegen.assembly.endgame import PathEnds, path_ends
 from cinegen.assembly.families import Family
-from cinegen.assembly.linkage import SAME, Linkage
+from cinegen.assembly.linkage import Linkage
 from cinegen.assembly.monodromy import Fibre, Monodromy
 from cinegen.assembly.results import AssemblyModes, NearestConfiguration
 from cinegen.assembly.self_motions import STARTS, SelfMotions

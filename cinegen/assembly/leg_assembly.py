@@ -12,7 +12,8 @@ from cinegen.assembly import _kernels as kernel
 from cinegen.assembly._kernels import COLUMN, Complex, LinkageScratch, LinkageTables, ParameterPath
 from cinegen.assembly.bodies import CutJoint
 from cinegen.assembly.families import RigidGroups, Rod
-from cinegen.assembly.linkage import ACCURACY, Linkage, attached, scratch_of
+from cinegen.assembly.linkage import ACCURACY, Linkage
+from cinegen.assembly.linkage_tables import attached, scratch_of
 from raff2urdf.closure import rank
 from raff2urdf.raff.document import LoopKind
 

@@ -3,39 +3,35 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
-from pathlib import Path
 from types import ModuleType
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from numba import complex128, float64, int64, typeof
-from scipy.linalg import qr
 
 from cinegen.arrays import Array, Integers
 from cinegen.assembly import _kernels as kernel
-from cinegen.assembly._kernels import Complex, LinkageScratch, LinkageTables, ParameterPath
-from cinegen.assembly.bodies import CutJoint, Feature, LinkageBodies
+from cinegen.assembly._kernels import Complex, LinkageTables, ParameterPath
+from cinegen.assembly.bodies import CutJoint, LinkageBodies
 from cinegen.assembly.certify import BodyFeature
+from cinegen.assembly.dependent_joints import check_joints, followers, list_of, redundant_joints, remedy
+from cinegen.assembly.errors import FreeMotionError, ModesError
+from cinegen.assembly.linkage_tables import Tracked, attached, scratch_of
 from cinegen.assembly.results import NearestConfiguration
-from cinegen.errors import CinegenError, ClosureError
-from cinegen.jit.compiled import Table, prepare, together
+from cinegen.errors import ClosureError
+from cinegen.jit.compiled import prepare, together
 from cinegen.jit.interpreted import interpreted
 from cinegen.joints import axis
 from cinegen.model import Mechanism
 from raff2urdf import closure
-from raff2urdf.coupling import Coupling, followed
-from raff2urdf.raff.document import LoopKind
-from raff2urdf.readers.actuation import syntax_of
+from raff2urdf.coupling import followed
 
 ACCURACY = 3e-4
 """Target error of a prediction along a path, radians and characteristic lengths."""
 
-SAME = 1e-6
-"""Features (characteristic lengths, relative to their size where that is larger) closer than this are the same."""
 
 _STILL = 1e-9  # a joint that loops move less is in none
 _SINGULAR = 1e-3  # part of the largest singular value: a direction in which a solution near a singular one may move
@@ -44,41 +40,6 @@ _NEWTON_WORK = 3.0  # steps along a path that Newton's method from a random star
 _MANY, _SHARE = 24, 6  # paths that are shared among threads, and how many each takes
 _CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 _IDLE = 1e-6  # a motion that moves features by less moves none of them
-
-
-class ModesError(CinegenError):
-    """Assembly modes that can't be computed; the message names the joints, and what to do."""
-
-
-class FreeMotionError(ModesError):
-    """Assembly modes that can't be computed as the locked joints don't determine the mechanism.
-
-    Attributes:
-        dof: number of DoF that remain.
-    """
-
-    def __init__(self, message: str, dof: int) -> None:
-        super().__init__(message)
-        self.dof = dof
-
-
-class Tracked(NamedTuple):
-    """Solutions at the end of a path.
-
-    Attributes:
-        solutions: (count, k + 1) the unknowns.
-        ends: (count,) how each path ends: ARRIVED, SINGULAR, INFINITE or LOST.
-        pivots: (count,) smallest pivot over the largest: 0 where solutions coincide.
-    """
-
-    solutions: Complex
-    ends: Integers
-    pivots: Array
-
-    @property
-    def arrived(self) -> Complex:
-        """The solutions whose paths arrived."""
-        return np.asarray(self.solutions[self.ends == kernel.ARRIVED])
 
 
 class Linkage:
@@ -113,13 +74,13 @@ class Linkage:
     ) -> None:
         self.mechanism = mechanism
         self.work = 0.0
-        _check_joints(mechanism)
+        check_joints(mechanism)
         model = mechanism.model
         self.root = 1 if mechanism.floating else 0  # a base that could move is fixed
         self._joints = range(1 + self.root, model.njoints)
         names = self.joint_names = [model.names[j] for j in self._joints]
         columns = {name: mechanism.v_index(name) for name in names}
-        followers, self._mimics = (set(), {}) if as_built else _followers(mechanism)
+        following, self._mimics = (set(), {}) if as_built else followers(mechanism)
         self._distinct = {*distinct, *self._mimics, *(mimic.leader for mimic in self._mimics.values())}
         system = mechanism.structure.system
         equations = system.rows - len(mechanism.couplings)  # of loops: couplings only declare where joints are
@@ -129,17 +90,17 @@ class Linkage:
                 row[:, columns[mimic.leader]] += mimic.ratio * row[:, columns[name]]
                 row[:, columns[name]] = 0.0
         inside = {name for name in names if max(np.abs(row[:, columns[name]]).max() for row in rows) > _STILL}
-        given = {*mechanism.actuated, *followers, *self._mimics, *held}
+        given = {*mechanism.actuated, *following, *self._mimics, *held}
         loose = [name for name in names if name not in inside and name not in given]
         if loose:
             raise ModesError(
-                f"{mechanism.name}: {_listed(loose)} {'is' if len(loose) == 1 else 'are'} neither actuated nor in a "
+                f"{mechanism.name}: {list_of(loose)} {'is' if len(loose) == 1 else 'are'} neither actuated nor in a "
                 "loop: there is a curve of configurations, not a number of them"
             )
         driven = [name for name in names if name in inside and name in mechanism.actuated]
         at = [columns[name] for name in driven]
-        follow, mimics = bool(followers), len(self._mimics)
-        self.redundant = () if as_built else _redundant(mechanism, rows, at, driven, follow, mimics)
+        follow, mimics = bool(following), len(self._mimics)
+        self.redundant = () if as_built else redundant_joints(mechanism, rows, at, driven, follow, mimics)
         passive = {name for name in inside if name not in given or name in self.redundant}
         self.passive = tuple(name for name in names if name in passive)
         self.locked = tuple(name for name in names if name not in passive and name not in self._mimics)
@@ -249,7 +210,7 @@ class Linkage:
                 raise FreeMotionError(
                     f"{self.mechanism.name}: with its actuated joints locked it still moves, with {self.idle} DoF that "
                     "its loops don't remove: there is a curve of configurations, not a number of them"
-                    + _remedy(self.mechanism, self.mechanism.uncontrolled, "actuated, too"),
+                    + remedy(self.mechanism, self.mechanism.uncontrolled, "actuated, too"),
                     self.idle,
                 )
 
@@ -416,91 +377,6 @@ class Linkage:
         return out.reshape(len(given), 3 * self.tables.features)
 
 
-class DistinctSolutions:
-    """Solutions that differ in their features, in the order in which they were found.
-
-    Args:
-        features: returns the features (count, f) of solutions (count, k + 1).
-    """
-
-    def __init__(self, features: Callable[[Complex], Complex]) -> None:
-        self._features, self._known, self._solutions = features, list[Complex](), list[Complex]()
-
-    def __len__(self) -> int:
-        return len(self._solutions)
-
-    @property
-    def array(self) -> Complex:
-        """The solutions (count, k + 1)."""
-        return np.array(self._solutions) if self._solutions else np.zeros((0, 0), dtype=complex)
-
-    def add(self, solutions: Complex) -> int:
-        """Add those of solutions (count, k + 1) that are new; return how many."""
-        before = len(self)
-        self.indices(solutions)
-        return len(self) - before
-
-    def indices(self, solutions: Complex) -> list[int]:
-        """Add those of solutions (count, k + 1) that are new; return where in `array` each is, -1 if it isn't
-        finite."""
-        found = []
-        for solution, its in zip(solutions, self._features(solutions) if len(solutions) else (), strict=True):
-            if not np.isfinite(its).all():
-                found.append(-1)
-                continue
-            known = np.array(self._known).reshape(len(self), len(its))
-            size = np.maximum(np.abs(known).max(axis=1, initial=1.0), np.abs(its).max(initial=1.0))
-            same = np.flatnonzero(np.abs(known - its).max(axis=1, initial=0.0) < SAME * size)
-            found.append(int(same[0]) if len(same) else len(self))
-            if not len(same):
-                self._known.append(its)
-                self._solutions.append(solution)
-        return found
-
-
-def attached(cuts: Sequence[CutJoint], features: Sequence[Feature] = ()) -> tuple[Table, Array, Table, Table]:
-    """Return the vectors (c, 2), their coordinates (c, 3), differences (d, 2) and products (p, 3) of `LinkageTables`
-    for cut joints: of each first the second end's origin, the first end's, then likewise x, y, z axes as needed."""
-    vectors: list[tuple[int, bool]] = [(feature.body, feature.is_direction) for feature in features]
-    local: list[Array] = [feature.local for feature in features]
-    differences, products = list[tuple[int, int]](), list[tuple[int, int, int]]()
-
-    def pair(cut: CutJoint, row: int) -> tuple[int, int]:
-        vectors.extend((body, row < 3) for body in cut.bodies[::-1])
-        local.extend(cut.anchors[::-1, row])
-        return len(vectors) - 2, len(vectors) - 1
-
-    for cut in cuts:
-        points = pair(cut, 3)
-        axes = {LoopKind.BALL: (), LoopKind.REVOLUTE: (2,)}.get(cut.kind, (0, 1, 2))
-        ends = [pair(cut, row) for row in axes]
-        if cut.kind is LoopKind.PRISMATIC:
-            products += [(end[1], *points) for end in ends[:2]]
-            differences += ends
-        else:
-            differences += [points, *ends]
-    return (
-        np.array(vectors, dtype=np.int64).reshape(-1, 2), np.array(local).reshape(-1, 3),
-        np.array(differences, dtype=np.int64).reshape(-1, 2), np.array(products, dtype=np.int64).reshape(-1, 3),
-    )  # fmt: skip
-
-
-def scratch_of(tables: LinkageTables, passive: int) -> LinkageScratch:
-    """Allocate working memory for a linkage with so many passive joints."""
-    rows, features = 3 * len(tables.differences) + len(tables.products) + 1, tables.features
-    joints, unknowns = len(tables.joints), passive + 1
-    locked = max(int(tables.joints[:, kernel.COLUMN].max()) - passive, 0)  # joints that follow others have no column
-
-    def zeros(*shape: int) -> Complex:
-        return np.zeros(shape, dtype=np.complex128)
-
-    return LinkageScratch(
-        line=zeros(locked, 2), slice=zeros(3 * features + 2), bodies=zeros(joints + 1, 5, 3),
-        vectors=zeros(len(tables.vectors), 3), matrix=zeros(joints + 1, rows), residual=zeros(rows),
-        order=np.zeros(unknowns, dtype=np.int64), stages=zeros(6, unknowns),
-    )  # fmt: skip
-
-
 def linkage_of(mechanism: Mechanism, distinct: Collection[str] = ()) -> Linkage:
     """Return the linkage of a mechanism; idle motions that would move its features are locked, one joint each.
 
@@ -514,116 +390,3 @@ def linkage_of(mechanism: Mechanism, distinct: Collection[str] = ()) -> Linkage:
         if not held:
             raise
         return Linkage(mechanism, distinct=distinct, held=held)
-
-
-def _check_joints(mechanism: Mechanism) -> None:
-    if not mechanism.loops:
-        raise ModesError(f"{mechanism.name} has no loops: each value of its joints has one configuration")
-    model = mechanism.model
-    for name, joint in zip(model.names, model.joints, strict=True):
-        if joint.nv > 1 and joint.idx_v >= 0 and not (mechanism.floating and joint.nv == 6):
-            raise ModesError(
-                f"{mechanism.name}: joint '{name}' has {joint.nv} DoF; assembly modes are computed for revolute and "
-                "prismatic joints, and for ball joints of a RAFF file"
-            )
-
-
-class _Mimic(NamedTuple):
-    """A joint that follows a passive joint of its kind: ratio times its value, plus an offset (rad or m).
-
-    Revolute joints follow by a ratio of 1 or -1: with another, angles that place links alike differ in one of them.
-    """
-
-    leader: str
-    ratio: float
-    offset: float
-
-
-def _followers(mechanism: Mechanism) -> tuple[set[str], dict[str, _Mimic]]:
-    """Return the joints that follow the actuated ones in couplings, directly or one after another; and those that
-    follow others.
-
-    Raises:
-        ModesError: a coupling has joints that do neither.
-    """
-    known, mimics = set(mechanism.actuated), dict[str, _Mimic]()
-    for coupling in mechanism.couplings:
-        leaders = [joint for joint in coupling.terms if joint != coupling.follower]
-        if known.issuperset(leaders) and len(coupling.terms[coupling.follower]) == 1:
-            known.add(coupling.follower)
-    for coupling in mechanism.couplings:
-        unknown = [joint for joint in coupling.terms if joint not in known]
-        mimic = _mimic(mechanism, coupling, mimics) if len(unknown) == len(coupling.terms) else None
-        if mimic is not None:
-            mimics[coupling.follower] = mimic
-        elif unknown:
-            raise ModesError(
-                f"{mechanism.name}: coupling '{coupling.name}' does not determine {_listed(unknown)}: assembly modes "
-                "are computed where the first joint of each coupling follows actuated joints, or joints of couplings "
-                "before it, or one passive joint by a ratio of 1 or -1" + _remedy(mechanism, leaders, "actuated")
-            )
-    return known - set(mechanism.actuated), mimics
-
-
-def _mimic(mechanism: Mechanism, coupling: Coupling, mimics: Mapping[str, _Mimic]) -> _Mimic | None:
-    """Return how the first joint of a coupling follows a passive one; None if it does not."""
-    follower, leader, *others = [*coupling.terms, "", ""][:3]
-    if others != [""] or not coupling.is_linear or follower in mimics:
-        return None
-    ratio = -coupling.terms[leader][0] / coupling.terms[follower][0]
-    offset = coupling.constant / coupling.terms[follower][0]
-    if leader in mimics:
-        leader, own, at = mimics[leader]
-        ratio, offset = ratio * own, offset + ratio * at
-    kinds = [mechanism.is_prismatic(name) for name in (follower, leader)]
-    alike = kinds[0] == kinds[1] and (kinds[0] or abs(ratio) == 1.0) and leader != follower
-    return _Mimic(leader, ratio, offset) if alike and not any(m.leader == follower for m in mimics.values()) else None
-
-
-def _redundant(
-    mechanism: Mechanism, rows: list[Array], columns: list[int], names: list[str], follow: bool, mimics: int
-) -> tuple[str, ...]:
-    """Return the actuated joints whose values follow from those of the others.
-
-    Args:
-        mechanism: the mechanism.
-        rows: derivatives of the loops at some configurations.
-        columns: of the actuated joints that move loops.
-        names: of these.
-        follow: whether passive joints follow actuated ones in couplings.
-        mimics: number of passive joints that follow passive ones, whose columns are 0.
-    """
-    count = mechanism.loop_rank - mechanism.structure.passive_rank
-    if count == 0:
-        return ()
-    if follow:
-        matrix = max((mechanism.structure.system.evaluate(q)[1] for q in mechanism.structure.samples), key=closure.rank)
-        leaders = {joint for coupling in mechanism.couplings for joint in coupling.terms if joint != coupling.follower}
-        own = dict(sorted(zip(columns, names, strict=True), key=lambda one: one[1] in leaders))
-        dependent = closure.passive(matrix, [*mechanism.structure.passive_columns.tolist(), *own])
-        raise ModesError(
-            f"{mechanism.name}: {count} of its actuated joints follow from the others, by loops or couplings"
-            + _remedy(mechanism, [own[column] for column in dependent if column in own], "passive")
-        )
-    best: list[int] = []
-    strongest = 0.0
-    for matrix in rows:
-        passive = np.linalg.svd(matrix[:, mechanism.structure.passive_columns])[0][
-            :, mechanism.structure.passive_rank - mimics :
-        ]
-        _, r, order = qr(passive.T @ matrix[:, columns], mode="economic", pivoting=True)
-        weakest = abs(r[count - 1, count - 1])
-        if weakest > strongest:
-            best, strongest = order[:count].tolist(), weakest
-    return tuple(names[k] for k in sorted(best))
-
-
-def _remedy(mechanism: Mechanism, joints: Sequence[str], what: str) -> str:
-    """Return the end of an error: which joints to declare so, and how; nothing if there are none."""
-    how = f"; {syntax_of(Path(mechanism.source.name))} declares an actuated joint"
-    return f": let {_listed(joints)} be {what}{how}" if joints else ""
-
-
-def _listed(names: Iterable[str]) -> str:
-    quoted = [f"'{name}'" for name in names]
-    return quoted[0] if len(quoted) == 1 else f"{', '.join(quoted[:-1])} and {quoted[-1]}"

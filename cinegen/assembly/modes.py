@@ -11,9 +11,10 @@ import numpy as np
 
 from cinegen.arrays import Array, ArrayLike, Complex
 from cinegen.assembly.certify import BodyFeature, Unknowns
+from cinegen.assembly.errors import ModesError
 from cinegen.assembly.families import Family, recognise
 from cinegen.assembly.homotopy import Homotopy
-from cinegen.assembly.linkage import Linkage, ModesError, linkage_of
+from cinegen.assembly.linkage import Linkage, linkage_of
 from cinegen.assembly.results import AssemblyModes, NearestConfiguration
 from cinegen.assembly.six_revolutes import SixRevolutes
 from cinegen.assembly.six_rods import SixRods

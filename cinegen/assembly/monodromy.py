@@ -17,7 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cinegen.assembly._kernels import ARRIVED, SINGULAR, Complex
-from cinegen.assembly.linkage import DistinctSolutions, Linkage
+from cinegen.assembly.distinct_solutions import DistinctSolutions
+from cinegen.assembly.linkage import Linkage
 from cinegen.assembly.trace_test import TraceResult, TraceTest
 
 _QUIET = 4  # closed paths without new solutions, after which none are expected

@@ -22,7 +22,9 @@ import numpy as np
 
 from cinegen.arrays import Array
 from cinegen.assembly._kernels import ARRIVED, LOST, SINGULAR, Complex, ParameterPath
-from cinegen.assembly.linkage import ACCURACY, DistinctSolutions, Linkage, Tracked
+from cinegen.assembly.distinct_solutions import DistinctSolutions
+from cinegen.assembly.linkage import ACCURACY, Linkage
+from cinegen.assembly.linkage_tables import Tracked
 from cinegen.assembly.results import SelfMotion
 
 STARTS = 64

@@ -9,9 +9,10 @@ import numpy as np
 
 from cinegen.arrays import Array
 from cinegen.assembly._kernels import Complex
+from cinegen.assembly.errors import ModesError
 from cinegen.assembly.families import Family, RigidGroups, SixLegs
 from cinegen.assembly.leg_assembly import LegAssembly, is_out_of_reach
-from cinegen.assembly.linkage import Linkage, ModesError
+from cinegen.assembly.linkage import Linkage
 from cinegen.assembly.results import AssemblyModes, NearestConfiguration, SelfMotion
 from cinegen.assembly.self_motions import SelfMotions
 from cinegen.hexapod import TSSM, Hexapod, HexapodError, NearestPlacement, PlatformModes, SolutionCounts

@@ -18,7 +18,9 @@ import numpy as np
 
 from cinegen.arrays import Array
 from cinegen.assembly._kernels import ARRIVED, INFINITE, Complex, ParameterPath
-from cinegen.assembly.linkage import ACCURACY, DistinctSolutions, Linkage, Tracked
+from cinegen.assembly.distinct_solutions import DistinctSolutions
+from cinegen.assembly.linkage import ACCURACY, Linkage
+from cinegen.assembly.linkage_tables import Tracked
 
 _QUIET = 12  # closed paths without new points, after which it is given up
 _WEIGHTS = 0.3, 1.0, 3.0, 10.0  # of alpha: near poles little is permuted if it is small, elsewhere if it is large

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from cinegen.cli.files import check_outputs, count, disabled_pairs, unchecked_links
-from cinegen.cli.options import BASE, FILES, SELF_CLEARANCE, ShownRobotOptions, actuated_of
+from cinegen.cli.options import BASE, FILES, SELF_CLEARANCE, ShownRobotOptions
 from cinegen.cli.served_page import PageOptions, write_snapshot
 from raff2urdf.command_line import UsageError, no_effect, option, quantity_option
 from raff2urdf.files import stem_of
@@ -60,43 +60,30 @@ def run(
         )  # fmt: skip
     check_outputs(snapshot, force=page.force)
     check_outputs(record, force=page.force, remakeable=False)
-    if scene is None:
-        if not files:
-            raise UsageError("nothing to drive: name a file of a robot, or a scene with --scene SCENE.toml")
-        from cinegen.session import arrange
-
-        def read() -> Setup:
-            loaded = robots.load(files)
-            return arrange(
-                {name: mechanism for name, (mechanism, _) in loaded.items()},
-                files={name: str(file) for name, (_, file) in loaded.items()},
-                sensors=sensor, follow=_shape(follow or "circle"), node=node, bases=base, rate=rate,
-                record=str(record) if record else None,
-            )  # fmt: skip
-    else:
-        if files:
-            raise UsageError("--scene names its robot: leave FILE out")
+    if scene is None and not files:
+        raise UsageError("nothing to drive: name a file of a robot, or a scene with --scene SCENE.toml")
+    if scene is not None and files:
+        raise UsageError("--scene names its robot: leave FILE out")
+    if scene is not None:
         no_effect("with --scene, which names its robot", "--robot", "--loop", "--base", "--relax")
-        from cinegen.collision import load_scene
-        from cinegen.session import scene_setup
+    recorded, locked = str(record) if record else None, lock.replace(",", " ").split() if lock else []
 
-        def read() -> Setup:
-            options = robots.options()
-            loaded = load_scene(
-                scene, robots.ignore_loops, robots.ignore, robots.srdf, self_clearance, robots.fixed_base,
-                actuated_of(robots.actuated), options,
-            )  # fmt: skip
-            options.check(scene)
-            recorded = str(record) if record else None
-            return scene_setup(loaded, sensor, _shape(follow or "still"), node, rate, recorded)
+    def read() -> Setup:
+        from cinegen.session import arrange, scene_setup
 
-    locked = lock.replace(",", " ").split() if lock else []
-    return serve(
-        lambda: replace(read().with_locked(locked), overwrite=page.force),
-        page,
-        stem_of(scene or [*files, Path()][0]),
-        snapshot,
-    )
+        shape = follow or ("circle" if scene is None else "still")
+        path = None if shape == "still" else shape
+        if scene is not None:
+            loaded = robots.load_scene(scene, self_clearance)
+            setup = scene_setup(loaded, sensor, path, node, rate, recorded)
+        else:
+            named = robots.load(files)
+            mechanisms = {name: mechanism for name, (mechanism, _) in named.items()}
+            sources = {name: str(file) for name, (_, file) in named.items()}
+            setup = arrange(mechanisms, sources, sensor, path, node, base, rate, recorded)
+        return replace(setup.with_locked(locked), overwrite=page.force)
+
+    return serve(read, page, stem_of(scene or [*files, Path()][0]), snapshot)
 
 
 def serve(read: Callable[[], Setup], page: PageOptions, stem: str, snapshot: Path | None = None) -> int:
@@ -110,8 +97,8 @@ def serve(read: Callable[[], Setup], page: PageOptions, stem: str, snapshot: Pat
     """
     from cinegen.cockpit import SetupFiles
 
-    found, files = SetupFiles.of(read)
-    setup = replace(found, overwrite=page.force)
+    setup, files = SetupFiles.of(read)
+    setup = replace(setup, overwrite=page.force)
     _describe(setup)
     if snapshot and page.seconds is None and not page.video:
         from cinegen.cockpit import Page, draw, title_of
@@ -121,10 +108,6 @@ def serve(read: Callable[[], Setup], page: PageOptions, stem: str, snapshot: Pat
         write_snapshot(snapshot, drawing.html())
         return 0
     return page.show(setup, stem, snapshot, files)
-
-
-def _shape(follow: str) -> str | None:
-    return None if follow == "still" else follow
 
 
 def _describe(setup: Setup) -> None:

@@ -18,6 +18,7 @@ from raff2urdf.quantities import LENGTH, show_lengths_in
 from raff2urdf.read_flags import ReadFlags, loop_kinds_of
 
 if TYPE_CHECKING:
+    from cinegen.collision import Scene
     from cinegen.model import Mechanism
 
 
@@ -84,7 +85,33 @@ VIEW = flag("--view", "show the result in the page")
 
 
 @dataclass(frozen=True)
-class RobotOptions(ReadFlags):
+class SceneRobotOptions(ReadFlags):
+    """Options by which the robot of a scene is loaded."""
+
+    actuated: str | None = ACTUATED
+    ignore_loops: bool = IGNORE_LOOPS
+    ignore: list[str] = IGNORE
+    srdf: Path | None = SRDF
+    fixed_base: bool = FIXED_BASE
+
+    def load_scene(self, path: Path, self_clearance: float | None) -> Scene:
+        """Return the scene of a file.
+
+        Raises:
+            CinegenError, raff2urdf.RaffError: the file can't be read.
+        """
+        from cinegen.collision import load_scene
+
+        options, joints = self.options(), actuated_of(self.actuated)
+        scene = load_scene(
+            path, self.ignore_loops, self.ignore, self.srdf, self_clearance, self.fixed_base, joints, options
+        )
+        options.check(path)
+        return scene
+
+
+@dataclass(frozen=True)
+class RobotOptions(SceneRobotOptions):
     """Which robots are loaded, and how."""
 
     robot: str | None = option("NAME", "load only the robot of this name")
@@ -92,15 +119,10 @@ class RobotOptions(ReadFlags):
         "NAME=KIND", "close a loop as rigid, prismatic, revolute or ball, instead of what the file declares", (),
         unless="--ignore-loops",
     )  # fmt: skip
-    actuated: str | None = ACTUATED
-    ignore_loops: bool = IGNORE_LOOPS
-    ignore: list[str] = IGNORE
     relax: bool | None = option(
         "", "loops that rounding or play of pins leaves open: use weaker joints (--exact: keep them; default: heal)",
         None, "--relax/--exact",
     )  # fmt: skip
-    srdf: Path | None = SRDF
-    fixed_base: bool = FIXED_BASE
 
     def load(self, files: Iterable[Path]) -> dict[str, tuple[Mechanism, Path]]:
         """Return all robots of all files with their file, by a unique name.
@@ -112,7 +134,7 @@ class RobotOptions(ReadFlags):
 
         options, loops, files = self.options(), loop_kinds_of(self.loop), list(files)
         actuated = actuated_of(self.actuated)
-        found: dict[str, tuple[Mechanism, Path]] = {}
+        loaded: dict[str, tuple[Mechanism, Path]] = {}
         for file in files:
             wanted = robots(file) if self.robot is None else [self.robot]
             for robot in wanted:
@@ -122,11 +144,11 @@ class RobotOptions(ReadFlags):
                 )  # fmt: skip
                 stem = one_line(stem_of(file).encode(errors="replace").decode())  # a file's name need not be UTF-8
                 name = stem if len(wanted) == 1 else f"{stem}.{mechanism.name}"
-                while name in found:
+                while name in loaded:
                     name += "'"
-                found[name] = mechanism, file
+                loaded[name] = mechanism, file
         options.check(*files)
-        return found
+        return loaded
 
     def load_one(self, file: Path) -> tuple[str, Mechanism]:
         """Return the only robot of a file, behind its name.
@@ -134,11 +156,11 @@ class RobotOptions(ReadFlags):
         Raises:
             CinegenError, raff2urdf.RaffError: as `load`; or there are several robots.
         """
-        found = [(name, mechanism) for name, (mechanism, _) in self.load([file]).items()]
-        if len(found) > 1:
-            names = ", ".join(mechanism.name for _, mechanism in found)
+        robots = [(name, mechanism) for name, (mechanism, _) in self.load([file]).items()]
+        if len(robots) > 1:
+            names = ", ".join(mechanism.name for _, mechanism in robots)
             raise CinegenError(f"{file} holds several robots: name one by --robot ({names})")
-        return found[0]
+        return robots[0]
 
 
 @dataclass(frozen=True)
@@ -156,10 +178,10 @@ def actuated_of(text: str | None) -> list[str] | None:
     """
     if text is None:
         return None
-    found = text.replace(",", " ").split()
-    if not found:
+    joints = text.replace(",", " ").split()
+    if not joints:
         raise UsageError("--actuated: name joints, such as joint1,joint2")
-    return found
+    return joints
 
 
 def exclude(**options: object) -> None:

@@ -14,18 +14,13 @@ import typer
 from cinegen.cli.files import check_outputs, count, disabled_pairs, print_result, unchecked_links, write_figure
 from cinegen.cli.mode_change import change_advice, change_document, change_lines, goal_text, mode_index
 from cinegen.cli.options import (
-    ACTUATED,
-    FIXED_BASE,
-    IGNORE,
-    IGNORE_LOOPS,
     JSON,
     PLOT,
     PLOT_JOINTS,
     SELF_CLEARANCE,
-    SRDF,
     UNITS,
     VIEW,
-    actuated_of,
+    SceneRobotOptions,
     exclude,
     output_option,
 )
@@ -34,7 +29,6 @@ from cinegen.cli.served_page import PageOptions
 from raff2urdf.command_line import option
 from raff2urdf.files import output_path, stem_of, write_all
 from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, shown, shown_scale
-from raff2urdf.read_flags import ReadFlags
 
 if TYPE_CHECKING:
     from cinegen.arrays import Array
@@ -48,7 +42,7 @@ _WIDTH = 100  # columns
 
 def run(
     page: PageOptions,
-    reading: ReadFlags,
+    robot: SceneRobotOptions,
     scene: Path = typer.Argument(..., metavar="SCENE", help="robot, obstacles, start and goal: a .toml or .json file"),
     field: Literal["vortex", "firas"] = option(
         None,
@@ -72,11 +66,6 @@ def run(
         "avoid",
         needs="--modes",
     ),
-    actuated: str | None = ACTUATED,
-    ignore_loops: bool = IGNORE_LOOPS,
-    ignore: list[str] = IGNORE,
-    srdf: Path | None = SRDF,
-    fixed_base: bool = FIXED_BASE,
     lock: str | None = option("JOINTS", "joints that do not move, such as joint3,joint4", unless="--modes"),
     self_clearance: float | None = SELF_CLEARANCE,
     output: str | None = output_option("FILE.jsonl", "record the path, for `cinegen replay` and `export`", ".jsonl"),
@@ -91,17 +80,12 @@ def run(
     Plans a path from the start of a scene to its goal that keeps the safety distance of the scene. The exit code is 1
     if the goal is not reached.
     """
-    from cinegen.collision import load_scene
-
     exclude(json=json, view=view)
     mode = mode_index(modes)
     recording = output_path(output, f"{stem_of(scene)}.jsonl") if output else None
     check_outputs(plot, plot_joints, force=page.force, json=json)
     check_outputs(recording, force=page.force, json=json, remakeable=False)
-    options = reading.options()
-    joints = actuated_of(actuated)
-    loaded = load_scene(scene, ignore_loops, ignore, srdf, self_clearance, fixed_base, joints, options)
-    options.check(scene)
+    loaded = robot.load_scene(scene, self_clearance)
     locked = lock.replace(",", " ").split() if lock else []
     if not json:
         print("\n".join(_task(loaded, goal_text(mode, loaded) if modes else None)), flush=True)
@@ -111,36 +95,42 @@ def run(
 
         if modes:
             change = change_mode(loaded, mode=mode, singular=singular, seconds=timeout, report=progress.text)
-            found = change.plan
+            path = change.plan
         else:
-            found = plan(loaded, locked=locked, seconds=timeout, planner=planner, field=field, report=progress.text)
+            path = plan(loaded, locked=locked, seconds=timeout, planner=planner, field=field, report=progress.text)
     if json:
-        document = _document(found) | ({"mode_change": change_document(change)} if change is not None else {})
+        document = _document(path) | ({"mode_change": change_document(change)} if change is not None else {})
         print_result({"file": str(scene), "planner": None if modes else planner, **document}, None, json)
-    elif change is not None:
-        advice = textwrap.wrap(change_advice(change, singular, timeout), _WIDTH)
-        print("\n".join(["", *change_lines(change), *_result(found)[1:], "", *advice]).rstrip(), flush=True)
     else:
-        advice = [] if found else textwrap.wrap(_advice(found, field, timeout), _WIDTH)
-        print("\n".join(["", *_result(found), "", *advice]).rstrip(), flush=True)
+        lines = _result(path) if change is None else [*change_lines(change), *_result(path)[1:]]
+        advice = "" if path else _advice(path, field, timeout)
+        advice = advice if change is None else change_advice(change, singular, timeout)
+        print("\n".join(["", *lines, "", *textwrap.wrap(advice, _WIDTH)]).rstrip(), flush=True)
+    moves = bool((path.path[1:] != path.path[0]).any())
+    _write(path, moves, plot, plot_joints, recording, json)
+    if view:
+        _view(path, page) if moves else print("there is no path to show")
+    return 0 if path else 1
+
+
+def _write(
+    path: Plan, moves: bool, plot: Path | None, plot_joints: Path | None, recording: Path | None, quiet: bool
+) -> None:
+    """Write pictures and a recording; joints and a recording only if the robot moves."""
     if plot:
         from cinegen.plotting import draw_plan
 
-        write_figure(plot, draw_plan(found), quiet=json)
-    moves = bool((found.path[1:] != found.path[0]).any())
+        write_figure(plot, draw_plan(path), quiet=quiet)
     if plot_joints and moves:
         from cinegen.plotting import draw_joints
 
-        write_figure(plot_joints, draw_joints(found), quiet=json)
-    elif plot_joints and not json:
+        write_figure(plot_joints, draw_joints(path), quiet=quiet)
+    elif plot_joints and not quiet:
         print(f"there is no path: {plot_joints} is not written")
     if recording:
-        message = _record(found, recording) if moves else f"there is no path: {recording} is not written"
-        if not json:
+        message = _record(path, recording) if moves else f"there is no path: {recording} is not written"
+        if not quiet:
             print(message)
-    if view:
-        _view(found, page) if moves else print("there is no path to show")
-    return 0 if found else 1
 
 
 # --- the result --------------------------------------------------------------------------------------------------
@@ -162,9 +152,9 @@ def _task(scene: Scene, goal: str | None) -> list[str]:
         reached += f", in a cone of {shown(scene.cone, ANGLE, 3)}"
     if scene.goal_configuration is not None:
         reached = f"to {_joint_values(scene)}"
-    held = ", ".join(f"{one.name} to {one.node}" for one in scene.attached)
+    held = ", ".join(f"{held.name} to {held.node}" for held in scene.attached)
     weights = ", ".join(f"{name} {weight:g}" for name, weight in scene.weights.items())
-    obstacles = ", ".join(f"{one.name} ({one.kind})" if one.name != one.kind else one.name for one in scene.obstacles)
+    obstacles = ", ".join(f"{o.name} ({o.kind})" if o.name != o.kind else o.name for o in scene.obstacles)
     return [
         *textwrap.wrap(f"{scene.name}: {robot}; {goal or reached}", _WIDTH, subsequent_indent="  "),
         *([f"  {disabled_pairs(mechanism)}"] if mechanism.source.srdf else []),
@@ -183,44 +173,44 @@ def _task(scene: Scene, goal: str | None) -> list[str]:
 def _path_constraints(scene: Scene) -> str:
     """Return the constraints along the path as text."""
     upright, line, plane = scene.path_constraints
-    found = ["upright"] if upright else []
+    texts = ["upright"] if upright else []
     if line is not None:
-        found.append("on a line along " + ", ".join(f"{x:.3g}" for x in line))
+        texts.append("on a line along " + ", ".join(f"{x:.3g}" for x in line))
     if plane is not None:
-        found.append("in a plane with normal " + ", ".join(f"{x:.3g}" for x in plane))
-    return " and ".join(found)
+        texts.append("in a plane with normal " + ", ".join(f"{x:.3g}" for x in plane))
+    return " and ".join(texts)
 
 
 def _joint_values(scene: Scene) -> str:
     """Return the joint values of a goal as text."""
     mechanism, end = scene.mechanism, scene.goal_configuration
     assert end is not None
-    found = []
+    texts = []
     for name in scene.goal_joints:
         value = mechanism.values(end)[name]
         if isinstance(value, list):
-            found.append(f"{name} {value}")
+            texts.append(f"{name} {value}")
         else:
-            found.append(f"{name} {shown(value, LENGTH if mechanism.is_prismatic(name) else ANGLE, 4)}")
-    return ", ".join(found)
+            texts.append(f"{name} {shown(value, LENGTH if mechanism.is_prismatic(name) else ANGLE, 4)}")
+    return ", ".join(texts)
 
 
-def _result(found: Plan) -> list[str]:
+def _result(plan: Plan) -> list[str]:
     """Return lines about the status and the path, and a table of attempts."""
-    lines = textwrap.wrap(_status(found), _WIDTH, subsequent_indent="  ")
-    if len(found.path) > 1 or found:
+    lines = textwrap.wrap(_status(plan), _WIDTH, subsequent_indent="  ")
+    if len(plan.path) > 1 or plan:
         lines += [
-            f"  steps      {len(found.path) - 1}",
-            f"  path       {_length_text(_length(found))}, of {found.scene.node}",
-            f"  motion     {_motion(found)}, of the joints",
+            f"  steps      {len(plan.path) - 1}",
+            f"  path       {_length_text(_length(plan))}, of {plan.scene.node}",
+            f"  motion     {_motion(plan)}, of the joints",
         ]
-    lines.append(f"  clearance  {_clearance(found)}")
-    if lost := unchecked_links(found.scene.mechanism):
+    lines.append(f"  clearance  {_clearance(plan)}")
+    if lost := unchecked_links(plan.scene.mechanism):
         lines += textwrap.wrap(f"             {lost}", _WIDTH, subsequent_indent=" " * 13)
-    if found.attempts:
-        lines += textwrap.wrap(f"  meshes     {_meshes(found)}", _WIDTH, subsequent_indent=" " * 13)
+    if plan.attempts:
+        lines += textwrap.wrap(f"  meshes     {_meshes(plan)}", _WIDTH, subsequent_indent=" " * 13)
         rows = [("status", "steps", "strategy")]
-        rows += [(one.status.value, str(len(one.path) - 1), one.strategy) for one in found.attempts]
+        rows += [(attempt.status.value, str(len(attempt.path) - 1), attempt.strategy) for attempt in plan.attempts]
         status, steps = (max(len(row[k]) for row in rows) for k in (0, 1))
         numbers = ["attempt", *map(str, range(1, len(rows)))]
         lines += [""] + [
@@ -230,48 +220,48 @@ def _result(found: Plan) -> list[str]:
     return lines
 
 
-def _status(found: Plan) -> str:
+def _status(plan: Plan) -> str:
     """Return the status; if the goal is not reached, where the robot is, and why."""
     from cinegen.planning import PlanStatus
 
-    scene = found.scene
-    if found:
-        return f"{found.status.value}: {'joints are at their' if scene.goal_joints else f'{scene.node} is at its'} goal"
-    if not found.attempts or found.status is PlanStatus.TIME_LIMIT:
-        return str(found)
-    here = found.trace[-1][: scene.translation]
-    left = math.dist(here, scene.goal.translation[: scene.translation])
-    text = f"{found.status.value}: {scene.node} at {_point(here)}, {_length_text(left)} from its goal: {found.reason}"
-    complete = found.attempts[-1].blocked_by or found.field == "firas"
-    return text if complete else text + _nearest(found)
+    scene = plan.scene
+    if plan:
+        return f"{plan.status.value}: {'joints are at their' if scene.goal_joints else f'{scene.node} is at its'} goal"
+    if not plan.attempts or plan.status is PlanStatus.TIME_LIMIT:
+        return str(plan)
+    end = plan.trace[-1][: scene.translation]
+    left = math.dist(end, scene.goal.translation[: scene.translation])
+    text = f"{plan.status.value}: {scene.node} at {_point(end)}, {_length_text(left)} from its goal: {plan.reason}"
+    complete = plan.attempts[-1].blocked_by or plan.field == "firas"
+    return text if complete else text + _nearest(plan)
 
 
-def _nearest(found: Plan) -> str:
+def _nearest(plan: Plan) -> str:
     """Return which two bodies are nearest to each other at the end of the path."""
     from cinegen.collision import clearance_of
 
-    clearance = clearance_of(found.scene)
-    distances = clearance.distances(found.path[-1])
+    clearance = clearance_of(plan.scene)
+    distances = clearance.distances(plan.path[-1])
     if not len(distances):
         return ""
-    one, other = clearance.names(int(distances.argmin()))
-    return f"; nearest is '{one}', {_length_text(float(distances.min()))} from '{other}'"
+    first, second = clearance.names(int(distances.argmin()))
+    return f"; nearest is '{first}', {_length_text(float(distances.min()))} from '{second}'"
 
 
-def _clearance(found: Plan) -> str:
-    required = f"{_length_text(found.scene.safety)} required"
-    if math.isinf(found.clearance):
+def _clearance(plan: Plan) -> str:
+    required = f"{_length_text(plan.scene.safety)} required"
+    if math.isinf(plan.clearance):
         return f"no obstacles; {required}"
-    return f"{_length_text(found.clearance)} {'along the path' if len(found.path) > 1 else 'at the start'}; {required}"
+    return f"{_length_text(plan.clearance)} {'along the path' if len(plan.path) > 1 else 'at the start'}; {required}"
 
 
-def _meshes(found: Plan) -> str:
+def _meshes(plan: Plan) -> str:
     """Return what the check of the path against the meshes covered."""
-    scene = found.scene
-    touching = [(one.name, other) for one in scene.attached for other in one.touches]
-    pairs = (*found.mesh_check.unchecked, *scene.allowed_collisions, *touching)
-    mechanism, step = scene.mechanism, found.mesh_check.step
-    left_out = [*mechanism.unchecked_links, *(f"{one}-{other}" for one, other in pairs)]
+    scene = plan.scene
+    touching = [(held.name, other) for held in scene.attached for other in held.touches]
+    pairs = (*plan.mesh_check.unchecked, *scene.allowed_collisions, *touching)
+    mechanism, step = scene.mechanism, plan.mesh_check.step
+    left_out = [*mechanism.unchecked_links, *(f"{first}-{second}" for first, second in pairs)]
     checked = f"checked every {_length_text(step)} of motion"
     if mechanism.loops or not all(coupling.is_linear for coupling in mechanism.couplings):
         text = f"no contact on this path, {checked}: an estimate, as loops or couplings determine the motion"
@@ -281,11 +271,11 @@ def _meshes(found: Plan) -> str:
     return f"{text}; not checked: {', '.join(left_out)}" if left_out else text
 
 
-def _advice(found: Plan, field: str, seconds: float) -> str:
+def _advice(plan: Plan, field: str, seconds: float) -> str:
     """Return what may help to reach the goal."""
     from cinegen.planning import PlanStatus
 
-    match found.status:
+    match plan.status:
         case PlanStatus.START_IN_COLLISION:
             return "Choose another start (start), move the obstacle, or reduce the safety distance (safety)."
         case PlanStatus.GOAL_IN_COLLISION:
@@ -318,50 +308,50 @@ def _point(point: Array) -> str:
     return ", ".join(f"{name} {scale * (round(value, 3) + 0.0):g}" for name, value in coordinates) + f" {unit}"
 
 
-def _length(found: Plan) -> float:
+def _length(plan: Plan) -> float:
     """Return the length of the node's path, m; between configurations it may be curved."""
     import numpy as np
 
-    from cinegen.planning.planner import refined
+    from cinegen.planning.search import refined
 
-    mechanism, node = found.scene.mechanism, found.scene.node
-    trace = np.array([mechanism.placement(q, node).translation for q in refined(mechanism, found.path)])
+    mechanism, node = plan.scene.mechanism, plan.scene.node
+    trace = np.array([mechanism.placement(q, node).translation for q in refined(mechanism, plan.path)])
     return float(np.linalg.norm(np.diff(trace, axis=0), axis=1).sum())
 
 
-def _motion(found: Plan) -> str:
+def _motion(plan: Plan) -> str:
     """Return the motion of the joints: an angle; a length if all are prismatic; of both kinds, rad and lengths."""
-    mechanism = found.scene.mechanism
+    mechanism = plan.scene.mechanism
     prismatic = [mechanism.is_prismatic(joint) for joint in mechanism.joints]
     if mechanism.floating or (any(prismatic) and not all(prismatic)):
-        return f"{shown(found.motion, NUMBER, 3)} rad and lengths of {_length_text(mechanism.length)}"
-    return _length_text(found.motion * mechanism.length) if any(prismatic) else shown(found.motion, ANGLE, 3)
+        return f"{shown(plan.motion, NUMBER, 3)} rad and lengths of {_length_text(mechanism.length)}"
+    return _length_text(plan.motion * mechanism.length) if any(prismatic) else shown(plan.motion, ANGLE, 3)
 
 
-def _document(found: Plan) -> dict[str, Any]:
+def _document(plan: Plan) -> dict[str, Any]:
     """Return the plan for JSON: m and rad, null for the distance to nothing."""
     from cinegen.typed_json import as_json
 
-    scene, mechanism = found.scene, found.scene.mechanism
+    scene, mechanism = plan.scene, plan.scene.mechanism
     lost = dict(mechanism.unchecked_links)
     return as_json(
-        found, "field", "status", "reason", "clearance", "motion", "weighted_motion", "trace", "clearances",
-        scene=scene.name, robot=mechanism.name, locked=scene.locked, attached=[one.name for one in scene.attached],
-        node=scene.node, goal=scene.document()["goal"], safety=scene.safety, length=_length(found),
-        mesh_check=as_json(found.mesh_check, "step", "unchecked", allowed=scene.allowed_collisions, lost=lost),
+        plan, "field", "status", "reason", "clearance", "motion", "weighted_motion", "trace", "clearances",
+        scene=scene.name, robot=mechanism.name, locked=scene.locked, attached=[held.name for held in scene.attached],
+        node=scene.node, goal=scene.document()["goal"], safety=scene.safety, length=_length(plan),
+        mesh_check=as_json(plan.mesh_check, "step", "unchecked", allowed=scene.allowed_collisions, lost=lost),
         attempts=[
-            as_json(one, "strategy", "status", "blocked_by", "reason", steps=len(one.path) - 1)
-            for one in found.attempts
+            as_json(attempt, "strategy", "status", "blocked_by", "reason", steps=len(attempt.path) - 1)
+            for attempt in plan.attempts
         ],
-        path=[mechanism.values(q) for q in found.path],
-        **({"base": found.path[:, :7]} if mechanism.floating else {}),
+        path=[mechanism.values(q) for q in plan.path],
+        **({"base": plan.path[:, :7]} if mechanism.floating else {}),
     )  # fmt: skip
 
 
 # --- recordings --------------------------------------------------------------------------------------------------
 
 
-def _record(found: Plan, path: Path) -> str:
+def _record(plan: Plan, path: Path) -> str:
     """Record the robot alone, as exports expect, when all of it is known; return a message.
 
     Raises:
@@ -373,44 +363,44 @@ def _record(found: Plan, path: Path) -> str:
     from cinegen.mission.results import record_plan
     from cinegen.session import scene_setup
 
-    setup = scene_setup(found.scene)
+    setup = scene_setup(plan.scene)
     name = next(iter(setup.robots))
     with tempfile.TemporaryDirectory(prefix="cinegen-") as folder:
         complete = Path(folder) / "plan.jsonl"
-        motion = record_plan(found, complete, name, setup.robots[name])
+        motion = record_plan(plan, complete, name, setup.robots[name])
         try:
             write_all({path: complete.read_bytes()})
         except OSError as error:
             raise MissionError(f"{path}: can't be written: {reason(error)}") from None
-    text = f"recorded: {path}, {motion.times[-1]:.1f} s" + ("" if found else ", up to where the path ends")
+    text = f"recorded: {path}, {motion.times[-1]:.1f} s" + ("" if plan else ", up to where the path ends")
     text += "; it stops at each step of the path, to keep the clearance" if motion.follows else ""
     return text + (f"\nassumed: {motion.limits}" if str(motion.limits) else "")
 
 
-def _view(found: Plan, page: PageOptions) -> None:
+def _view(plan: Plan, page: PageOptions) -> None:
     """Show the path in the page, among its obstacles."""
     from cinegen.mission.results import record_plan
     from cinegen.session import replay_setup, scene_setup
 
-    setup = scene_setup(found.scene)
+    setup = scene_setup(plan.scene)
     with tempfile.TemporaryDirectory(prefix="cinegen-") as folder:
-        recording = Path(folder) / f"{found.scene.name}.jsonl"
+        recording = Path(folder) / f"{plan.scene.name}.jsonl"
         ((name, mechanism),) = setup.robots.items()
-        motion = record_plan(found, recording, name, mechanism, setup.obstacles)
+        motion = record_plan(plan, recording, name, mechanism, setup.obstacles)
         replayed = replay_setup(recording, min(1.0, max(0.01, float(motion.times[-1]) / _SHOWN)))
-        page.show(replace(replayed, attached=setup.attached, caption=_caption(found)), found.scene.name)
+        page.show(replace(replayed, attached=setup.attached, caption=_caption(plan)), plan.scene.name)
 
 
-def _caption(found: Plan) -> str:
+def _caption(plan: Plan) -> str:
     """Return which attempt the motion is that is shown, and how the others ended."""
 
     from cinegen.planning import PlanStatus
 
     lines = []
-    for number, one in enumerate(found.attempts, 1):
-        stopped = one.status is not PlanStatus.REACHED and one.blocked_by
-        by = f": '{one.blocked_by[0][0]}' is at '{one.blocked_by[0][1]}'" if stopped else ""
-        lines.append(f"attempt {number}, {one.strategy}: {one.status.value}{by}")
+    for number, attempt in enumerate(plan.attempts, 1):
+        stopped = attempt.status is not PlanStatus.REACHED and attempt.blocked_by
+        by = f": '{attempt.blocked_by[0][0]}' is at '{attempt.blocked_by[0][1]}'" if stopped else ""
+        lines.append(f"attempt {number}, {attempt.strategy}: {attempt.status.value}{by}")
     if len(lines) > _LISTED:
         lines[_LISTED - 2 : -1] = [f"{len(lines) - _LISTED + 1} more attempts did not reach the goal"]
     return "\n".join(lines)

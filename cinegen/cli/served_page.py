@@ -81,7 +81,7 @@ class PageOptions:
             CinegenError: the page can't be served or filmed, or the recording ended early.
         """
         from cinegen.cockpit import Cockpit
-        from cinegen.cockpit.server import is_local
+        from cinegen.cockpit.handlers import is_local
         from cinegen.session import SessionError
 
         if self.no_token and self.token:

@@ -17,7 +17,7 @@ from raff2urdf.errors import first_of
 from raff2urdf.files import stem_of
 
 if TYPE_CHECKING:
-    from cinegen.design.tolerance import Forced, ToleranceReport
+    from cinegen.design.tolerance_report import Forced, ToleranceReport
 
 SIGMA = option(
     "NAME=S", "standard deviations of parameters: 'link*.d=0.05mm, *.alpha=0.02deg'; later ones replace earlier", (),

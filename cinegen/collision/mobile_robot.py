@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from cinegen.collision.body import Body
 from cinegen.model import Mechanism
-from cinegen.model.load import build
+from cinegen.model.build import build
 from raff2urdf.readers.urdf import UNLIMITED
 
 X, Y, NODE = "x", "y", "mobile"

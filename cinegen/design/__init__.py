@@ -13,11 +13,13 @@ parameters.with_values(p)                      # the RAFF file with these number
 """
 
 from cinegen.design.calibration import Calibration, Measurements, calibrate
-from cinegen.design.design import Design, DesignEvaluation
+from cinegen.design.design import Design
 from cinegen.design.errors import DesignError
+from cinegen.design.evaluation import DesignEvaluation
 from cinegen.design.parameters import Parameter, Parameters
 from cinegen.design.synthesis import Synthesis, SynthesisTask, load_task, synthesize
-from cinegen.design.tolerance import ToleranceReport, Tolerances, tolerance
+from cinegen.design.tolerance import Tolerances, tolerance
+from cinegen.design.tolerance_report import ToleranceReport
 from cinegen.design.torques import holding_torques
 
 __all__ = [

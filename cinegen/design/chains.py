@@ -82,70 +82,95 @@ def chains_of(parameters: Parameters, play: Sequence[tuple[str, str]] = ()) -> C
     Raises:
         DesignError: no such joint or loop.
     """
-    mechanism, robot, document = parameters.mechanism, parameters.robot, parameters.document
-    model, links = mechanism.model, expanded(robot)
-    own = [bool(one.joint) for one in parameters.all]
-    values = np.array([0.0 if moves else one.value for one, moves in zip(parameters.all, own, strict=True)])
-    kinds = [KINDS[one.word] for one in parameters.all]
-    found = Chains(np.concatenate([values, np.zeros(len(play))]), kinds + [_kind(component) for _, component in play])
-    slots = _slots(parameters, links)
-    balls = {ball: set(joints) for ball, joints in _balls(mechanism).items()}
-    inner = {joint for joints in balls.values() for joint in joints}
-    play_of: dict[str, list[Step]] = {}
-    for k, (name, component) in enumerate(play, len(parameters.all)):
-        play_of.setdefault(name, []).append((_kind(component), k))
-    placed = dict[int, Chain]()  # by part
+    return _Builder(parameters, play).chains
 
-    def steps(number: int, written: Sequence[float]) -> list[Step]:
+
+class _Builder:
+    """Chains of a mechanism, built outwards from its base.
+
+    Args: see `chains_of`.
+
+    Attributes:
+        chains: all chains.
+    """
+
+    def __init__(self, parameters: Parameters, play: Sequence[tuple[str, str]]) -> None:
+        mechanism, robot = parameters.mechanism, parameters.robot
+        self._mechanism, self._model, self._document = mechanism, mechanism.model, parameters.document
+        values = [0.0 if parameter.joint else parameter.value for parameter in parameters.all]
+        kinds = [KINDS[parameter.word] for parameter in parameters.all]
+        play_kinds = [_kind(component) for _, component in play]
+        self.chains = Chains(np.array([*values, *(0.0 for _ in play)]), kinds + play_kinds)
+        links = expanded(robot)
+        self._slots = _slots(parameters, links)
+        self._balls = {joint: ball for ball, joints in _balls(mechanism).items() for joint in joints}
+        self._play: dict[str, list[Step]] = {}
+        for k, ((name, _), kind) in enumerate(zip(play, play_kinds, strict=True), len(kinds)):
+            self._play.setdefault(name, []).append((kind, k))
+        self._placed = {0: self._base(robot)}  # by part
+        self.chains.nodes[mechanism.nodes[0]] = self._placed[0]
+        for part in links.outward:
+            if isinstance(part, RaffLink) and part.joint in self._balls:
+                self._place_in_ball(part, part.number in robot.nodes)
+            else:
+                self._placed[part.number] = self._part(part)
+            if part.number in robot.nodes:
+                self.chains.nodes[part.node] = self._placed[part.number]
+        for loop in mechanism.loops:
+            first, second = self.chains.nodes[loop.first], self.chains.nodes[loop.second]
+            first = first.then(loop.first_placement, *self._play.pop(loop.name, ()))
+            self.chains.ends.append((first, second.then(loop.second_placement)))
+        for name in self._play:
+            known = [*mechanism.joints, *mechanism.balls, *(loop.name for loop in mechanism.loops)]
+            raise DesignError(f"{mechanism.name} has no joint or loop '{name}' to have play{did_you_mean(name, known)}")
+
+    def _base(self, robot: RaffRobot) -> Chain:
+        """Return the chain of the base."""
+        chain = Chain(0, self._steps(0, kleinfinger(self._document, robot.base.parameters)))
+        frame = self._model.frames[self._mechanism.frame_id(self._mechanism.nodes[0])]
+        if not self._mechanism.floating:
+            return self._corrected(chain, frame.placement)
+        joint = frame.parentJoint
+        self.chains.joints[joint] = self._corrected(chain, self._model.jointPlacements[joint])
+        return Chain(joint, (frame.placement,))
+
+    def _steps(self, number: int, written: Sequence[float]) -> tuple[Step, ...]:
         """Return the six steps of a part: motions, or constants where its numbers are no parameters."""
-        return [
+        slots = self._slots
+        return tuple(
             (KINDS[word], slots[number, word]) if (number, word) in slots else motion(KINDS[word], value)
             for word, value in zip(WORDS, written, strict=True)
-        ]
+        )
 
-    base = Chain(0, tuple(steps(0, kleinfinger(document, robot.base.parameters))))
-    frame = model.frames[mechanism.frame_id(mechanism.nodes[0])]
-    if mechanism.floating:
-        joint = frame.parentJoint
-        found.joints[joint] = _corrected(base, found, model.jointPlacements[joint])
-        base = Chain(joint, (frame.placement,))
-    else:
-        base = _corrected(base, found, frame.placement)
-    placed[0] = found.nodes[mechanism.nodes[0]] = base
-    for part in links.outward:
+    def _place_in_ball(self, part: RaffLink, is_last: bool) -> None:
+        """Place one of the three links of a spherical joint, of which the last has a node."""
+        self._placed[part.number] = before = self._placed[part.pred]
+        if is_last:
+            self._placed[part.number] = self._behind(self._balls[part.joint], before, part.node)
+
+    def _part(self, part: RaffPart) -> Chain:
+        """Return the chain of a link or frame."""
         kind = part.type if isinstance(part, RaffLink) else JointType.FIXED
-        moving = kind is not JointType.FIXED
-        if moving and part.joint in inner:  # one of the three of a spherical joint
-            placed[part.number] = before = placed[part.pred]
-            if part.number in robot.nodes:  # the last of them
-                ball = next(name for name, joints in balls.items() if part.joint in joints)
-                j = model.getJointId(ball)
-                chain = _corrected(before, found, model.jointPlacements[j])
-                found.joints[j] = chain.then(*play_of.pop(ball, ()))
-                placed[part.number] = Chain(j, (_frame(model, part.node).placement,))
-        else:
-            written = kleinfinger(document, part.parameters)
-            if moving:
-                written = written._replace(**{"r" if kind is JointType.PRISMATIC else "theta": 0.0})
-            chain = placed[part.pred].then(*steps(part.number, written))
-            at = _frame(model, part.node)
-            if moving:
-                j = model.getJointId(part.joint)
-                chain = _corrected(chain, found, model.jointPlacements[j])
-                found.joints[j] = chain.then(*play_of.pop(part.joint, ()))
-                placed[part.number] = Chain(j, (at.placement,))
-            else:
-                placed[part.number] = _corrected(chain, found, at.placement)
-        if part.number in robot.nodes:
-            found.nodes[part.node] = placed[part.number]
-    for loop in mechanism.loops:
-        first, second = found.nodes[loop.first], found.nodes[loop.second]
-        first = first.then(loop.first_placement, *play_of.pop(loop.name, ()))
-        found.ends.append((first, second.then(loop.second_placement)))
-    for name in play_of:
-        known = [*mechanism.joints, *mechanism.balls, *(loop.name for loop in mechanism.loops)]
-        raise DesignError(f"{mechanism.name} has no joint or loop '{name}' to have play{did_you_mean(name, known)}")
-    return found
+        written = kleinfinger(self._document, part.parameters)
+        if kind is not JointType.FIXED:
+            written = written._replace(**{"r" if kind is JointType.PRISMATIC else "theta": 0.0})
+        chain = self._placed[part.pred].then(*self._steps(part.number, written))
+        if isinstance(part, RaffLink) and kind is not JointType.FIXED:
+            return self._behind(part.joint, chain, part.node)
+        return self._corrected(chain, _frame(self._model, part.node).placement)
+
+    def _behind(self, joint: str, chain: Chain, node: str) -> Chain:
+        """Return the chain of a node behind a joint, to which a chain leads."""
+        index = self._model.getJointId(joint)
+        chain = self._corrected(chain, self._model.jointPlacements[index])
+        self.chains.joints[index] = chain.then(*self._play.pop(joint, ()))
+        return Chain(index, (_frame(self._model, node).placement,))
+
+    def _corrected(self, chain: Chain, wanted: pin.SE3) -> Chain:
+        """Return the chain followed by the constant with which it leads to a placement in the mechanism's model."""
+        rest = placement(chain, self.chains.kinds, self.chains.values).actInv(wanted)
+        exact = np.abs(rest.homogeneous - np.eye(4)).max() < 1e-15 * max(1.0, float(np.abs(wanted.translation).max()))
+        return chain if exact else chain.then(rest)
 
 
 def motion(kind: int, value: float) -> pin.SE3:
@@ -158,10 +183,10 @@ def motion(kind: int, value: float) -> pin.SE3:
 
 def placement(chain: Chain, kinds: Sequence[int], values: Array) -> pin.SE3:
     """Return where a chain leads on its joint, for the values of all motions."""
-    found = pin.SE3.Identity()
+    reached = pin.SE3.Identity()
     for step in chain.steps:
-        found = found * (step if isinstance(step, pin.SE3) else motion(kinds[step[1]], float(values[step[1]])))
-    return found
+        reached = reached * (step if isinstance(step, pin.SE3) else motion(kinds[step[1]], float(values[step[1]])))
+    return reached
 
 
 def _kind(component: str) -> int:
@@ -171,13 +196,6 @@ def _kind(component: str) -> int:
     return PX + index if index < 3 else RX + index - 3
 
 
-def _corrected(chain: Chain, chains: Chains, wanted: pin.SE3) -> Chain:
-    """Return the chain followed by the constant with which it leads to a placement in the mechanism's model."""
-    rest = placement(chain, chains.kinds, chains.values).actInv(wanted)
-    exact = np.abs(rest.homogeneous - np.eye(4)).max() < 1e-15 * max(1.0, float(np.abs(wanted.translation).max()))
-    return chain if exact else chain.then(rest)
-
-
 def _balls(mechanism: Mechanism) -> dict[str, list[str]]:
     entries = (mechanism.source.constraints or {}).get("balls", [])
     return {entry["name"]: entry["joints"] for entry in entries if entry["name"] in mechanism.balls}
@@ -185,15 +203,15 @@ def _balls(mechanism: Mechanism) -> dict[str, list[str]]:
 
 def _slots(parameters: Parameters, links: RaffRobot) -> dict[tuple[int, str], int]:
     """Return the indices of the parameters, by the part of the expanded robot that has it, and the word there."""
-    found: dict[tuple[int, str], int] = {}
+    slots: dict[tuple[int, str], int] = {}
     parts: dict[int, RaffPart] = {part.number: part for part in links.parts}
-    for i, one in enumerate(parameters.all):
-        node, number = parameters.robot.nodes[one.node], one.node
+    for i, parameter in enumerate(parameters.all):
+        node, number = parameters.robot.nodes[parameter.node], parameter.node
         if isinstance(node, RaffLink) and node.compound is not None:
-            while parts[number].pred != node.pred and parts[number].joint != one.joint:
+            while parts[number].pred != node.pred and parts[number].joint != parameter.joint:
                 number = parts[number].pred  # the first of the successive links, or the one with that joint
-        found[number, one.word] = i
-    return found
+        slots[number, parameter.word] = i
+    return slots
 
 
 def _frame(model: pin.Model, node: str) -> pin.Frame:

@@ -22,7 +22,7 @@ from cinegen.arrays import Array, ArrayLike
 from cinegen.design.errors import DesignError
 from cinegen.design.ties import Ties, resolve
 from cinegen.errors import warn
-from cinegen.model.load import build
+from cinegen.model.build import build
 from cinegen.model.mechanism import Mechanism
 from raff2urdf.conversion import describe
 from raff2urdf.errors import did_you_mean, first_of

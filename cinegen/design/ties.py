@@ -75,7 +75,7 @@ def expression(text: str, find: Callable[[str], int], dimensions: Sequence[Dimen
     kinds = {dimensions[index] for index in coefficients}
     if len(kinds) > 1:
         raise DesignError(f"'{stripped}' adds a length and an angle: tie parameters of one dimension only")
-    constant = sum(_constant(one, next(iter(kinds), None), stripped) for one in constants)
+    constant = sum(_constant(text, next(iter(kinds), None), stripped) for text in constants)
     return Expression(constant, coefficients)
 
 
@@ -83,7 +83,7 @@ def _constant(text: str, dimension: Dimension | None, whole: str) -> float:
     """Return a constant in m or rad; of an expression without names, of the dimension that its unit has."""
     with refused_as(DesignError, f"'{whole}'"):
         if dimension is None:
-            dimension = next((one for one in (LENGTH, ANGLE) if fits(text, one) and has_unit(text)), LENGTH)
+            dimension = next((known for known in (LENGTH, ANGLE) if fits(text, known) and has_unit(text)), LENGTH)
         value = parse(text, dimension)
     if value != 0.0 and not has_unit(text):
         raise DesignError(f"'{whole}': '{text}' has no unit: write it, such as {text}{_example(dimension)}")
@@ -131,78 +131,112 @@ def resolve(
     Raises:
         DesignError: a text is no tie; ties contradict each other, repeat each other or are circular.
     """
-    same = list(range(len(names)))  # of each parameter, one to which it is equal
-    rules: dict[int, tuple[Expression, str]] = {}
-    equal: list[tuple[int, str]] = []  # a parameter of each tie of bare names, and its text
+    rules = _Rules(find, names, dimensions)
+    for text in texts:
+        rules.add(text)
+    values = [rules.value(index) for index in range(len(names))]
+    free = tuple(index for index in range(len(names)) if rules.is_free(index))
+    column = {index: k for k, index in enumerate(free)}
+    matrix, constant = np.zeros((len(names), len(free))), np.array([value.constant for value in values])
+    for row, value in zip(matrix, values, strict=True):
+        for index, coefficient in value.coefficients.items():
+            row[column[index]] = coefficient
+    return Ties(free, matrix, constant)
 
-    def root(index: int) -> int:
-        while same[index] != index:
-            index = same[index]
+
+class _Rules:
+    """Ties: parameters that are equal, and rules by which others determine one of them.
+
+    Args: see `resolve`.
+    """
+
+    def __init__(self, find: Callable[[str], int], names: Sequence[str], dimensions: Sequence[Dimension]) -> None:
+        self._find, self._names, self._dimensions = find, names, dimensions
+        self._same = list(range(len(names)))  # of each parameter, one to which it is equal
+        self._rules: dict[int, tuple[Expression, str]] = {}
+        self._equal: list[tuple[int, str]] = []  # a parameter of each tie of bare names, and its text
+        self._values: dict[int, Expression] = {}
+
+    def _root(self, index: int) -> int:
+        while self._same[index] != index:
+            index = self._same[index]
         return index
 
-    for text in texts:
+    def is_free(self, index: int) -> bool:
+        """Return whether no tie determines a parameter."""
+        return self._root(index) == index and index not in self._rules
+
+    def add(self, text: str) -> None:
+        """Add a tie.
+
+        Raises:
+            DesignError: it is none, or contradicts another one.
+        """
         sides = text.split("=")
         if len(sides) < 2 or not all(side.strip() for side in sides):
             raise DesignError(f"'{text}' is no tie: write link2.d = link7.d, or link3.d = 2*link2.d + 10mm")
-        parsed = [expression(side, find, dimensions) for side in sides]
-        bares = [one.bare for one in parsed]
-        left = [bare for bare in bares if bare is not None]
-        if any(bare is None for bare in bares[:-1]):
+        parsed = [expression(side, self._find, self._dimensions) for side in sides]
+        bares = [side.bare for side in parsed]
+        first, *others = (bare for bare in bares if bare is not None) if None not in bares[:-1] else (None,)
+        if first is None:
             wrong = sides[bares.index(None)].strip()
             raise DesignError(f"'{text}': '{wrong}' on the left is not a single parameter: solve the tie for one")
-        kinds = {dimensions[index] for one in parsed for index in one.coefficients}
-        if len(kinds) > 1:
+        if len({self._dimensions[index] for side in parsed for index in side.coefficients}) > 1:
             raise DesignError(f"'{text}' equates a length and an angle: tie parameters of one dimension only")
-        for other in left[1:]:
-            if root(other) == root(left[0]):
-                raise DesignError(
-                    f"'{text}': {names[left[0]]} and {names[other]} are tied already: circular ties; remove one"
-                )
-            first, second = root(left[0]), root(other)
-            if first in rules and second in rules:
-                raise DesignError(_twice(names[other], rules[second][1], text))
-            if second in rules:
-                rules[first] = rules.pop(second)
-            same[second] = first
-            equal.append((first, text))
+        for other in others:
+            self._equate(first, other, text)
         if bares[-1] is None:
-            target = root(left[0])
-            if target in rules:
-                raise DesignError(_twice(names[left[0]], rules[target][1], text))
-            if not parsed[-1].coefficients and parsed[-1].constant and not fits(sides[-1].strip(), dimensions[target]):
-                raise DesignError(f"'{text}': {sides[-1].strip()} is not {dimensions[target].name}")
-            rules[target] = parsed[-1], text
-    values: dict[int, Expression] = {}
+            self._determine(first, parsed[-1], sides[-1].strip(), text)
 
-    def value(index: int, above: tuple[int, ...]) -> Expression:
-        index = root(index)
+    def _equate(self, parameter: int, other: int, text: str) -> None:
+        """Note that two parameters are equal."""
+        first, second = self._root(parameter), self._root(other)
+        if first == second:
+            names = f"{self._names[parameter]} and {self._names[other]}"
+            raise DesignError(f"'{text}': {names} are tied already: circular ties; remove one")
+        if first in self._rules and second in self._rules:
+            raise DesignError(_twice(self._names[other], self._rules[second][1], text))
+        if second in self._rules:
+            self._rules[first] = self._rules.pop(second)
+        self._same[second] = first
+        self._equal.append((first, text))
+
+    def _determine(self, parameter: int, value: Expression, written: str, text: str) -> None:
+        """Note that a parameter has a value, whose text is `written`."""
+        target = self._root(parameter)
+        if target in self._rules:
+            raise DesignError(_twice(self._names[parameter], self._rules[target][1], text))
+        if not value.coefficients and value.constant and not fits(written, self._dimensions[target]):
+            raise DesignError(f"'{text}': {written} is not {self._dimensions[target].name}")
+        self._rules[target] = value, text
+
+    def value(self, index: int, above: tuple[int, ...] = ()) -> Expression:
+        """Return a parameter as an expression of free ones; `above` are those whose values need it.
+
+        Raises:
+            DesignError: its value needs itself.
+        """
+        index = self._root(index)
         if index in above:
             circle = above[above.index(index) :]
-            texts = [text for one, text in equal if root(one) in circle] + [rules[one][1] for one in circle]
+            texts = [text for parameter, text in self._equal if self._root(parameter) in circle]
+            texts += [self._rules[parameter][1] for parameter in circle]
             listed = " and ".join(f"'{text.strip()}'" for text in dict.fromkeys(texts))
-            path = " -> ".join(names[one] for one in (*circle, index))
+            path = " -> ".join(self._names[parameter] for parameter in (*circle, index))
             raise DesignError(f"contradictory or circular ties ({path}): {listed}: remove one")
-        if index not in values:
-            values[index] = Expression(0.0, {index: 1.0})
-            if index in rules:
-                own, found = rules[index][0], dict[int, float]()
-                constant = own.constant
-                for other, factor in own.coefficients.items():
-                    there = value(other, (*above, index))
-                    constant += factor * there.constant
-                    for key, coefficient in there.coefficients.items():
-                        found[key] = found.get(key, 0.0) + factor * coefficient
-                values[index] = Expression(constant, found)
-        return values[index]
-
-    known = [value(index, ()) for index in range(len(names))]
-    free = tuple(index for index in range(len(names)) if root(index) == index and index not in rules)
-    place = {index: k for k, index in enumerate(free)}
-    matrix, constant = np.zeros((len(names), len(free))), np.array([one.constant for one in known])
-    for row, one in zip(matrix, known, strict=True):
-        for index, coefficient in one.coefficients.items():
-            row[place[index]] = coefficient
-    return Ties(free, matrix, constant)
+        if index not in self._values:
+            rule = self._rules[index][0] if index in self._rules else None
+            if rule is None:
+                self._values[index] = Expression(0.0, {index: 1.0})
+            else:
+                constant, coefficients = rule.constant, dict[int, float]()
+                for other, factor in rule.coefficients.items():
+                    value = self.value(other, (*above, index))
+                    constant += factor * value.constant
+                    for key, coefficient in value.coefficients.items():
+                        coefficients[key] = coefficients.get(key, 0.0) + factor * coefficient
+                self._values[index] = Expression(constant, coefficients)
+        return self._values[index]
 
 
 def _twice(name: str, first: str, second: str) -> str:

@@ -21,11 +21,9 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Container, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -33,219 +31,22 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 from scipy.special import ndtr, ndtri
 
-from cinegen.arrays import Array, ArrayLike, Bools, Indices
+from cinegen.arrays import Array, ArrayLike, Bools
 from cinegen.design.amounts import Amounts, amount_in, matching, pairs
-from cinegen.design.chains import COMPONENTS
-from cinegen.design.design import Design, DesignEvaluation
+from cinegen.design.design import Design
 from cinegen.design.errors import DesignError
+from cinegen.design.evaluation import DesignEvaluation
 from cinegen.design.parameters import Parameters, is_pattern
-from cinegen.design.ties import fits
+from cinegen.design.tolerance_input import columns_of, play_of
+from cinegen.design.tolerance_report import INTERVAL, Forced, MonteCarlo, ToleranceReport, ToleranceSource
 from cinegen.loops.thresholds import CLOSURE
-from cinegen.typed_json import as_json
-from raff2urdf.errors import did_you_mean
-from raff2urdf.quantities import ANGLE, LENGTH, Dimension, has_unit, shown
-from raff2urdf.raff.document import Document, LoopKind
-
-INTERVAL = 3.0
-"""Half-width of the interval of an error, in standard deviations."""
+from raff2urdf.quantities import ANGLE, LENGTH
+from raff2urdf.raff.document import Document
 
 _CHUNK = 20_000  # samples that are evaluated at once
 _STEP = 0.5  # of a central difference, in half-widths
-_SMALL = 1e-3  # components of the deviation below this fraction of the largest are not compared
 _ROUNDING = 1e-12  # of the characteristic length, and rad: a smaller deviation is none
 _SINGULAR = 1e-6  # of the largest singular value of the loops
-_ACROSS = {LoopKind.REVOLUTE: 2, LoopKind.PRISMATIC: 2, LoopKind.BALL: 3, LoopKind.RIGID: 0}
-
-
-class ToleranceSource(NamedTuple):
-    """A source of errors: one number, or the components of a joint's play.
-
-    Attributes:
-        name: of the parameter, `joint3 (play)` or `joint1 (encoder)`.
-        columns: of the design.
-        sigma: standard deviation of each component, m or rad.
-        half_width: of its interval, or the radius of the disc or ball that it stays in, m or rad.
-        dimension: length or angle.
-    """
-
-    name: str
-    columns: tuple[int, ...]
-    sigma: float
-    half_width: float
-    dimension: Dimension
-
-
-@dataclass(frozen=True, eq=False)
-class MonteCarlo:
-    """Errors drawn at random, with loops closed.
-
-    Attributes:
-        count: number of samples.
-        failed: of which the loops could not be closed.
-        mean: (6,) mean deviation, m and rad.
-        covariance: (6, 6).
-        largest: (6,) largest deviation met.
-        outside: number of samples outside the worst case in any component.
-    """
-
-    count: int
-    failed: int
-    mean: Array
-    covariance: Array
-    largest: Array
-    outside: int
-
-
-@dataclass(frozen=True, eq=False)
-class Forced:
-    """Tolerances that open loops.
-
-    Attributes:
-        names: of these sources, the one that opens most first.
-        position: largest gap of a loop that each opens within its interval, m.
-        angle: likewise, rad.
-        worst_position: gap if all are at the worst ends of their intervals, m.
-        worst_angle: likewise, rad.
-    """
-
-    names: tuple[str, ...]
-    position: Array
-    angle: Array
-    worst_position: float
-    worst_angle: float
-
-
-@dataclass(frozen=True, eq=False)
-class ToleranceReport:
-    """The accuracy of a node. Deviations are in the world's axes at its origin: position above rotation vector.
-
-    Attributes:
-        name: of the robot.
-        node: the node.
-        q: (nq,) configuration.
-        pose: (4, 4) of the node there, m.
-        sources: of errors, those that open loops left out.
-        idle: names of sources that do not move the node.
-        jacobian: (6, columns) of the design's columns, m and rad by m and rad.
-        covariance: (6, 6), m and rad.
-        linear: (6,) worst case to first order, m and rad.
-        second_order: (6,) bound of the terms of second order.
-        shares: (sources, 2) fraction of the variance of position and orientation that each contributes.
-        forced: tolerances that open loops.
-        monte_carlo: None without samples.
-        interval: half-width of the intervals, in standard deviations.
-    """
-
-    name: str
-    node: str
-    q: Array
-    pose: Array
-    sources: tuple[ToleranceSource, ...]
-    idle: tuple[str, ...]
-    jacobian: Array
-    covariance: Array
-    linear: Array
-    second_order: Array
-    shares: Array
-    forced: Forced
-    monte_carlo: MonteCarlo | None
-    interval: float
-
-    def __repr__(self) -> str:
-        x, angle = self.position, math.degrees(self.orientation)
-        return f"<ToleranceReport of {self.node}: {1000.0 * x:.4g} mm, {angle:.4g} degrees (1 sigma)>"
-
-    @property
-    def sigma(self) -> Array:
-        """(6,) standard deviations, m and rad."""
-        return np.sqrt(np.diag(self.covariance))
-
-    @property
-    def position(self) -> float:
-        """Root mean square deviation of the position, m."""
-        return float(np.sqrt(np.trace(self.covariance[:3, :3])))
-
-    @property
-    def orientation(self) -> float:
-        """Root mean square deviation of the orientation, rad."""
-        return float(np.sqrt(np.trace(self.covariance[3:, 3:])))
-
-    @property
-    def worst(self) -> Array:
-        """(6,) the worst case within all intervals: to first order, and the bound of what is of second order."""
-        return self.linear + self.second_order
-
-    @property
-    def agreement(self) -> str:
-        """The sentence that states how well the linear covariance and Monte Carlo agree; "" without samples."""
-        found = self.monte_carlo
-        if found is None:
-            return ""
-        counted, lost = found.count - found.failed, ""
-        if found.failed:
-            lost = f"; the loops of {found.failed} samples could not be closed"
-        compared, ratio = self._ratios()
-        if not len(ratio) or counted < 2:
-            return f"{counted} samples with loops closed: nothing deviates to first order{lost}"
-        names = ", ".join(COMPONENTS[i] for i in compared)
-        return (
-            f"Monte Carlo, {counted} samples with loops closed: standard deviations ({names}) are {ratio.min():.4f} to "
-            f"{ratio.max():.4f} of the linear ones (sampling alone: 1 ± {1.0 / math.sqrt(2.0 * counted):.4f}), the "
-            f"covariance differs by {100.0 * self.covariance_error:.2g} %; {found.outside} samples are outside the "
-            f"worst case, the largest deviation is {100.0 * self._used():.0f} % of it{lost}"
-        )
-
-    @property
-    def covariance_error(self) -> float:
-        """Largest difference of an element of the covariance of Monte Carlo from the linear one, relative to the
-        product of the two standard deviations; of components that deviate. NaN without samples."""
-        if self.monte_carlo is None:
-            return math.nan
-        at = np.ix_(self._compared, self._compared)
-        size = np.outer(self.sigma, self.sigma)[at]
-        return float(np.abs((self.monte_carlo.covariance - self.covariance)[at] / size).max(initial=0.0))
-
-    @property
-    def _compared(self) -> Indices:
-        """Components whose deviation is not negligible beside that of others of their kind."""
-        largest = np.repeat([self.sigma[:3].max(), self.sigma[3:].max()], 3)
-        return np.flatnonzero(self.sigma > np.maximum(_SMALL * largest, 1e-15))
-
-    def _ratios(self) -> tuple[Indices, Array]:
-        assert self.monte_carlo is not None
-        compared = self._compared
-        return compared, np.sqrt(np.diag(self.monte_carlo.covariance)[compared]) / self.sigma[compared]
-
-    def _used(self) -> float:
-        assert self.monte_carlo is not None
-        counts = self.worst > 1e-15
-        return float((self.monte_carlo.largest[counts] / self.worst[counts]).max(initial=0.0))
-
-    def contributors(self, orientation: bool = False) -> list[tuple[ToleranceSource, float]]:
-        """Return the sources and their fractions of the variance of the position, or of the orientation, the largest
-        first."""
-        column = self.shares[:, int(orientation)]
-        return [(self.sources[i], float(column[i])) for i in np.argsort(-column, kind="stable") if column[i] > 0.0]
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return what JSON shows: m and rad."""
-        found, names = self.monte_carlo, ("node", "pose", "interval", "sigma", "position", "orientation", "covariance")
-        return as_json(
-            self,
-            *names,
-            worst_case=as_json(self, "linear", "second_order"),
-            contributors=[
-                as_json(one, "name", "sigma", "half_width", position=share[0], orientation=share[1])
-                for one, share in zip(self.sources, self.shares, strict=True)
-            ],
-            idle=self.idle,
-            forced=as_json(self.forced, "names", "position", "angle", "worst_position", "worst_angle"),
-            monte_carlo=found
-            and as_json(
-                found, "failed", "mean", "covariance", "largest", "outside", samples=found.count,
-                covariance_error=self.covariance_error, message=self.agreement,
-            ),
-        )  # fmt: skip
 
 
 class Tolerances:
@@ -305,14 +106,14 @@ class Tolerances:
         else:
             names = [whole.all[i].name for i in sorted(sigmas)] or [whole.all[0].name]
             parameters = Parameters(whole.document, names, ties, robot=whole.robot.name)
-        moved = [one for name, amount in plays for one in _play(whole, name, amount)]
+        moved = [one for name, amount in plays for one in play_of(whole, name, amount)]
         components = [(joint, c) for joint, _, cs, _ in moved for c in cs]
         for joint, component in (one for one, times in Counter(components).items() if times > 1):
             raise DesignError(f"the play of {joint} along {component} is given twice: remove one")
         self.interval = interval
         self.design = Design(parameters, components)
         self.sources: list[ToleranceSource] = []
-        for column, tied in _columns(parameters, sigmas, named).items():
+        for column, tied in columns_of(parameters, sigmas, named).items():
             i = tied[0]
             name = f"{encoders[i]} (encoder)" if i in encoders else parameters.tied_name(column)
             width = interval * sigmas[i]
@@ -535,75 +336,3 @@ def _cut(interval: float) -> tuple[float, float]:
         raise DesignError(f"an interval of {interval:g} standard deviations is narrower than any normal distribution's")
     cut = float(brentq(lambda c: c / deviation(c) - interval, 1e-2, interval))
     return cut, 1.0 / deviation(cut)
-
-
-# --- what is given ----------------------------------------------------------------------------------------------------
-
-
-def _columns(parameters: Parameters, sigmas: Mapping[int, float], named: Container[int]) -> dict[int, list[int]]:
-    """Return the columns that have tolerances, and the indices in `Parameters.all` of what these belong to: parameters
-    that are tied err alike.
-
-    Args:
-        parameters: the free ones, with ties.
-        sigmas: standard deviations, by index.
-        named: indices that were named, not matched by a pattern.
-
-    Raises:
-        DesignError: parameters that are tied have different tolerances; one that follows from others was named, or
-            those have none.
-    """
-    matrix, found, following = parameters.ties.matrix, dict[int, list[int]](), list[int]()
-    for i in sorted(sigmas):
-        columns = np.flatnonzero(matrix[i])
-        if len(columns) == 1 and abs(matrix[i, columns[0]]) == 1.0:
-            found.setdefault(int(columns[0]), []).append(i)
-        else:
-            following.append(i)
-    for own in found.values():
-        for i in own[1:]:
-            if sigmas[i] != sigmas[own[0]]:
-                first, second = (parameters.all[k] for k in (own[0], i))
-                texts = [shown(sigmas[k], first.dimension) for k in (own[0], i)]
-                raise DesignError(
-                    f"{first.name} and {second.name} are tied, but have different tolerances: {' and '.join(texts)}"
-                )
-    for i in following:
-        masters = np.flatnonzero(matrix[i]).tolist()
-        lacking = [parameters.names[k] for k in masters if k not in found]
-        if i in named or lacking:
-            follows = " and ".join(parameters.names[k] for k in masters) or "a constant"
-            raise DesignError(
-                f"{parameters.all[i].name} follows from {follows} by a tie: give the tolerance to "
-                f"{' and '.join(lacking or [parameters.names[k] for k in masters]) or 'a parameter that is not tied'}"
-            )
-    return found
-
-
-def _play(whole: Parameters, name: str, amount: float | str) -> list[tuple[str, str, list[str], float]]:
-    """Return the joint or loop, the name of the source, the components and the amount of a play."""
-    mechanism = whole.mechanism
-    kinds = {loop.name: _ACROSS[loop.kind] for loop in mechanism.loops}
-    kinds |= dict.fromkeys(mechanism.joints, 2) | dict.fromkeys(mechanism.balls, 3)
-    joint, dot, component = name.rpartition(".")
-    if name not in kinds and dot and joint in kinds and component in COMPONENTS:
-        value = amount_in(f"play of {name}", amount, ANGLE if component.startswith("r") else LENGTH)
-        return [(joint, f"{name} (play)", [component], value)]
-    if name not in kinds:
-        raise DesignError(
-            f"{mechanism.name} has no joint or loop '{name}' to have play{did_you_mean(name, list(kinds))}"
-        )
-    if not kinds[name]:
-        raise DesignError(f"loop '{name}' is rigid: it has no play; give that of a joint next to it")
-    tilts = isinstance(amount, str) and fits(amount, ANGLE) and has_unit(amount)
-    value = amount_in(f"play of {name}", amount, ANGLE if tilts else LENGTH)
-    if tilts and kinds[name] == 3:
-        raise DesignError(f"'{name}' is a ball joint: its play is a length, not {amount}")
-    return [
-        (
-            name,
-            f"{name} ({'tilt' if tilts else 'play'})",
-            list(COMPONENTS[3:5] if tilts else COMPONENTS[: kinds[name]]),
-            value,
-        )
-    ]

@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 from raff2urdf.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from cinegen.ik.all_solutions import IKError as IKError
-    from cinegen.ik.all_solutions import IKSolutions as IKSolutions
     from cinegen.ik.barrier import Range as Range
     from cinegen.ik.batch import Evaluations as Evaluations
     from cinegen.ik.batch import evaluate as evaluate
@@ -39,6 +37,8 @@ if TYPE_CHECKING:
     from cinegen.ik.pink_task import PinkTask as PinkTask
     from cinegen.ik.singular import LostDoF as LostDoF
     from cinegen.ik.singular import UncontrolledDoF as UncontrolledDoF
+    from cinegen.ik.solutions import IKError as IKError
+    from cinegen.ik.solutions import IKSolutions as IKSolutions
     from cinegen.ik.solver import Solver as Solver
     from cinegen.ik.state import State as State
     from cinegen.ik.step import Status as Status

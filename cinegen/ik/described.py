@@ -20,8 +20,9 @@ from msgspec import Struct
 from cinegen.errors import CinegenError
 from cinegen.ik.barrier import Range
 from cinegen.ik.given_task import Task
-from cinegen.ik.kinds import FIELDS, KINDS, Pointing
+from cinegen.ik.kinds import KINDS, Pointing
 from cinegen.ik.state import State
+from cinegen.ik.task_kinds.fields import FIELDS
 
 _IN_WORLD = {"position": True, "point": True, "through": True, "centre": True, "direction": False, "normal": False}
 """Fields in the world, unless a node carries them: whether they are points, or directions."""

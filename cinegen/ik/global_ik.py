@@ -14,11 +14,12 @@ from cinegen.arrays import Array, ArrayLike
 from cinegen.errors import CinegenError
 from cinegen.hexapod import SolutionCounts
 from cinegen.html import table
-from cinegen.ik.all_solutions import IKError, IKSolutions, all_solutions, with_closest
+from cinegen.ik.all_solutions import all_solutions
 from cinegen.ik.by_ticks import solve_by_ticks
 from cinegen.ik.given_task import Task, errors_of
 from cinegen.ik.joints import checked_names
 from cinegen.ik.local_ik import LocalIK
+from cinegen.ik.solutions import IKError, IKSolutions, with_closest
 from cinegen.ik.solver import Solver
 from cinegen.ik.state import State
 from cinegen.ik.step import Status

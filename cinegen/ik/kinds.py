@@ -7,199 +7,22 @@ velocity, in the world's axes.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
-from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import pinocchio as pin
-from msgspec import Meta
 
 from cinegen.arrays import Array
 from cinegen.errors import CinegenError
-from cinegen.ik.given_task import checked_weight
 from cinegen.ik.state import State
-from cinegen.ik.task import checked_priority
-from cinegen.typed_json import Vector7
+from cinegen.ik.task_kinds.base import Kind, across, placed, turned
+from cinegen.ik.task_kinds.fields import ORIGIN, Vector, Z
 from raff2urdf.residual import log, log_derivative, skew, swing
 
-Vector: TypeAlias = Any
-"""Three numbers when it is set, an array (3,) when it is read."""
-
-_ORIGIN = (0.0, 0.0, 0.0)
-_Z = (0.0, 0.0, 1.0)
-
-
-def _point(value: Any) -> Array:
-    found = np.array(value, dtype=float).reshape(3)
-    if not np.isfinite(found).all():
-        raise ValueError
-    found.flags.writeable = False
-    return found
-
-
-def _direction(value: Any) -> Array:
-    found = np.array(value, dtype=float).reshape(3)
-    largest = float(np.abs(found).max())
-    if not 0.0 < largest < math.inf:
-        raise ValueError
-    return _point(found / largest / np.linalg.norm(found / largest))
-
-
-def _pose(value: Any) -> pin.SE3:
-    if not np.isfinite(value.homogeneous).all():
-        raise ValueError
-    return value.copy()
-
-
-def _length(value: Any) -> float:
-    if not 0.0 <= float(value) < math.inf:
-        raise ValueError
-    return float(value)
-
-
-def _number(value: Any) -> float:
-    if not math.isfinite(value):
-        raise ValueError
-    return float(value)
-
-
-def _values(value: Any) -> Mapping[str, float]:
-    found = {str(joint): _number(number) for joint, number in dict(value).items()}
-    if not found:
-        raise ValueError
-    return found
-
-
-def _axes(value: Any) -> str:
-    if not value or not isinstance(value, str) or set(value) - set("xyz") or len(set(value)) < len(value):
-        raise ValueError
-    return value
-
-
-def _unit(value: Any) -> str | tuple[str, ...]:
-    found = value if isinstance(value, str) else tuple(value)
-    if set([found] if isinstance(found, str) else found) - {"m", "rad"}:
-        raise ValueError
-    return found
-
-
-def _flag(value: Any) -> bool:
-    if not isinstance(value, bool | np.bool_):
-        raise TypeError
-    return bool(value)
-
-
-def _name(value: Any) -> str | None:
-    if value is not None and not isinstance(value, str):
-        raise TypeError
-    return value
-
-
-class TaskField(NamedTuple):
-    """An attribute of tasks.
-
-    Attributes:
-        checked: returns a valid value, or raises.
-        what: what it must be.
-        form: its type in JSON.
-    """
-
-    checked: Callable[[Any], Any]
-    what: str
-    form: Any
-
-
-_Number = Annotated[float, Meta(ge=-1e6, le=1e6)]
-_Three = tuple[_Number, _Number, _Number]
-_OwnUnit = Literal["m", "rad"]
-_POINT = TaskField(_point, "three finite numbers (m)", _Three)
-_DIRECTION = TaskField(_direction, "three finite numbers that are not all 0", _Three)
-_BY_JOINT = dict[str, _Number]
-
-FIELDS: Mapping[str, TaskField] = {
-    "priority": TaskField(checked_priority, "", Annotated[int, Meta(ge=0, le=9)]),
-    "weight": TaskField(checked_weight, "", Annotated[float, Meta(ge=0.01, le=100.0)]),
-    "node": TaskField(_name, "the name of a node", str),
-    "other": TaskField(_name, "the name of a node", str),
-    "on": TaskField(_name, "the name of a node, or None for the world", str | None),
-    "target": TaskField(_pose, "a pinocchio.SE3", Vector7),
-    "position": _POINT,
-    "point": _POINT,
-    "offset": _POINT,
-    "through": _POINT,
-    "centre": _POINT,
-    "distance": TaskField(_length, "a length of at least 0 (m)", Annotated[float, Meta(ge=0.0, le=1e6)]),
-    "direction": _DIRECTION,
-    "axis": _DIRECTION,
-    "normal": _DIRECTION,
-    "values": TaskField(_values, "numbers by the names of joints (rad, m)", _BY_JOINT),
-    "coefficients": TaskField(_values, "numbers by the names of joints", _BY_JOINT),
-    "axes": TaskField(_axes, "some of x, y and z", str),
-    "unit": TaskField(_unit, "'m' or 'rad', or one of these for each row", _OwnUnit | tuple[_OwnUnit, ...]),
-    "rotation": TaskField(_flag, "True or False", bool),
-    "constant": TaskField(_number, "a finite number", _Number),
-}
-"""Attributes of tasks by name."""
-
 
 @dataclass(eq=False, repr=False)
-class _Kind:
-    """Base of the kinds: attributes that are checked when they are set."""
-
-    priority: int = field(default=0, kw_only=True)
-    weight: float = field(default=1.0, kw_only=True)
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        if name not in self.__dataclass_fields__:
-            known = ", ".join((*self._names(), "priority", "weight"))
-            raise AttributeError(f"{type(self).__name__} has no attribute '{name}' that can be set; it has {known}")
-        checked = FIELDS[name]
-        try:
-            object.__setattr__(self, name, checked.checked(value))
-        except (AttributeError, TypeError, ValueError):
-            raise CinegenError(f"{type(self).__name__}.{name} must be {checked.what}, not {value!r:.80}") from None
-
-    def __repr__(self) -> str:
-        return f"<{type(self).__name__} {', '.join(str(getattr(self, name)) for name in self._names()[:2])}>"
-
-    def _names(self) -> list[str]:
-        return [name for name in self.__dataclass_fields__ if name not in ("priority", "weight")]
-
-
-def _placed(state: State, on: str | None, point: Array) -> tuple[Array, Array]:
-    """Return a point (3,) in the world, and its Jacobian (3, nv): on a node, or of the world."""
-    if on is None:
-        return point, np.zeros((3, state.model.nv))
-    return state.frame(on).act(point), state.point_jacobian(on, point)[:3]
-
-
-def _turned(state: State, on: str | None, direction: Array) -> tuple[Array, Array]:
-    """Return a direction (3,) in the world, and the angular velocity's Jacobian (3, nv) of what carries it."""
-    if on is None:
-        return direction, np.zeros((3, state.model.nv))
-    return state.frame(on).rotation @ direction, state.jacobian(on)[3:]
-
-
-def _across(axis: Array) -> Array:
-    """Return a right-handed basis (3, 3) as rows, whose last is the axis."""
-    return _basis(axis.tobytes())
-
-
-@lru_cache(maxsize=256)  # of attributes, which ticks ask for again and again: `numpy.cross` takes longer than all else
-def _basis(numbers: bytes) -> Array:
-    axis = np.frombuffer(numbers)
-    x = np.cross(axis, np.eye(3)[int(np.abs(axis).argmin())])
-    x /= np.linalg.norm(x)
-    found = np.array([x, np.cross(axis, x), axis])
-    found.flags.writeable = False
-    return found
-
-
-@dataclass(eq=False, repr=False)
-class RelativePose(_Kind):
+class RelativePose(Kind):
     """A node keeps a pose relative to another one: both arms hold an object.
 
     Args:
@@ -241,7 +64,7 @@ class RelativePose(_Kind):
 
 
 @dataclass(eq=False, repr=False)
-class CenterOfMass(_Kind):
+class CenterOfMass(Kind):
     """The centre of mass of the whole mechanism is at a position, or above it (`axes="xy"`).
 
     Args:
@@ -274,7 +97,7 @@ class CenterOfMass(_Kind):
         return np.asarray(found.reshape(3, -1)[self._rows])
 
 
-class Pointing(_Kind):
+class Pointing(Kind):
     """An axis of a node points along a direction: the swing (2,) of the direction seen from the node."""
 
     unit = "rad"
@@ -291,12 +114,12 @@ class Pointing(_Kind):
 
     def error(self, state: State) -> Array:
         """Return the rotation vector (2,), across the axis, from the axis to the direction; rad."""
-        seen = _across(self.axis) @ state.frame(self.node).rotation.T
+        seen = across(self.axis) @ state.frame(self.node).rotation.T
         return swing(seen @ self._line(state)[0])[0]
 
     def jacobian(self, state: State) -> Array:
         """Return the derivative of the error."""
-        seen, (direction, turns) = _across(self.axis) @ state.frame(self.node).rotation.T, self._line(state)
+        seen, (direction, turns) = across(self.axis) @ state.frame(self.node).rotation.T, self._line(state)
         return np.asarray(swing(seen @ direction)[1] @ seen @ (turns - state.jacobian(self.node)[3:]))
 
 
@@ -319,13 +142,13 @@ class LookAt(Pointing):
 
     node: str
     point: Vector
-    axis: Vector = _Z
-    offset: Vector = _ORIGIN
+    axis: Vector = Z
+    offset: Vector = ORIGIN
     on: str | None = None
 
     def _line(self, state: State) -> tuple[Array, Array]:
-        there, rates = _placed(state, self.on, self.point)
-        here, own = _placed(state, self.node, self.offset)
+        there, rates = placed(state, self.on, self.point)
+        here, own = placed(state, self.node, self.offset)
         distance = float(np.linalg.norm(there - here))
         along = (there - here) / max(distance, 1e-9)
         return along, skew(along) @ (rates - own) / max(distance, 1e-9)
@@ -348,15 +171,15 @@ class AxisAlong(Pointing):
     """
 
     node: str
-    direction: Vector = _Z
-    axis: Vector = _Z
+    direction: Vector = Z
+    axis: Vector = Z
     on: str | None = None
 
     def _line(self, state: State) -> tuple[Array, Array]:
-        return _turned(state, self.on, self.direction)
+        return turned(state, self.on, self.direction)
 
 
-class _OfPoint(_Kind):
+class _OfPoint(Kind):
     """A point on a node keeps a distance to something in the world."""
 
     node: str
@@ -388,15 +211,15 @@ class PointOnLine(_OfPoint):
     node: str
     through: Vector
     direction: Vector
-    offset: Vector = _ORIGIN
+    offset: Vector = ORIGIN
 
     def error(self, state: State) -> Array:
         """Return the distances (2,) from the line along two directions across it, m."""
-        return np.asarray(_across(self.direction)[:2] @ (self._here(state) - self.through))
+        return np.asarray(across(self.direction)[:2] @ (self._here(state) - self.through))
 
     def jacobian(self, state: State) -> Array:
         """Return the derivative of the error."""
-        return np.asarray(_across(self.direction)[:2] @ self._rates(state))
+        return np.asarray(across(self.direction)[:2] @ self._rates(state))
 
 
 @dataclass(eq=False, repr=False)
@@ -416,9 +239,9 @@ class PointInPlane(_OfPoint):
     """
 
     node: str
-    through: Vector = _ORIGIN
-    normal: Vector = _Z
-    offset: Vector = _ORIGIN
+    through: Vector = ORIGIN
+    normal: Vector = Z
+    offset: Vector = ORIGIN
 
     def error(self, state: State) -> Array:
         """Return the height (1,) above the plane, m."""
@@ -449,23 +272,23 @@ class PointAtDistance(_OfPoint):
     node: str
     centre: Vector
     distance: float
-    offset: Vector = _ORIGIN
+    offset: Vector = ORIGIN
     on: str | None = None
 
     def error(self, state: State) -> Array:
         """Return the distance beyond the wanted one (1,), m."""
-        return np.array([np.linalg.norm(self._here(state) - _placed(state, self.on, self.centre)[0]) - self.distance])
+        return np.array([np.linalg.norm(self._here(state) - placed(state, self.on, self.centre)[0]) - self.distance])
 
     def jacobian(self, state: State) -> Array:
         """Return the derivative of the error; 0 where the point is at the centre."""
-        centre, rates = _placed(state, self.on, self.centre)
+        centre, rates = placed(state, self.on, self.centre)
         away = self._here(state) - centre
         away /= max(float(np.linalg.norm(away)), 1e-12)
         return np.asarray(away[None, :] @ (self._rates(state) - rates))
 
 
 @dataclass(eq=False, repr=False)
-class JointValues(_Kind):
+class JointValues(Kind):
     """Joints take values.
 
     Args:
@@ -496,7 +319,7 @@ class JointValues(_Kind):
 
 
 @dataclass(eq=False, repr=False)
-class JointEquality(_Kind):
+class JointEquality(Kind):
     """A sum of multiples of joints is constant: sum_j c_j q_j = constant.
 
     Args:
@@ -528,7 +351,7 @@ class JointEquality(_Kind):
 
 
 @dataclass(eq=False, repr=False)
-class Damping(_Kind):
+class Damping(Kind):
     """All joints resist motion, as much as the weight demands: the least motion that serves the other tasks of its
     priority.
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
-from operator import index
-from typing import Any, SupportsIndex
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -13,32 +11,15 @@ import pinocchio as pin
 from cinegen.arrays import Array, ArrayLike
 from cinegen.errors import CinegenError, UnknownNameError
 from cinegen.ik._kernels.memory import TaskMemory
-from cinegen.ik._kernels.tasks import FURTHEST
+from cinegen.ik.task_equations import FrameEquations
+from cinegen.ik.task_values import ROTATIONS, TRANSLATIONS, WANTED, checked_priority, is_count, pose
 from cinegen.ik.thresholds import ROTATION
 from cinegen.jit.foreign import SE3_DISTANCE, address, frame_of
-from cinegen.model import Mechanism
-from raff2urdf.residual import log, log_derivative, swing
-
-_TRANSLATIONS = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (1.0, 1.0, 1.0))
-_ROTATIONS = ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 0.0), (1.0, 1.0, 1.0))
-"""Weights of the axes for a number of constrained translations or rotations."""
 
 _TARGET = TaskMemory.fields["target"].slot
 
-_WANTED = {
-    "node": "the name of a base, link or frame",
-    "axes": "target, world, or the name of a base, link or frame",
-    "offset": "a point of three finite numbers (m) or a pinocchio.SE3",
-    "target": "a pinocchio.SE3, or as a twist six finite numbers",
-    "translation": "a number of constrained axes, 0 to 3",
-    "rotation": "a number of constrained axes, 0 to 3",
-    "weights": "six finite numbers of at least 0",
-    "weight": "a positive, finite number",
-}
-"""What a task's value must be, by its name."""
 
-
-class FrameTask:
+class FrameTask(FrameEquations):
     """A frame on a node follows a target; made by `Solver.add_task`.
 
     All may be set at any time between two ticks, and takes effect at the next one. A value that can't be followed (a
@@ -67,8 +48,8 @@ class FrameTask:
     """
 
     __slots__ = (
-        "__weakref__", "_axes", "_constrained", "_frame", "_largest", "_node", "_offset", "_priority", "_special",
-        "_target", "_weight", "_weights", "_words", "_wrong", "changed", "find_frame", "measure", "memory",
+        "__weakref__", "_axes", "_frame", "_largest", "_node", "_offset", "_priority", "_special",
+        "_target", "_weight", "_weights", "_words", "_wrong", "changed", "find_frame", "measure",
     )  # fmt: skip
 
     def __init__(
@@ -85,7 +66,7 @@ class FrameTask:
         priority: int = 0,
     ) -> None:
         self._priority = checked_priority(priority)
-        self._node, self._axes, self._frame, self._offset = node, axes, frame, _pose(offset)
+        self._node, self._axes, self._frame, self._offset = node, axes, frame, pose(offset)
         self.memory = TaskMemory()
         self._words = self.memory.words
         self.changed: Callable[[], None] = _nothing  # called when the solver has to write the task again
@@ -96,7 +77,7 @@ class FrameTask:
         self._special = False  # follows a twist, or has an invalid value
         self.target = target
         self._weight, self._largest, self._weights = 1.0, 1.0, np.zeros(6)
-        self._constrained: tuple[list[int], list[int]] = ([], [])  # translations and rotations
+        self._constrained = [], []
         self.translation, self.rotation, self.weight = translation, rotation, weight
         if weights is not None:
             self.weights = weights
@@ -165,7 +146,7 @@ class FrameTask:
     @offset.setter
     def offset(self, offset: pin.SE3 | ArrayLike) -> None:
         try:
-            self._offset = _pose(offset)
+            self._offset = pose(offset)
         except CinegenError:
             self._refuse("offset", offset)
             return
@@ -246,7 +227,7 @@ class FrameTask:
 
     @translation.setter
     def translation(self, count: int) -> None:
-        self._constrain("translation", count, slice(0, 3), _TRANSLATIONS)
+        self._constrain("translation", count, slice(0, 3), TRANSLATIONS)
 
     @property
     def rotation(self) -> int:
@@ -258,7 +239,7 @@ class FrameTask:
 
     @rotation.setter
     def rotation(self, count: int) -> None:
-        self._constrain("rotation", count, slice(3, 6), _ROTATIONS)
+        self._constrain("rotation", count, slice(3, 6), ROTATIONS)
 
     @property
     def weights(self) -> Array:
@@ -304,7 +285,7 @@ class FrameTask:
 
     @property
     def priority(self) -> int:
-        """Level of the task: 0 is served first, larger numbers in the freedom that it leaves; tasks of equal priority
+        """Level of the task: 0 is served first, larger numbers in the motion that it leaves; tasks of equal priority
         are weighed against each other.
 
         Raises:
@@ -370,7 +351,7 @@ class FrameTask:
     def problem(self) -> str:
         """The value with which ticks leave the task out, and what it must be; empty while it is valid."""
         for name, value in self._wrong.items():
-            return f"{name} of the task of '{self._node}' is {value!r:.80}: give {_WANTED[name]}"
+            return f"{name} of the task of '{self._node}' is {value!r:.80}: give {WANTED[name]}"
         target, which = self._target, f"target of the task of '{self._node}'"
         if not np.isfinite(target.translation).all():
             return f"{which} has the position {target.translation.tolist()}: give three finite numbers (m)"
@@ -381,109 +362,6 @@ class FrameTask:
                 return ""
         why = "a reflection" if off <= ROTATION else f"no rotation, by {off:.2g}"
         return f"{which} has an orientation that is {why}: give an orthonormal matrix of determinant 1"
-
-    # --- the equations, in plain form ------------------------------------------------------------------------------
-
-    def errors(self, placement: pin.SE3, axes: Array | None = None) -> tuple[Array, Array]:
-        """Return the remaining error, (translation,) in m and (rotation,) in rad, along the constrained axes.
-
-        Args:
-            placement: pose of the frame that follows, in the world.
-            axes: (3, 3) the task's axes in the world; the target's unless given.
-        """
-        axes = self.target.rotation if axes is None else axes
-        linear, angular = self._constrained
-        offset = axes.T @ (np.clip(self.target.translation, -FURTHEST, FURTHEST) - placement.translation)
-        if not angular:
-            return offset[linear], np.zeros(0)
-        relative = self._relative(placement, axes)
-        if len(angular) == 2:
-            return offset[linear], -self._swing(relative)[0]
-        return offset[linear], log(relative.T)[angular]
-
-    def _swing(self, relative: Array) -> tuple[Array, Array]:
-        """Return the swing (2,) of the axis whose rotation is free, and its derivative (2, 3) by that axis."""
-        x, y = self._constrained[1]
-        triad = [x, y, 3 - x - y]
-        found, by = swing(relative[triad, 3 - x - y])
-        derivative = np.zeros((2, 3))
-        derivative[:, triad] = by
-        return found, derivative
-
-    def distances(self, mechanism: Mechanism, q: Array) -> tuple[float, float]:
-        """Return the remaining error at q (nq,) in the constrained directions: distance (m) and angle (rad)."""
-        axes = None
-        if self.axes != "target":
-            axes = np.eye(3) if self.axes == "world" else mechanism.placement(q, self.axes).rotation
-        linear, angular = self.errors(mechanism.placement(q, self.node) * self.offset, axes)
-        return math.hypot(*linear), math.hypot(*angular)
-
-    def equations(self, placement: pin.SE3, jacobian: Array, axes: Array | None = None) -> tuple[Array, Array]:
-        """Return the remaining error and its Jacobian.
-
-        Position and orientation are treated separately, so that the origin moves straight towards its target.
-
-        Args:
-            placement: pose of the frame that follows, in the world.
-            jacobian: (6, nv) Jacobian of that frame, in its own axes.
-            axes: (3, 3) the task's axes in the world; the target's unless given.
-
-        Returns:
-            error (rows,), m and rad, and J (rows, nv). To first order a joint step s with J s = error makes the error
-            0, and error^T W^2 J is the exact gradient of half the squared error, weighted by W = diag(row_weights).
-        """
-        axes = self.target.rotation if axes is None else axes
-        linear = axes.T @ placement.rotation @ jacobian[:3]
-        angular = (self.target.rotation.T @ axes).T @ jacobian[3:]  # in the axes as the node carries them
-        constrained, about = self._constrained
-        relative = self._relative(placement, axes)
-        if len(about) == 2:
-            angular = self._swing(relative)[1] @ relative @ angular
-        elif len(about) == 3 and self.memory.is_even:
-            pass  # log's derivative times log is log: the gradient is exact with the angular velocity itself
-        else:
-            angular = (log_derivative(log(relative.T)) @ angular)[about]
-        return np.concatenate(self.errors(placement, axes)), np.vstack([linear[constrained], angular])
-
-    def _relative(self, placement: pin.SE3, axes: Array) -> Array:
-        """Return the axes as the node carries them, relative to where they should be, (3, 3)."""
-        return np.asarray(axes.T @ placement.rotation @ self.target.rotation.T @ axes)
-
-
-def _pose(offset: pin.SE3 | ArrayLike | None) -> pin.SE3:
-    """Return an offset as a pose in the node's frame, a copy.
-
-    Raises:
-        CinegenError: it is neither an SE3 nor three finite numbers.
-    """
-    if offset is None:
-        return pin.SE3.Identity()
-    try:
-        if isinstance(offset, pin.SE3):
-            pose = offset.copy()
-        else:
-            pose = pin.SE3(np.eye(3), np.asarray(offset, dtype=float).reshape(3))
-    except (TypeError, ValueError):
-        pose = None
-    if pose is None or not np.isfinite(pose.homogeneous).all():
-        raise CinegenError("offset must be a point of three finite numbers (m) or a pinocchio.SE3")
-    return pose
-
-
-def checked_priority(priority: Any) -> int:
-    """Return a valid priority.
-
-    Raises:
-        CinegenError: it is no whole number of at least 0.
-    """
-    if isinstance(priority, bool) or not isinstance(priority, int | np.integer) or priority < 0:
-        raise CinegenError(f"a task's priority is a whole number, 0 or more (0 is served first), not {priority!r:.80}")
-    return int(priority)
-
-
-def is_count(count: object) -> bool:
-    """Return whether this is a number of constrained axes, 0 to 3; True and False are none."""
-    return isinstance(count, SupportsIndex) and not isinstance(count, bool | np.bool_) and 0 <= index(count) < 4
 
 
 def _nothing() -> None:

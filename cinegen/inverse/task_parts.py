@@ -20,7 +20,7 @@ import pinocchio as pin
 from cinegen.arrays import Array
 from cinegen.assembly.certify import Unknowns
 from cinegen.assembly.chains import recognise_part
-from cinegen.assembly.linkage import FreeMotionError, ModesError
+from cinegen.assembly.errors import FreeMotionError, ModesError
 from cinegen.assembly.modes import ModesSolver
 from cinegen.errors import ClosureError
 from cinegen.inverse.motion_group import MotionGroup, generated

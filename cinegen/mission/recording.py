@@ -25,8 +25,8 @@ from cinegen.mission.file_format import (
     decode_moment,
 )
 from cinegen.model import Mechanism
+from cinegen.model.build import build
 from cinegen.model.fingerprint import fingerprint
-from cinegen.model.load import build
 
 
 class Recording:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cinegen.model.load import build
+from cinegen.model.build import build
 from raff2urdf import closure
 from raff2urdf.analysis import Analysis, loop_kind
 from raff2urdf.conversion import describe

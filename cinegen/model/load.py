@@ -6,50 +6,38 @@ from __future__ import annotations
 import math
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pinocchio as pin
 
 import raff2urdf
-from cinegen.arrays import Array
 from cinegen.errors import ClosureError, LoadError, UnknownNameError, warn
-from cinegen.joints import supporting_columns
-from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
 from cinegen.loops.clusters import subsystems
-from cinegen.model.frozen import blocking, locked
+from cinegen.model.build import build, degrees_of_freedom
 from cinegen.model.group_state import with_home
-from cinegen.model.home import find_home, follow, near_successive
-from cinegen.model.limits import Limits
-from cinegen.model.mechanism import Mechanism, MechanismSource
-from cinegen.model.near_redundant import in_plane, made_exact
+from cinegen.model.mechanism import Mechanism
 from cinegen.model.plausible import doubts
-from cinegen.model.spherical import SphericalJoints
-from cinegen.model.urdf import completed, kinematics, simple, with_fixed_base
-from cinegen.tolerances import AT_LIMIT
+from cinegen.model.urdf import completed, simple, with_fixed_base
 from raff2urdf import closure, readers
 from raff2urdf.analysis import loop_kind, loop_kinds
-from raff2urdf.axes import UNCHANGED
 from raff2urdf.constraints import without_loops
-from raff2urdf.coupling import Coupling, coupling_of
+from raff2urdf.coupling import Coupling
 from raff2urdf.errors import RaffError
 from raff2urdf.json_lines import line_of
-from raff2urdf.length import characteristic_length, cut_screws
 from raff2urdf.placement import rotation
 from raff2urdf.raff import drawn as raff_drawn
 from raff2urdf.raff import texts
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.readers import drawn as urdf_drawn
-from raff2urdf.readers.actuation import advice, replaced, syntax_of
 from raff2urdf.readers.declaration import IgnoreList
 from raff2urdf.readers.options import ReadOptions
 from raff2urdf.readers.sidecar import constraints_of
 from raff2urdf.readers.srdf import Srdf, read_srdf, srdf_of
-from raff2urdf.readers.urdf import UNLIMITED, parse
+from raff2urdf.readers.urdf import parse
 from raff2urdf.readers.xml_file import read_text
 from raff2urdf.shipped import find_robot
 from raff2urdf.slips import Fault
@@ -114,11 +102,10 @@ def load(
             can't be read, and that is not ignored. An SRDF is wrong, or names links that the robot does not have.
         UnknownNameError: no such loop, or no such joint.
     """
+    arguments: dict[str, Any] = {"robot": robot, "ignore_loops": ignore_loops, "ignore": ignore, "srdf": srdf}
     if isinstance(path, pin.Model):
-        for option, value in (
-            ("robot", robot), ("ignore_loops", ignore_loops), ("ignore", ignore), ("srdf", srdf),
-            ("packages", packages), ("xacro_args", xacro_args), ("swap_limits", swap_limits),
-        ):  # fmt: skip
+        reading = {"packages": packages, "xacro_args": xacro_args, "swap_limits": swap_limits}
+        for option, value in (arguments | reading).items():
             if value:
                 raise LoadError(f"{option} has no effect on a pinocchio.Model: leave it out")
         return _load_model(path, () if loops is None else loops, couplings, actuated, relax, fixed_base)
@@ -126,12 +113,10 @@ def load(
     if couplings or not isinstance(loops, Mapping | None):
         name = readers.TEXT if readers.is_text(path) else path
         raise LoadError(f"{name}: a file declares its loops and couplings: give them with a pinocchio.Model only")
-    found = load_with(
-        options, path, robot=robot, loops=loops, ignore_loops=ignore_loops, ignore=ignore, relax=relax, srdf=srdf,
-        fixed_base=fixed_base, actuated=actuated,
-    )  # fmt: skip
-    options.check(found.source.name)
-    return found
+    arguments |= {"loops": loops, "relax": relax, "fixed_base": fixed_base, "actuated": actuated}
+    mechanism = load_with(options, path, **arguments)
+    options.check(mechanism.source.name)
+    return mechanism
 
 
 @dataclass(frozen=True)
@@ -222,55 +207,60 @@ def _load_xml(source: Path | URDF, text: str | None, settings: _Settings) -> Mec
     loops, reading = settings.loops or {}, settings.reading
     robot, ignore_loops, ignore = settings.robot, settings.ignore_loops, settings.ignore
     path = source if isinstance(source, Path) else Path(f"yourdfpy.URDF '{source.robot.name}'")
-    beside = srdf_of(path) if path is source and text is None else None
-    if beside is not None and (left_out := beside.name) in ignore:
-        beside, ignore = None, [word for word in ignore if word != left_out]
+    sidecar = srdf_of(path) if path is source and text is None else None
+    if sidecar is not None and (left_out := sidecar.name) in ignore:
+        sidecar, ignore = None, [word for word in ignore if word != left_out]
     try:
         if text is not None:
-            found, folder = readers.read_xml(text, str(path), robot, ignore_loops, ignore, reading), Path.cwd()
+            parsed, folder = readers.read_xml(text, str(path), robot, ignore_loops, ignore, reading), Path.cwd()
         elif isinstance(source, Path):
-            found, folder = readers.read(path, robot, ignore_loops, ignore, reading), path.parent
+            parsed, folder = readers.read(path, robot, ignore_loops, ignore, reading), path.parent
         else:
             from raff2urdf.urdf_object import ExactUrdf
 
             written = ExactUrdf(source.robot, source._filename_handler)
-            found = readers.read_xml(written.text(), str(path), None, ignore_loops, ignore, reading)
+            parsed = readers.read_xml(written.text(), str(path), None, ignore_loops, ignore, reading)
             folder = written.folder
-        urdf: str = found.urdf
-        constraints: Mapping[str, Any] | None = found.constraints
+        urdf: str = parsed.urdf
+        constraints: Mapping[str, Any] | None = parsed.constraints
         if settings.fixed_base:
             urdf, constraints = with_fixed_base(urdf, constraints, str(path))
     except raff2urdf.RaffError as error:
         raise LoadError(str(error)) from None
+    srdf = sidecar if settings.srdf is None else Path(settings.srdf)
     entries = {entry["name"]: entry for entry in constraints["loops"]} if constraints else {}
     balls = {name for name, entry in entries.items() if entry["kind"] == "ball"}
     for name, kind in loops.items():
         if name not in entries:
             raise UnknownNameError("loop", name, tuple(entries))
         entries[name]["kind"] = loop_kind(kind).name.lower()
-    srdf = beside if settings.srdf is None else Path(settings.srdf)
     disabled = _read_srdf(srdf, urdf, str(path), reading)
     placed, remarks = with_home(urdf, constraints, srdf, str(path), reading)
     stated = _with_actuated(urdf, placed, settings.actuated, str(path))
     packages = tuple((name, str(folder)) for name, folder in reading.search.given.items())
     make = partial(
-        build, urdf, stated, str(folder), str(path), found.dialects, (*found.notes, *remarks), disabled,
-        packages=packages, relax=settings.relax, is_driven=found.is_driven and settings.actuated is None,
+        build, urdf, stated, str(folder), str(path), parsed.dialects, (*parsed.notes, *remarks), disabled,
+        packages=packages, relax=settings.relax, is_driven=parsed.is_driven and settings.actuated is None,
     )  # fmt: skip
-    dialect = "".join(found.dialects)
+    dialect = "".join(parsed.dialects)
     slips = None if stated is None else partial(urdf_drawn.slips_of, urdf, stated, str(path), dialect)
-    mechanism = _made(make, slips, [one for one in found.notes if " has another parent" in one])
+    mechanism = _made(make, slips, [note for note in parsed.notes if " has another parent" in note])
     if constraints and not loops:
         _check_stated(mechanism, constraints, path)
     for name, kind in loops.items():
         if name in balls and loop_kind(kind) is LoopKind.REVOLUTE:
             _check_hinge(mechanism, name, path)
+    _warn_of_doubts(mechanism, path)
+    return mechanism
+
+
+def _warn_of_doubts(mechanism: Mechanism, path: Path) -> None:
+    """Warn of numbers of a robot that are probably mistakes; those of a RAFF file are checked by raff2urdf."""
     for doubt in doubts(mechanism):
         warn(f"{path}: {doubt}")
-    for link, why in list(mechanism.unphysical.items())[:1]:  # a RAFF file is checked by raff2urdf
+    for link, why in list(mechanism.unphysical.items())[:1]:
         more = f" (and {len(mechanism.unphysical) - 1} more links)" if len(mechanism.unphysical) > 1 else ""
         warn(f"{path}: link '{link}' has an inertia that no body can have: {why}; no forces can be computed{more}")
-    return mechanism
 
 
 def _made(
@@ -371,7 +361,7 @@ def _check_stated(mechanism: Mechanism, constraints: Mapping[str, Any], path: Pa
     Raises:
         LoadError: they differ.
     """
-    for key, value in _degrees_of_freedom(mechanism.structure.system, mechanism.loop_rank).items():
+    for key, value in degrees_of_freedom(mechanism.structure.system, mechanism.loop_rank).items():
         if constraints.get(key, value) != value:
             file = constraints_of(path)
             where = f"{file}:{line_of(read_text(file), [key])}" if file.is_file() else f"{path}: raff:robot"
@@ -410,288 +400,3 @@ def _check_hinge(mechanism: Mechanism, name: str, path: Path) -> None:
 
 _TURNS = {"x": rotation((0.0, 1.0, 0.0), math.pi / 2.0), "y": rotation((1.0, 0.0, 0.0), -math.pi / 2.0)}
 """Rotations that take z to x and to y."""
-
-
-def _degrees_of_freedom(system: ClosedLoops, rank: int) -> dict[str, int]:
-    """Return the numbers that a constraints file states."""
-    return {"loop_rows": system.rows, "loop_rank": rank, "mobility": system.model.nv - rank}
-
-
-class WrittenRobot(NamedTuple):
-    """A robot as it is written: loops may be open.
-
-    Attributes:
-        system: its loops and couplings.
-        q: (nq,) the configuration as written.
-        declared: everything that its files declare.
-        joints: the entries of its joints, without those that ball joints replace.
-        spherical: its ball joints; None without any.
-        near: what `cinegen.model.home.near_successive` returns; None without ball joints.
-    """
-
-    system: ClosedLoops
-    q: Array
-    declared: Mapping[str, Any]
-    joints: Sequence[Mapping[str, Any]]
-    spherical: SphericalJoints | None
-    near: Array | None
-
-
-def written_loops(urdf: str, constraints: Mapping[str, Any] | None, name: str) -> WrittenRobot:
-    """Return a robot whose loops are not yet closed.
-
-    Args:
-        urdf: its text.
-        constraints: see `build`.
-        name: the file's, for errors.
-
-    Raises:
-        LoadError: no URDF, or it lacks what the constraints name.
-    """
-    try:
-        tree = parse(urdf, name)
-        declared = completed(simple(tree, name), constraints, name)
-    except raff2urdf.RaffError as error:
-        raise LoadError(str(error)) from None
-    try:
-        model = pin.buildModelFromXML(kinematics(tree))
-    except (ValueError, RuntimeError) as error:
-        raise LoadError(f"{name}: Pinocchio can't read it: {error}") from None
-    q = _written(model, declared)
-    loops = tuple(_loop(entry) for entry in declared["loops"])
-    balls = _balls(declared)
-    length = _length(ClosedLoops(model, loops, 1.0), q, declared["nodes"], balls.values())
-    couplings = tuple(map(coupling_of, declared.get("couplings", [])))
-    spherical, entries, near = None, declared["joints"], None
-    _set_limits(model, entries)
-    if balls:
-        near = near_successive(ClosedLoops(model, loops, length, couplings), q)
-        spherical, replaced = SphericalJoints(model, balls), {joint for joints in balls.values() for joint in joints}
-        model, q = spherical.model, spherical.from_successive(q)
-        entries = [entry for entry in entries if entry["name"] not in replaced]
-        _set_limits(model, entries)
-    if "gravity" in declared:
-        model.gravity = pin.Motion(np.array(declared["gravity"]), np.zeros(3))
-    system = ClosedLoops(model, loops, length, couplings)
-    return WrittenRobot(system, q, declared, entries, spherical, near)
-
-
-def build(
-    urdf: str,
-    constraints: Mapping[str, Any] | None,
-    folder: str | None = None,
-    name: str = "URDF",
-    dialects: tuple[str, ...] = (),
-    notes: tuple[str, ...] = (),
-    srdf: Srdf | None = None,
-    owner: str | None = None,
-    packages: tuple[tuple[str, str], ...] = (),
-    relax: bool | None = False,
-    is_driven: bool = False,
-    slips: Callable[[Fault], str | None] | None = None,
-) -> Mechanism:
-    """Build a mechanism from a URDF's text and everything that a URDF cannot express.
-
-    Args:
-        urdf: its text.
-        constraints: as `raff2urdf.constraints` describes; without them the URDF is a tree whose joints are all
-            actuated. Where it has loops and does not state which joints are actuated (`actuated` is left out
-            everywhere, or None), they are chosen as for a RAFF file.
-        folder: where the URDF's meshes are searched; None where it names them absolutely.
-        name: the file's, for errors.
-        dialects: in which loops and couplings were declared.
-        notes: about what was read.
-        srdf: pairs of links that an SRDF disables.
-        owner: see `MechanismSource`.
-        packages: see `MechanismSource`.
-        relax: see `load`.
-        is_driven: whether the joints that the constraints state as actuated are those that transmissions and the like
-            name (`raff2urdf.readers.drives`). Where these do not determine the mechanism, others are added or left out.
-        slips: see `_made`.
-
-    Raises:
-        LoadError: no URDF, or it lacks what the constraints name.
-        ClosureError: the loops can't be closed.
-    """
-    given = constraints
-    system, q, constraints, entries, spherical, near = written_loops(urdf, given, name)
-    gap, model, loops, couplings = 0.0, system.model, system.loops, system.couplings
-    stated = any("actuated" in joint for joint in constraints["joints"])
-    actuated = {joint["name"]: joint.get("actuated", True if stated else None) for joint in entries}
-    robot = f"robot '{constraints['robot']}'"
-    if loops or couplings:
-        gap = max(closure.gaps(system, q))
-        q = follow(system, q)
-        if given and relax is not False:
-            plane = in_plane(given, system, q, name)
-            if plane is not None:
-                return build(urdf, plane, folder, name, dialects, notes, srdf, owner, packages, relax, is_driven)
-            exact = made_exact(urdf, given, system, q, relax is True, name)
-            if exact is not None:
-                return build(*exact, folder, name, dialects, notes, srdf, owner, packages, is_driven=is_driven)
-        q = q if spherical is None or near is None else spherical.from_successive(near)
-    drawn = not any("home" in joint for joint in (given or {}).get("joints", []))
-    limits = Limits(model, tuple(actuated))
-    edit = slips(Fault.ELSEWHERE) if slips is not None and gap > AT_LIMIT else None
-    remark = None if edit is None else texts.DRAWN_OPEN.format(edit=edit)
-    home = find_home(system, q, limits, actuated, drawn, name, robot, remark)
-    q, determined, notes = home.q, home.determined, notes + home.notes
-    if home.is_drawn and (loops or couplings):  # else home is a random one
-        system = ClosedLoops(model, loops, _length(system, q, constraints["nodes"]), couplings)
-    for joints in [] if limits.exceeded(q) else blocking(system, q, limits.lower, limits.upper):
-        warn(
-            f"{name}: {robot}: from home the limits of {', '.join(joints)} let no joint move that loops and "
-            "couplings connect to them: correct these limits, or the couplings"
-        )
-    fixed = locked(limits)
-    if fixed and len(fixed) == len(actuated) == model.nv:
-        warn(f"{name}: {robot}: no joint can move: the lower limit of each is its upper limit: correct the limits")
-    elif fixed:
-        notes += (f"the lower limit is the upper limit of {', '.join(fixed)}: they can't move",)
-    chosen = tuple(joint for joint, has in actuated.items() if has or (has is None and joint not in determined))
-    uncontrolled = tuple(joint for joint in actuated if joint not in chosen and joint not in determined)
-    dependent = tuple(joint for joint in chosen if joint in determined)
-    if is_driven and (uncontrolled or dependent):
-        message = replaced(uncontrolled, dependent)
-        chosen = tuple(one for one in actuated if one in uncontrolled or (one in chosen and one not in dependent))
-        uncontrolled = dependent = ()
-        given = {**(given or {}), "joints": [{**one, "actuated": None} for one in (given or {})["joints"]]}
-        if loops:
-            warn(f"{name}: {robot}: {message}")
-        else:
-            notes += (message,)
-    if uncontrolled:
-        message = advice(uncontrolled, dependent, syntax_of(Path(name)))
-        if dependent:
-            warn(f"{name}: {robot}: {message}")
-        else:
-            notes += (message,)
-    return Mechanism(
-        name=constraints["robot"],
-        model=model,
-        nodes=tuple(constraints["nodes"]),
-        joints=tuple(actuated),
-        actuated=chosen,
-        loops=loops,
-        couplings=couplings,
-        length=system.length,
-        spherical=spherical,
-        uncontrolled=uncontrolled,
-        dependent=dependent,
-        floating=constraints.get("floating") is not None,
-        q_home=q,
-        cluster_ranks=home.ranks,
-        gap_as_written=gap,
-        sensors={
-            sensor["number"]: sensor | {"translation": 3, "rotation": 3, "axes": UNCHANGED} | sensor
-            for sensor in constraints.get("sensors", [])
-        },
-        sensor_constraints=tuple(
-            (entry["node"], tuple(entry["sensors"])) for entry in constraints.get("sensor_constraints", [])
-        ),
-        source=MechanismSource(
-            urdf=urdf,
-            constraints=_stated(given, _degrees_of_freedom(system, sum(home.ranks)), chosen),
-            folder=folder,
-            name=name,
-            dialects=dialects,
-            notes=notes,
-            srdf=srdf,
-            owner=owner,
-            packages=packages,
-        ),
-    )
-
-
-def _stated(
-    constraints: Mapping[str, Any] | None, numbers: Mapping[str, int], actuated: Sequence[str]
-) -> Mapping[str, Any] | None:
-    """Return constraints with what has been computed in the place of None."""
-    if constraints is None:
-        return None
-    joints = [
-        {**joint, "actuated": joint["name"] in actuated} if joint.get("actuated", True) is None else joint
-        for joint in constraints.get("joints", [])
-    ]
-    computed = {key: value for key, value in numbers.items() if constraints.get(key, value) is None}
-    return {**constraints, **computed, **({"joints": joints} if "joints" in constraints else {})}
-
-
-def _balls(constraints: Mapping[str, Any]) -> dict[str, list[str]]:
-    """Return the ball joints that can be spherical joints, each with the three joints that stand for it: they have no
-    limits, no rotors and no friction, are not actuated, and no coupling names them."""
-    coupled = {term["joint"] for coupling in constraints.get("couplings", []) for term in coupling["terms"]}
-    stated = any("actuated" in joint for joint in constraints["joints"])
-    default = True if stated or not (constraints["loops"] or coupled) else None  # in a tree every joint is actuated
-    plain = {
-        entry["name"]
-        for entry in constraints["joints"]
-        if not (
-            entry["limits"]
-            or entry["velocity"]
-            or entry.get("actuated", default)
-            or entry.get("armature")
-            or any(entry["friction"])
-            or entry["name"] in coupled
-        )
-    }
-    balls = {entry["name"]: entry["joints"] for entry in constraints.get("balls", [])}
-    return {name: joints for name, joints in balls.items() if plain.issuperset(joints)}
-
-
-def _set_limits(model: pin.Model, joints: Sequence[Mapping[str, Any]]) -> None:
-    """Set the limits of a model, infinite where there are none, the inertia of its rotors, and its friction."""
-    lower, upper = np.full(model.nq, -np.inf), np.full(model.nq, np.inf)
-    fastest, (armature, damping, dry) = np.full(model.nv, np.inf), np.zeros((3, model.nv))
-    for entry in joints:
-        joint = model.joints[model.getJointId(entry["name"])]
-        lower[joint.idx_q], upper[joint.idx_q] = entry["limits"] or (-np.inf, np.inf)
-        fastest[joint.idx_v] = entry["velocity"] or np.inf
-        armature[joint.idx_v] = entry.get("armature", 0.0)
-        damping[joint.idx_v], dry[joint.idx_v] = entry["friction"]
-    model.lowerPositionLimit, model.upperPositionLimit = lower, upper
-    model.upperVelocityLimit, model.lowerVelocityLimit, model.armature = fastest, -fastest, armature
-    model.damping, model.upperDryFrictionLimit, model.lowerDryFrictionLimit = damping, dry, -dry
-    effort = np.array(model.upperEffortLimit)
-    effort[~((effort > 0.0) & (effort < UNLIMITED))] = np.inf
-    model.upperEffortLimit, model.lowerEffortLimit = effort, -effort
-
-
-def _written(model: pin.Model, constraints: Mapping[str, Any]) -> Array:
-    """Return the configuration (nq,) as written; loops may be open."""
-    q = np.array(pin.neutral(model))
-    for entry in constraints["joints"]:
-        q[model.joints[model.getJointId(entry["name"])].idx_q] = entry["home"]
-    return q
-
-
-def _length(system: ClosedLoops, q: Array, nodes: Sequence[str], balls: Iterable[Sequence[str]] = ()) -> float:
-    """Return the characteristic length of a mechanism at q (nq,), m.
-
-    Args:
-        system: its loops.
-        q: (nq,).
-        nodes: their names.
-        balls: joints, by threes, that are a ball joint each.
-    """
-    model, data = system.model, system.data
-    system.evaluate(q)
-    screws = system.screws()
-    for joint in model.joints:
-        if joint.nv == 6:  # where the robot is
-            screws[:, joint.idx_v : joint.idx_v + 6] = 0.0
-    for joints in balls:
-        columns = [model.joints[model.getJointId(joint)].idx_v for joint in joints]
-        screws[:, columns] = cut_screws(LoopKind.BALL, data.oMi[model.getJointId(joints[0])].homogeneous)
-    frames = [model.frames[model.getFrameId(node, pin.FrameType.BODY)] for node in nodes]
-    points = np.array([(data.oMi[frame.parentJoint] * frame.placement).translation for frame in frames])
-    moves = np.zeros((len(nodes), screws.shape[1]), dtype=bool)
-    for row, frame in zip(moves, frames, strict=True):
-        row[: model.nv] = supporting_columns(model, frame.parentJoint) > 0.0
-    return characteristic_length(screws, points, moves)
-
-
-def _loop(entry: Mapping[str, Any]) -> LoopConstraint:
-    first, second = entry["first"], entry["second"]
-    placements = (pin.SE3(np.array(end["placement"])) for end in (first, second))
-    return LoopConstraint(entry["name"], loop_kind(entry["kind"]), first["node"], second["node"], *placements)

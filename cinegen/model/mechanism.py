@@ -35,7 +35,7 @@ _MOST_MASKS = 64  # sets of locked joints whose columns are kept
 
 
 class MechanismSource(NamedTuple):
-    """The input that a mechanism was built from, see `cinegen.model.load.build`.
+    """The input that a mechanism was built from, see `cinegen.model.build.build`.
 
     Attributes:
         urdf: its text.
@@ -159,7 +159,7 @@ class Mechanism:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Return what builds a copy in another process: Pinocchio's constraint models can't be pickled."""
-        from cinegen.model.load import build
+        from cinegen.model.build import build
 
         held = self.source, self.held, self.structure.held_at
         return (_held_copy, held) if self.held else (build, tuple(self.source))
@@ -184,7 +184,7 @@ class Mechanism:
         """The same mechanism with three revolute joints for each of `balls`; itself without any."""
         if self.spherical is None:
             return self
-        from cinegen.model.load import build
+        from cinegen.model.build import build
 
         constraints = dict(self.source.constraints or {})
         home = self.spherical.to_successive(self.q_home)
@@ -588,6 +588,6 @@ class Mechanism:
 
 def _held_copy(source: MechanismSource, held: tuple[str, ...], q: Array) -> Mechanism:
     """Return what `Mechanism.with_held` does, in another process."""
-    from cinegen.model.load import build
+    from cinegen.model.build import build
 
     return build(*source).with_held(held, q)

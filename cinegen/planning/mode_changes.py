@@ -165,39 +165,54 @@ def change_mode(
     if mode is not None and not 0 <= mode < len(modes):
         raise PlanningError(f"there is no assembly mode {mode + 1}: there are {len(modes)}")
     goals = {k: q for k, q in enumerate(modes) if (mode is None or k == mode) and search.is_goal(q)}
-
-    made = list[Attempt]()
-
-    def ended(status: PlanStatus, path: Array, reason: str) -> Plan:
-        return Plan(scene, status, path, tuple(made), reason, search.clearance, search.check, None)
-
-    start = scene.start[None].copy()
-    if not search.is_free(scene.start):
-        reason = f"the start is nearer to something than the safety distance of {scene.safety:g} m"
-        plan = ended(PlanStatus.START_IN_COLLISION, start, reason)
-    elif not goals:
-        what = "another assembly mode" if mode is None else f"assembly mode {mode + 1}, if it is another one,"
-        reason = f"{what} is not within limits and free of collisions; there are {len(modes)}"
-        plan = ended(PlanStatus.OUT_OF_REACH, start, reason)
-    else:
-        around, through = (_AROUND, False), (_THROUGH, True)
-        methods = (around, through) if singular is SingularPaths.CROSS else (around,)
-        for strategy, crossing in methods:
-            share = seconds / len(methods)
-            report(f"{strategy}, {share:.3g} s at most")
-            path = search.path(list(goals.values()), crossing, share)
-            if path is None:
-                reason = f"no path was found in {share:.3g} s, which is no proof that there is none"
-                made.append(Attempt(strategy, PlanStatus.TIME_LIMIT, start, (), reason))
-            else:
-                made.append(checked(Attempt(strategy, PlanStatus.REACHED, path, (), ""), search.check))
-            if made[-1].status is PlanStatus.REACHED:
-                break
-        plan = ended(made[-1].status, made[-1].path, made[-1].reason)
+    methods = ((_AROUND, False), (_THROUGH, True)) if singular is SingularPaths.CROSS else ((_AROUND, False),)
+    what = "another assembly mode" if mode is None else f"assembly mode {mode + 1}, if it is another one,"
+    missing = f"{what} is not within limits and free of collisions; there are {len(modes)}"
+    plan = _plan(scene, search, list(goals.values()), missing, methods, seconds / len(methods), report)
     reached = min(goals, key=lambda k: search.apart(plan.path[-1], goals[k])) if plan else None
     sigma, crossed = min(search.sigma(q) for q in plan.path), search.crossed(plan.path)
     bounds = [0.0] if crossed else [search.bound(a, b, _TIGHT * sigma, _DEPTH) for a, b in pairwise(plan.path)]
     return ModeChange(plan, modes, reached, sigma, min([sigma, *bounds]), crossed)
+
+
+def _plan(
+    scene: Scene,
+    search: _Search,
+    goals: Sequence[Array],
+    missing: str,
+    methods: Sequence[tuple[str, bool]],
+    seconds: float,
+    report: Callable[[str], None],
+) -> Plan:
+    """Return the plan to one of the goals.
+
+    Args:
+        scene: see `change_mode`.
+        search: its paths.
+        goals: (nq,) each.
+        missing: the reason if there are none.
+        methods: names of what is tried, and whether it may pass singularities of type 2.
+        seconds: time limit of each method, s.
+        report: see `change_mode`.
+    """
+    start, made = scene.start[None].copy(), list[Attempt]()
+    status, path, reason = PlanStatus.OUT_OF_REACH, start, missing
+    if not search.is_free(scene.start):
+        status = PlanStatus.START_IN_COLLISION
+        reason = f"the start is nearer to something than the safety distance of {scene.safety:g} m"
+        methods = ()
+    for strategy, crossing in methods if goals else ():
+        report(f"{strategy}, {seconds:.3g} s at most")
+        motion = search.path(goals, crossing, seconds)
+        if motion is None:
+            reason = f"no path was found in {seconds:.3g} s, which is no proof that there is none"
+            made.append(Attempt(strategy, PlanStatus.TIME_LIMIT, start, (), reason))
+        else:
+            made.append(checked(Attempt(strategy, PlanStatus.REACHED, motion, (), ""), search.check))
+        status, path, reason = made[-1].status, made[-1].path, made[-1].reason
+        if status is PlanStatus.REACHED:
+            break
+    return Plan(scene, status, path, tuple(made), reason, search.clearance, search.check, None)
 
 
 def _checked(singular: SingularPaths | str, margin: float, seconds: float, seed: int) -> SingularPaths:
@@ -207,9 +222,9 @@ def _checked(singular: SingularPaths | str, margin: float, seconds: float, seed:
         PlanningError: an argument is invalid.
     """
     try:
-        allowed = SingularPaths(singular)
+        paths = SingularPaths(singular)
     except ValueError:
-        known = ", ".join(repr(one.value) for one in SingularPaths)
+        known = ", ".join(repr(allowed.value) for allowed in SingularPaths)
         raise PlanningError(f"singular must be one of {known}, not {singular!r}") from None
     if not (math.isfinite(margin) and margin > 0.0):
         raise PlanningError(f"margin must be above 0, not {margin}")
@@ -217,7 +232,7 @@ def _checked(singular: SingularPaths | str, margin: float, seconds: float, seed:
         raise PlanningError(f"seconds must be above 0, not {seconds}")
     if seed < 0:
         raise PlanningError(f"seed must be 0 or above, not {seed}")
-    return allowed
+    return paths
 
 
 class _Tree:
@@ -239,11 +254,11 @@ class _Tree:
 
     def branch(self, index: int) -> list[Array]:
         """Return the configurations from one of the tree back to its root."""
-        found = []
+        branch = []
         while index >= 0:
-            found.append(self.nodes[index])
+            branch.append(self.nodes[index])
             index = self.parents[index]
-        return found
+        return branch
 
 
 class _Search:
@@ -313,20 +328,20 @@ class _Search:
             met = None if new is None else self._connected(other, tree.nodes[new], through, deadline)
             if new is not None and met is not None:
                 first, last = (new, met) if tree is trees[0] else (met, new)
-                found = self._shortened([*trees[0].branch(first)[::-1], *trees[1].branch(last)[1:]], through)
-                if found is not None:
-                    return found
+                path = self._shortened([*trees[0].branch(first)[::-1], *trees[1].branch(last)[1:]], through)
+                if path is not None:
+                    return path
             tree, other = other, tree
         return None
 
     def _shortened(self, waypoints: Sequence[Array], through: bool) -> Array | None:
         """Return the motion (n, nq) along configurations, past as many as possible; None if one is not allowed."""
-        path, here = waypoints[0][None], 0
-        while here < len(waypoints) - 1:
-            for there in range(len(waypoints) - 1, here, -1):
-                motion = self.motion(path[-1], waypoints[there], through)
+        path, reached = waypoints[0][None], 0
+        while reached < len(waypoints) - 1:
+            for target in range(len(waypoints) - 1, reached, -1):
+                motion = self.motion(path[-1], waypoints[target], through)
                 if motion is not None:
-                    path, here = np.vstack([path, motion[1:]]), there
+                    path, reached = np.vstack([path, motion[1:]]), target
                     break
             else:
                 return None
@@ -334,9 +349,9 @@ class _Search:
 
     def motion(self, begin: Array, end: Array, through: bool) -> Array | None:
         """Return a motion (n, nq) between two configurations; None if it is not allowed."""
-        there = self._moved(begin, self.between(begin, end))
-        found = clear_motion(self.clearance, begin, there, self._scene.safety, self._locked if through else None)
-        return found if found is None or through or self._is_regular(found) else None
+        end = self._moved(begin, self.between(begin, end))
+        motion = clear_motion(self.clearance, begin, end, self._scene.safety, self._locked if through else None)
+        return motion if motion is None or through or self._is_regular(motion) else None
 
     def _is_regular(self, path: Array) -> bool:
         """Return whether the singular value exceeds the margin at the configurations of a path, and 0 in between."""
@@ -393,9 +408,9 @@ class _Search:
     def crossed(self, path: Array) -> tuple[CrossedSingularity, ...]:
         """Return the singularities of type 2 on a path (n, nq)."""
         return tuple(
-            CrossedSingularity(k, found.q, self.sigma(found.q))
+            CrossedSingularity(k, crossing.q, self.sigma(crossing.q))
             for k, (begin, end) in enumerate(pairwise(path))
-            for found in crossings(self._rows, partial(self._on_segment, begin, end))
+            for crossing in crossings(self._rows, partial(self._on_segment, begin, end))
         )
 
     def _on_segment(self, begin: Array, end: Array, part: float) -> Array:

@@ -5,12 +5,11 @@ from __future__ import annotations
 import itertools
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
 from importlib.util import find_spec
-from itertools import pairwise, product
 from typing import Any, NoReturn
 
 import numpy as np
@@ -22,42 +21,26 @@ from cinegen.collision.errors import PlanningError, SceneError
 from cinegen.collision.mesh_check import MeshCheck
 from cinegen.collision.obstacle import Obstacle
 from cinegen.collision.scene import Scene
-from cinegen.errors import ClosureError
 from cinegen.html import table
 from cinegen.ik.barrier import Range
 from cinegen.ik.given_task import Task, is_task
 from cinegen.ik.joints import checked_names
-from cinegen.ik.objectives import Objective
 from cinegen.model import Mechanism
-from cinegen.model.motion_plane import motion_plane
-from cinegen.planning.attempt import Attempt, PlanStatus, attempt, checked
-from cinegen.planning.attraction import Attraction, ConfigurationAttraction, DeflectedAttraction, TaskAttraction
-from cinegen.planning.clear_motion import clear_motion
+from cinegen.planning.attempt import Attempt, PlanStatus
 from cinegen.planning.clearance_barrier import path_clearance
-from cinegen.planning.descent import AvoidanceField, Descent, Potential
-from cinegen.planning.goal_configurations import TOLERANCE, Refusal, free_goals, goal_distance, goal_poses
+from cinegen.planning.descent import AvoidanceField
+from cinegen.planning.goal_configurations import Refusal, free_goals
 from cinegen.planning.locked_joints import with_joints_locked
-from cinegen.planning.path_constraints import Kept, Projection, projection
+from cinegen.planning.path_constraints import Kept, projection
 from cinegen.planning.path_sampler import RRT_CONNECT, PathSampler
-from cinegen.planning.shortcuts import path_length, shortened
-from cinegen.planning.vortices import STRENGTH, DetourDirection, Vortices
+from cinegen.planning.search import DIRECT, FieldFunction, Search
+from cinegen.planning.shortcuts import path_length
 from raff2urdf.extras import install
-from raff2urdf.quantities import TIME, shown
-
-FieldFunction = Callable[[Scene, Clearance, float], Objective]
-"""Makes the objective of a field from a scene, its clearance and the field's reach, m."""
 
 STEPS = 3000
 """Largest number of steps of an attempt."""
 
-_REACH = 0.5  # characteristic lengths: default reach of fields
-_CONFIGURATIONS = 6  # goal configurations that are tried
-_COARSE, _FINE = 0.1, 0.03  # rad or characteristic lengths: steps of a path that is checked, and of the result
-_NEAR = 1e-3  # rad or characteristic lengths
 _SHARE = 0.2  # of the time, for vortices and sampling in turn
-_RATIO = 3.0  # of the turns of sampling to those of vortices
-_LEAST = 0.05  # of the time, for sampling at least
-DIRECT = "all joints straight to the goal"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -103,7 +86,10 @@ class Plan:
                 ("steps", len(self.path) - 1),
                 ("path", f"{self.length:.4g} m, of {self.scene.node}"),
                 ("clearance", f"{self.clearance:.4g} m"),
-                ("attempts", "; ".join(f"{one.status.value}: {one.strategy}" for one in self.attempts) or "none"),
+                (
+                    "attempts",
+                    "; ".join(f"{each.status.value}: {each.strategy}" for each in self.attempts) or "none",
+                ),
             ],
         )
 
@@ -152,7 +138,7 @@ class Planner(Enum):
 
     @classmethod
     def _missing_(cls, value: object) -> NoReturn:
-        raise PlanningError(f"unknown planner {value!r}; use one of {', '.join(one.value for one in cls)}")
+        raise PlanningError(f"unknown planner {value!r}; use one of {', '.join(planner.value for planner in cls)}")
 
 
 def plan(
@@ -221,8 +207,7 @@ def plan(
         UnknownNameError: there is no such joint to be locked.
         MissingExtraError: `planner` is RRT_CONNECT, and OMPL is not installed.
     """
-    scene = _scene_of(scene, goal, start, tuple(obstacles), node)
-    scene = _locking(scene, locked)
+    scene = _locking(_scene_of(scene, goal, start, tuple(obstacles), node), locked)
     if not (math.isfinite(seconds) and seconds > 0.0):
         raise PlanningError(f"seconds must be above 0, not {seconds}")
     if seed < 0:
@@ -243,31 +228,21 @@ def plan(
     task = with_joints_locked(scene)
     clearance, check = clearance_of(task), MeshCheck(task)
     goals = free_goals(task, clearance, check, report, kept)
-    used = None if planner is Planner.RRT_CONNECT else name
     if isinstance(goals, Refusal):
+        used = None if planner is Planner.RRT_CONNECT else name
         return Plan(scene, goals.status, scene.start[None].copy(), (), goals.reason, clearance, check, used)
-    is_auto, project = planner is Planner.AUTO, projection(task, kept)
+    is_auto = planner is Planner.AUTO
     sampler = None if planner is Planner.VORTEX else PathSampler(task, clearance, goals, seed, is_auto, kept)
-    search = _Search(task, clearance, goals, seconds, deadline, seed, shorten, report, project, sampler)
-    parts = list[Iterator[Attempt]]()
-    if planner is Planner.AUTO:
-        parts.append(search.straight())
+    search = Search(
+        task, clearance, check, goals, seconds, deadline, seed, shorten, report, projection(task, kept), sampler
+    )
+    parts = [search.straight()] if is_auto else []
     if planner is not Planner.RRT_CONNECT and not needs_sampling:
-        ends = time.monotonic() + _SHARE * seconds if planner is Planner.AUTO else deadline
+        ends = time.monotonic() + _SHARE * seconds if is_auto else deadline
         parts.append(search.along(field, steps, attempts, ends))
-    if planner is not Planner.VORTEX:
+    if sampler is not None:
         parts.append(search.sampled())
-    made = list[Attempt]()
-    for found in itertools.chain(*parts):
-        made.append(found)
-        if found.status is PlanStatus.REACHED:
-            report(f"{found.strategy}: checking the path")
-            made[-1] = checked(replace(found, path=search.fine(found.path, _COARSE)), check)
-            if made[-1].status is PlanStatus.REACHED:
-                made[-1] = replace(made[-1], path=search.fine(made[-1].path, _FINE))
-                break
-    if made[-1].status not in (PlanStatus.REACHED, PlanStatus.IN_COLLISION):
-        made[-1] = checked(made[-1], check)
+    made = search.first_reached(itertools.chain(*parts))
     last = made[-1]
     reason = f"{last.reason} (the last of {len(made)} attempts)" if len(made) > 1 else last.reason
     reason = "" if last.status is PlanStatus.REACHED else reason + missing
@@ -277,12 +252,12 @@ def plan(
 
 def _checked_tasks(tasks: Iterable[Task | Range]) -> Kept:
     """Return the tasks that are to be kept along a path."""
-    found = tuple(tasks)
-    for task in found:
+    kept = tuple(tasks)
+    for task in kept:
         if not isinstance(task, Range) and not is_task(task):
             needed = "objects with error(state) and jacobian(state), or ranges of these"
             raise PlanningError(f"tasks along a path are {needed}, not {task!r:.80}")
-    return found
+    return kept
 
 
 def _locking(scene: Scene, joints: Iterable[str]) -> Scene:
@@ -299,7 +274,7 @@ def _locking(scene: Scene, joints: Iterable[str]) -> Scene:
 
 
 def _scene_of(
-    given: Scene | Mechanism,
+    robot: Scene | Mechanism,
     goal: Goal | None,
     start: Array | Sequence[float] | Mapping[str, float] | None,
     obstacles: tuple[Mapping[str, Any] | Obstacle, ...],
@@ -310,180 +285,10 @@ def _scene_of(
     Raises:
         SceneError: see `plan`.
     """
-    if isinstance(given, Scene):
+    if isinstance(robot, Scene):
         if goal is not None or start is not None or obstacles or node is not None:
             raise SceneError("a scene has a goal, a start, obstacles and a node: give them only with a mechanism")
-        return given
+        return robot
     if goal is None:
-        raise SceneError(f"goal is missing: write plan(mechanism, goal), such as a point of '{given.end}'")
-    return scene_for(given, goal, start=start, obstacles=obstacles, **({} if node is None else {"node": node}))
-
-
-@dataclass(frozen=True)
-class _Search:
-    """Attempts of `plan`, each made when it is asked for.
-
-    Attributes:
-        scene: scene, its locked joints without motion.
-        clearance: distances of its robot.
-        goals: (nq,) each, free of collisions.
-        seconds: time limit, s.
-        deadline: value of `time.monotonic` at which it ends, s.
-        seed: seed of random samples.
-        shorten: whether paths are shortened.
-        report: called with a text about what is tried.
-        project: projection onto the constraints along the path; None without any.
-        sampler: sampling planner; None to do without.
-    """
-
-    scene: Scene
-    clearance: Clearance
-    goals: tuple[Array, ...]
-    seconds: float
-    deadline: float
-    seed: int
-    shorten: bool
-    report: Callable[[str], None]
-    project: Projection | None
-    sampler: PathSampler | None
-
-    def straight(self) -> Iterator[Attempt]:
-        """Yield straight motions to goals, as far as they are clear."""
-        for q in self.goals[:_CONFIGURATIONS]:
-            motion = clear_motion(self.clearance, self.scene.start, q, self.scene.safety, project=self.project)
-            if motion is not None:
-                yield Attempt(DIRECT, PlanStatus.REACHED, motion, (), "")
-
-    def along(self, field: AvoidanceField | FieldFunction, steps: int, attempts: int, ends: float) -> Iterator[Attempt]:
-        """Yield attempts along a field, in turn with sampling; no further one after a value of `time.monotonic`, or
-        after that has found a path."""
-        distance, safety = goal_distance(self.scene), self.scene.safety
-        strategies, begin = _strategies(self.scene, field, self.clearance, self.goals), time.monotonic()
-
-        def interrupted() -> bool:
-            nonlocal begin
-            if self.sampler is None:
-                return False
-            spent = time.monotonic() - begin
-            is_found = self.sampler.search(time.monotonic() + _RATIO * spent)
-            begin = time.monotonic()
-            return is_found
-
-        for number, (strategy, objective, remaining) in enumerate(itertools.islice(strategies, attempts), 1):
-            if number > 1 and time.monotonic() >= ends:
-                break
-            self.report(
-                f"attempt {number}: {strategy}"
-                + ("" if self.sampler is None else f", in turn with {self.sampler.method}")
-            )
-            found = attempt(
-                self.clearance, self.scene.start, objective, remaining, lambda q: distance(q) < TOLERANCE, safety,
-                steps, strategy, isinstance(objective, Descent), ends, interrupted,
-            )  # fmt: skip
-            if found.status is PlanStatus.REACHED and self.shorten:
-                found = replace(found, path=self._shortened(self._to_goal(found.path)))
-            yield found
-            if found.status is PlanStatus.INTERRUPTED:
-                break
-
-    def sampled(self) -> Iterator[Attempt]:
-        """Yield the path of the sampling planner."""
-        assert self.sampler is not None
-        method = self.sampler.method
-        if self.sampler.path is None:
-            left = max(self.deadline - time.monotonic(), _LEAST * self.seconds)
-            self.report(f"{method}, {shown(left, TIME, 2)} at most")
-            self.sampler.search(time.monotonic() + left)
-        path, method = self.sampler.path, self.sampler.method
-        if path is None:
-            reason = f"{method} found no path in {self.seconds:g} s"
-            yield Attempt(method, PlanStatus.TIME_LIMIT, self.scene.start[None].copy(), (), reason)
-            return
-        if self.shorten:
-            self.report(f"{method}: shortening the path")
-            path = self._shortened(path)
-        yield Attempt(method, PlanStatus.REACHED, path, (), "")
-
-    def _to_goal(self, path: Array) -> Array:
-        """Return a path that ends in a goal configuration if its end is near to one, instead of within tolerance."""
-        mechanism = self.scene.mechanism
-        q = min(self.goals, key=lambda q: mechanism.distance(path[-1], q))
-        if mechanism.distance(path[-1], q) > _NEAR or np.array_equal(path[-1], q):
-            return path
-        motion = clear_motion(self.clearance, path[-1], q, self.scene.safety)
-        return path if motion is None else np.vstack([path, motion[1:]])
-
-    def _shortened(self, path: Array) -> Array:
-        metric = self.scene.metric
-        shorter = shortened(self.clearance, path, self.scene.safety, self.seed, self.deadline, self.project, metric)
-        return path if shorter is None else shorter
-
-    def fine(self, path: Array, step: float) -> Array:
-        """Return a path with configurations inserted; with loops or constraints, `clear_motion` has done so."""
-        is_curved = self.scene.mechanism.is_constrained or self.project is not None
-        return path if is_curved else refined(self.scene.mechanism, path, step)
-
-
-def _strategies(
-    scene: Scene,
-    field: AvoidanceField | FieldFunction,
-    clearance: Clearance,
-    goals: tuple[Array, ...],
-) -> Iterator[tuple[str, Objective, Callable[[Array], float]]]:
-    """Yield what is followed, in order: a description, an objective, and the distance from the goal."""
-    reach = scene.influence or _REACH * scene.mechanism.length
-    task = TaskAttraction(scene.mechanism, scene.node, next(goal_poses(scene)), scene.translation, scene.rotation)
-    if field in (AvoidanceField.VORTEX, AvoidanceField.NONE):
-        for attraction, direction in _detours(scene, field, task, goals):
-            strength = 0.0 if direction is None else STRENGTH
-            vortices = Vortices(
-                clearance, reach, scene.safety, direction or DetourDirection.SHORTER, strength, scene.up
-            )
-            label = f"{attraction.label}, {'no field' if direction is None else direction.value}"
-            yield label, DeflectedAttraction(attraction, vortices), attraction.remaining
-    elif isinstance(field, AvoidanceField):
-        potential = Potential(scene, clearance.links, reach)
-        descent = Descent(scene.mechanism, potential.value, potential.gradient)
-        yield f"{task.label}, {field.value}", descent, task.remaining
-    else:
-        name = getattr(field, "__name__", "custom field")
-        yield f"{task.label}, {name}", field(scene, clearance, reach), task.remaining
-
-
-def _detours(
-    scene: Scene, field: AvoidanceField, task: TaskAttraction, goals: tuple[Array, ...]
-) -> Iterator[tuple[Attraction, DetourDirection | None]]:
-    """Yield attractions with detour directions, in the order in which they are tried."""
-    attractions: list[Attraction] = [] if scene.goal_joints else [task]
-    if scene.mobile is None:
-        attractions += [
-            ConfigurationAttraction(scene.mechanism, q, f"all joints to configuration {i} at the goal")
-            for i, q in enumerate(goals[:_CONFIGURATIONS], 1)
-        ]
-    if field is AvoidanceField.NONE:
-        yield from product(attractions, (None,))
-        return
-    D = DetourDirection
-    first = (D.SHORTER,) if scene.mobile is not None else (D.FOLDING, D.SHORTER)
-    others = (D.LONGER,) if motion_plane(scene.mechanism) is not None else (D.LONGER, D.UP, D.DOWN, D.ASIDE)
-    for directions in (first, others):
-        yield from product(attractions, directions)
-
-
-def refined(mechanism: Mechanism, path: Array, step: float = _FINE) -> Array:
-    """Return a path (n, nq) with configurations inserted, so that no joint moves by more than a step (rad or
-    characteristic lengths) between two of them; joints straight, loops closed.
-
-    Nothing is inserted between two configurations where loops can't be closed.
-    """
-    found = [path[:1]]
-    for begin, end in pairwise(path):
-        count = max(1, int(np.ceil(mechanism.distance(begin, end) / step)))
-        between = [mechanism.interpolate(begin, end, i / count) for i in range(1, count)]
-        if mechanism.is_constrained:
-            try:
-                between = [mechanism.close(q) for q in between]
-            except ClosureError:
-                between = []
-        found.append(np.array([*between, end]))
-    return np.vstack(found)
+        raise SceneError(f"goal is missing: write plan(mechanism, goal), such as a point of '{robot.end}'")
+    return scene_for(robot, goal, start=start, obstacles=obstacles, **({} if node is None else {"node": node}))

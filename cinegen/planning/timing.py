@@ -7,10 +7,8 @@ Trans. Robotics 34, 2018.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from scipy.interpolate import PPoly
@@ -25,15 +23,7 @@ from raff2urdf.extras import needs
 _EXTRA = "sampling"
 _INSIDE = 1.0 - 1e-9  # of a limit
 _MOST = 50.0  # times the usual rate, where nothing limits it
-_EQUAL = 1e-9  # by which torques times their weight may exceed limits: an equation has two sides
 _REST = 1e-9  # of the largest tangent: a curve whose tangent at an end is less is at rest there, up to rounding
-_TIGHTER = (0.0, 1e-6, 1e-5, 1e-4)
-"""Fractions by which limits are tightened, each by another part of it, where toppra finds no motion: its linear
-programmes of two variables fail by rounding where several bounds are equal."""
-_LINEARISED = 8  # times that viscous friction is linearised, at most
-_FASTER = 1.0 - 1e-4  # a motion that is no faster than this part of the last one is the last
-_SLOWEST = 1e-6  # rate near which friction is linearised, of the usual one
-_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 _INTERVALS = 64  # of a whole grid, at least
 
 
@@ -158,150 +148,39 @@ def _fastest_rates(
 ) -> Array:
     """Return the rate (n,) at each parameter by TOPP-RA."""
     with needs(_EXTRA, "times of a motion"):
-        from toppra.constraint import LinearConstraint
+        from cinegen.planning.reachability import LimitedQuantities, fastest_rates
 
-    at_knots = np.abs(np.vstack([tangents[0], tangents[2][-1:]]))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        most = np.where(at_knots > 0.0, velocity / at_knots, np.inf).min(axis=1, initial=fastest)
-        middle = np.where(tangents[1] != 0.0, velocity / np.abs(tangents[1]), np.inf).min(axis=1, initial=fastest)
-    most[:-1], most[1:] = np.minimum(most[:-1], middle), np.minimum(most[1:], middle)
+    most = _velocity_bound(tangents, velocity, fastest)
     known = most[np.isfinite(most)]
-    unit = (
-        float(np.median(known)) if len(known) else 1.0
-    )  # rates relative to it are near 1, as toppra's numbers should be
-    s, tangents, bends, most = s / unit, unit * tangents, unit**2 * bends, np.minimum(most / unit, _MOST)
+    unit = float(np.median(known)) if len(known) else 1.0  # relative to it rates are near 1, as toppra's should be
+    tangents, bends = unit * tangents, unit**2 * bends
     limited = np.isfinite(acceleration)
-    step = np.diff(s)[:, None]
-    first, second = (one[:, :, limited] / acceleration[limited] for one in (tangents, bends))
-    constant, weights = np.zeros_like(first), np.ones_like(first)
-    drag = np.zeros_like(first)
+    first, second = (slopes[:, :, limited] / acceleration[limited] for slopes in (tangents, bends))
+    constant, weights, drag = np.zeros_like(first), np.ones_like(first), np.zeros_like(first)
     if torques is not None:
         first = np.dstack([first, unit * torques.inertial])
         second = np.dstack([second, unit**2 * torques.centrifugal])
         constant = np.dstack([constant, torques.static + torques.dry])
         drag = np.dstack([drag, unit * torques.viscous])
         weights = np.dstack([weights, np.broadcast_to(torques.weight[..., None], torques.static.shape)])
-    room = np.hstack(list(weights))
-    squares = np.column_stack([np.zeros(len(s)), most**2])
-    width = room.shape[1]
-    caps = np.maximum(_at_points(most), _SLOWEST)
-
-    class Limits(LinearConstraint):  # type: ignore[misc]
-        """Accelerations and torques at three points of each interval, relative to their limits, and the rate itself.
-
-        Viscous friction is not linear in the square x of the rate. In the direction in which it resists, the rate is
-        replaced by its tangent (x / r + r) / 2 at a rate r near to it, which is more; in the other one by x / cap,
-        which is less.
-
-        Args:
-            tighter: see `_TIGHTER`.
-            near: (3, n - 1, 1) rates r.
-        """
-
-        def __init__(self, tighter: float, near: Array) -> None:
-            super().__init__()
-            self.identical = bool((room == 1.0).all())
-            parts = np.modf(_GOLDEN * np.arange(room.size).reshape(room.shape))[0]
-            more = np.where(room < 1.0, 1.0, 1.0 + tighter * parts)  # near singularities they are equations
-            signs = (1.0, -1.0) if drag.any() else (1.0,)
-            self.sides = []
-            for sign in signs:
-                resists, helps = np.maximum(sign * drag, 0.0), np.minimum(sign * drag, 0.0)
-                by_square = second + sign * (resists / (2.0 * near) + helps / caps)
-                fixed = constant + sign * 0.5 * resists * near
-                by_growth = [first[k] + k * step * by_square[k] for k in range(3)]
-                self.sides.append([more * np.hstack(list(one)) for one in (by_growth, by_square, fixed)])
-
-        def get_dof(self) -> int:
-            return int(tangents.shape[2])
-
-        def compute_constraint_params(self, path: Any, gridpoints: Array, *_: Any) -> tuple[Any, ...]:
-            terms = [np.hstack(both) for both in zip(*self.sides, strict=True)]
-            terms = [np.vstack([one, one[-1:]]) for one in terms]
-            both = np.vstack([np.eye(width), -np.eye(width)])
-            if len(self.sides) == 2:
-                both = np.diag(np.repeat([1.0, -1.0], width))
-            if self.identical:
-                return (*terms, both, np.ones(2 * width), None, squares)
-            most = np.vstack([room, room[-1:]]) + _EQUAL
-            return (*terms, np.tile(both, (len(s), 1, 1)), np.hstack([most, most]), None, squares)
-
-    class Path:
-        """A path as TOPP-RA takes it: the interval of its parameter, and its size."""
-
-        path_interval = np.array([s[0], s[-1]])
-        dof = int(tangents.shape[2])
-
     still = _REST * np.abs(tangents).max(initial=0.0)
-    at_ends = np.abs(tangents[0][0]).max(initial=0.0), np.abs(tangents[2][-1]).max(initial=0.0)
-    ends = [
-        0.0 if tangent > still else _rate_at_end(by_square_at, fixed_at, limit)
-        for tangent, by_square_at, fixed_at, limit in zip(
-            at_ends,
-            (second[0][0] / weights[0][0], second[2][-1] / weights[2][-1]),
-            (constant[0][0] / weights[0][0], constant[2][-1] / weights[2][-1]),
-            (most[0], most[-1]),
-            strict=True,
-        )
-    ]
-    with np.errstate(divide="ignore", invalid="ignore"):  # rates that friction allows at constant speed
-        steady = np.where(drag != 0.0, (weights - np.abs(constant)) / np.abs(drag), np.inf).min(axis=2, keepdims=True)
-    near, found, seconds = np.clip(steady, _SLOWEST, caps), None, np.inf
-    for _ in range(_LINEARISED if drag.any() else 1):
-        rates = _searched(Limits, Path(), s, near, ends)
-        took = np.inf if rates is None else float((np.diff(s) / (rates[1:] + rates[:-1])).sum())
-        if rates is None or took >= _FASTER * seconds:
-            break
-        found, seconds, near = rates, took, np.clip(_at_points(rates), _SLOWEST, caps)
-    if found is not None:
-        return np.asarray(unit * found)
-    kinds = "velocity and acceleration" if torques is None else "velocity, acceleration and torque"
-    raise TimingError(f"no motion along the path is within the limits of {kinds}")
+    moves_at_ends = [np.abs(tangent).max(initial=0.0) > still for tangent in (tangents[0][0], tangents[2][-1])]
+    quantities = LimitedQuantities(first, second, drag, constant, weights)
+    rates = fastest_rates(quantities, s / unit, np.minimum(most / unit, _MOST), moves_at_ends, tangents.shape[2])
+    if rates is None:
+        kinds = "velocity and acceleration" if torques is None else "velocity, acceleration and torque"
+        raise TimingError(f"no motion along the path is within the limits of {kinds}")
+    return np.asarray(unit * rates)
 
 
-def _at_points(rates: Array) -> Array:
-    """Return rates (3, n - 1, 1) at the beginning, in the middle and at the end of each interval, for those at its ends
-    (n,)."""
-    squares = rates**2
-    return np.sqrt([squares[:-1], 0.5 * (squares[:-1] + squares[1:]), squares[1:]])[..., None]
-
-
-def _searched(
-    limits: Callable[[float, Array], Any], path: Any, s: Array, near: Array, ends: Sequence[float]
-) -> Array | None:
-    """Return the rates (n,) that TOPP-RA finds at the parameters s (n,); None if there are none.
-
-    Args:
-        limits: returns the constraint, for a fraction by which it is tightened and the rates `near`.
-        path: as TOPP-RA takes it.
-        s: (n,) parameters.
-        near: (3, n - 1, 1) rates near which friction is linear.
-        ends: desired rates at both ends.
-    """
-    from toppra.algorithm import TOPPRA
-
-    for tighter in _TIGHTER:
-        search = TOPPRA(
-            [limits(tighter, near)], path, gridpoints=s, solver_wrapper="seidel", parametrizer="ParametrizeConstAccel"
-        )
-        for scale in (1.0, 0.5, 0.0):
-            _, rates, _ = search.compute_parameterization(scale * ends[0], scale * ends[1])
-            if rates is not None and np.isfinite(rates).all() and (rates[1:] + rates[:-1] > 0.0).all():
-                return np.asarray(rates)
-    return None
-
-
-def _rate_at_end(by_square: Array, fixed: Array, most: float) -> float:
-    """Return the largest rate at an end of a curve that is itself at rest there.
-
-    Args:
-        by_square: what accelerations and torques, relative to their limits, gain with the square of the rate.
-        fixed: what they are without it.
-        most: limit of the rate.
-    """
+def _velocity_bound(tangents: Array, velocity: Array, fastest: float) -> Array:
+    """Return the largest rate (n,) that the limits of velocity allow at each parameter and in its intervals."""
+    at_knots = np.abs(np.vstack([tangents[0], tangents[2][-1:]]))
     with np.errstate(divide="ignore", invalid="ignore"):
-        squares = np.where(by_square != 0.0, (1.0 - np.sign(by_square) * fixed) / np.abs(by_square), np.inf)
-    return 0.99 * min(most, float(np.sqrt(max(squares.min(initial=np.inf), 0.0))))
+        most = np.where(at_knots > 0.0, velocity / at_knots, np.inf).min(axis=1, initial=fastest)
+        middle = np.where(tangents[1] != 0.0, velocity / np.abs(tangents[1]), np.inf).min(axis=1, initial=fastest)
+    most[:-1], most[1:] = np.minimum(most[:-1], middle), np.minimum(most[1:], middle)
+    return np.asarray(most)
 
 
 def _excess(law: TimeLaw, tangents: Array, bends: Array, velocity: Array, acceleration: Array) -> float:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cinegen.design.calibration import Calibration
-from cinegen.design.tolerance import ToleranceReport
+from cinegen.design.tolerance_report import ToleranceReport
 from cinegen.plotting.sheet import BLUE, FAINT, INK, LABEL, ORANGE, VERMILION, finish, label, sheet
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension
 

@@ -20,7 +20,8 @@ from cinegen.collision.shapes import rounded_hull
 from cinegen.collision.triangle_mesh import TriangleMesh
 from cinegen.joints import kinematic_data
 from cinegen.model.motion_plane import motion_plane
-from cinegen.planning.planner import Plan, refined
+from cinegen.planning.planner import Plan
+from cinegen.planning.search import refined
 from cinegen.plotting.sheet import BLUE, FAINT, INK, SKY, VERMILION, finish, label, sheet
 from cinegen.plotting.view import Projection, along, parallel
 from raff2urdf.files import stem_of

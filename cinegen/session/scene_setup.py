@@ -23,7 +23,8 @@ from cinegen.errors import CinegenWarning
 from cinegen.mission.drawn_obstacle import DrawnObstacle, DrawnShape
 from cinegen.model import Mechanism
 from cinegen.model.motion_plane import motion_plane
-from cinegen.session.setup import RATE, Avoidance, DrawnAttached, MapOverlay, Setup, SetupError, arrange
+from cinegen.session.arrangement import arrange
+from cinegen.session.setup import RATE, Avoidance, DrawnAttached, MapOverlay, Setup, SetupError
 from raff2urdf.errors import did_you_mean
 
 _FLAT = 0.25  # characteristic lengths

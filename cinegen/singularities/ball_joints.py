@@ -14,7 +14,8 @@ import numpy as np
 import pinocchio as pin
 
 from cinegen.arrays import Array
-from cinegen.assembly.linkage import FreeMotionError, Linkage, ModesError
+from cinegen.assembly.errors import FreeMotionError, ModesError
+from cinegen.assembly.linkage import Linkage
 from cinegen.joints import common_point
 from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.model import Mechanism

@@ -279,7 +279,7 @@ class MapSpecification:
 
 @lru_cache(maxsize=4)
 def _parsed(text: str, source: str, folder: str) -> MapSpecification:
-    from cinegen.model.load import build
+    from cinegen.model.build import build
 
     try:
         document, robot = json.loads(text), json.loads(source)
@@ -371,7 +371,8 @@ def _checked_quantities(spec: MapSpecification) -> tuple[str, ...]:
     if "solid_angle" in wanted and (spec.over_joints or spec.rotation):
         raise MapError("solid_angle counts possible directions of the node: leave its orientation free")
     if "solutions" in wanted and spec.over_joints and mechanism.is_constrained:
-        from cinegen.assembly.linkage import ModesError, linkage_of
+        from cinegen.assembly.errors import ModesError
+        from cinegen.assembly.linkage import linkage_of
 
         try:
             linkage_of(mechanism.successive)

@@ -58,6 +58,43 @@ def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool, is_file:
             is not ignored; two declarations contradict each other.
     """
     name = str(path)
+    text, root, declared, free, notes = _declarations(text, name, ignore, ignore_loops)
+    files = _Files(path, text, ignore, ignore_loops, is_file)
+    if ignore_loops:
+        return _without_loops(files, declared, free, notes, name)
+    left_out, kept = list[Declaration](), list[Declaration]()
+    for declaration in declared:
+        (left_out if ignore.takes(*declaration.words) else kept).append(declaration)
+    tree = UrdfTree(parse(files.text, name), name)
+    closures, made = files.closures(tree), list[str]()
+    for joint in closures.spherical if closures is not None else ():
+        made += successive.replace(tree.root, tree.joints[joint], successive.SPHERICAL, name)
+    tree = UrdfTree(tree.root, name) if made else tree
+    composed = _Composed(tree, files, made)
+    composed.notes += notes
+    if closures is not None:
+        following = [mimic for mimic in kept if mimic.dialect == "mimic" and mimic.name in closures.following]
+        kept = [declaration for declaration in kept if declaration not in following]
+        composed.notes += [f"{_located(mimic)}: replaced by {loop_closures.FILE}" for mimic in following]
+        composed.add_all([loop for loop in closures.declared if not ignore.takes(*loop.words)])
+    composed.add_all([declaration for declaration in kept if declaration.read is not None])
+    unread = [declaration for declaration in kept if declaration.read is None]
+    _check_unread(unread, composed, root, path, is_file)
+    if files.values is None and not files.left_out:
+        _warn_of_missing(unread, path)
+    if not left_out and not composed.closed and not composed.coupled:
+        _warn_of_passive(root, name)
+    if free:
+        composed.place(free)
+        _warn_of_reversed(free, kept, name)
+    return composed.result((*map(_located, left_out), *files.left_out))
+
+
+def _declarations(
+    text: str, name: str, ignore: IgnoreList, ignore_loops: bool
+) -> tuple[str, Any, list[Declaration], Sequence[str], Sequence[str]]:
+    """Return a URDF as text and as XML, each link with one parent, all that it declares in the order of its lines, the
+    joints by which its roots float, and notes."""
     root = parse_xml(text, name)
     changed = closing_joints.with_joints_of_drake(root, name)
     notes = [*roots.with_world(root), *implausible.mend(root), *closing_joints.without_links_of_gazebo(root)]
@@ -74,50 +111,31 @@ def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool, is_file:
         *closing_frames.find(root),
         *closing_joints.find(root, name),
     ]
-    declared += declared_loops.find(root, {id(one.element) for one in declared})
-    declared.sort(key=lambda one: one.line)
-    files = _Files(path, text, ignore, ignore_loops, is_file)
-    left_out = [one for one in declared if ignore_loops or ignore.takes(*one.words)]
-    kept = [one for one in declared if not any(one is other for other in left_out)]
-    if ignore_loops:
-        if free:
-            tree = UrdfTree(parse(files.text, name), name)
-            raise roots.refusal(tree, [ends(tree.joints[joint])[1] for joint in free])
-        shown = [one for one in left_out if one.certain and one.also != ("0",)]
-        shown = shown if files.values is None else [one for one in shown if one.dialect != declared_loops.COMMENT]
-        return Description(
-            files.text, files.values, (), tuple(notes), ((listed(shown),) if shown else ()) + files.left_out
-        )
-    names = tuple(f"{one.label} (line {one.line})" for one in left_out)
-    tree = UrdfTree(parse(files.text, name), name)
-    closures, made = files.closures(tree), list[str]()
-    for joint in closures.spherical if closures is not None else ():
-        made += successive.replace(tree.root, tree.joints[joint], successive.SPHERICAL, name)
-    tree = UrdfTree(tree.root, name) if made else tree
-    composed = _Composed(tree, files, made)
-    composed.notes += notes
-    if closures is not None:
-        following = [one for one in kept if one.dialect == "mimic" and one.name in closures.following]
-        kept = [one for one in kept if not any(one is other for other in following)]
-        composed.notes += [f"{one.label} (line {one.line}): replaced by {loop_closures.FILE}" for one in following]
-        composed.add_all([one for one in closures.declared if not ignore.takes(*one.words)])
-    composed.add_all([one for one in kept if one.read is not None])
-    unread = [one for one in kept if one.read is None]
-    _check_unread(unread, composed, root, path, is_file)
-    if files.values is None and not files.left_out:
-        _warn_of_missing(unread, path)
-    if not left_out and not composed.closed and not composed.coupled:
-        _warn_of_passive(root, name)
+    declared += declared_loops.find(root, {id(declaration.element) for declaration in declared})
+    return text, root, sorted(declared, key=lambda declaration: declaration.line), free, notes
+
+
+def _without_loops(
+    files: _Files, declared: Sequence[Declaration], free: Sequence[str], notes: Sequence[str], name: str
+) -> Description:
+    """Return a robot without its loops and couplings."""
     if free:
-        composed.place(free)
-        _warn_of_reversed(free, kept, name)
-    return composed.result(names + files.left_out)
+        tree = UrdfTree(parse(files.text, name), name)
+        raise roots.refusal(tree, [ends(tree.joints[joint])[1] for joint in free])
+    shown = [declaration for declaration in declared if declaration.certain and declaration.also != ("0",)]
+    if files.values is not None:
+        shown = [declaration for declaration in shown if declaration.dialect != declared_loops.COMMENT]
+    return Description(files.text, files.values, (), tuple(notes), ((listed(shown),) if shown else ()) + files.left_out)
+
+
+def _located(declaration: Declaration) -> str:
+    return f"{declaration.label} (line {declaration.line})"
 
 
 def _check_unread(unread: Sequence[Declaration], composed: _Composed, root: Any, path: Path, is_file: bool) -> None:
     """Refuse declarations that can't be read, or warn of those that may declare nothing."""
     lost = declared_loops.lost(unread, composed.spare, composed.closed)
-    certain = [one for one in lost if one.certain]
+    certain = [declaration for declaration in lost if declaration.certain]
     if certain:
         raise RaffError(f"{declared_loops.refusal(certain, path, is_file)}{xacro_hint(root, str(path))}")
     if lost:
@@ -127,11 +145,11 @@ def _check_unread(unread: Sequence[Declaration], composed: _Composed, root: Any,
 
 def _warn_of_missing(unread: Sequence[Declaration], path: Path) -> None:
     """Warn of a constraints file that a comment names and that is not there, though no loop is lost."""
-    for one in unread:
-        if one.dialect == declared_loops.COMMENT:
-            why = f"names {one.name}, which is not there: home and actuated joints are the defaults"
+    for comment in unread:
+        if comment.dialect == declared_loops.COMMENT:
+            why = f"names {comment.name}, which is not there: home and actuated joints are the defaults"
             remedy = "Restore that file, or remove the comment"
-            warn(f"{path}:{one.line}: this comment {why}. {remedy}")
+            warn(f"{path}:{comment.line}: this comment {why}. {remedy}")
 
 
 def _warn_of_passive(root: Any, name: str) -> None:
@@ -144,15 +162,15 @@ def _warn_of_passive(root: Any, name: str) -> None:
 
 def _warn_of_reversed(free: Sequence[str], declared: Sequence[Declaration], name: str) -> None:
     """Warn of trees that nothing but one joint holds, with its parent and child in each other's place."""
-    closing = [one for one in declared if one.dialect == closing_joints.DIALECT]
+    closing = [joint for joint in declared if joint.dialect == closing_joints.DIALECT]
     if len(closing) != len(declared) or len(closing) != len(free):
         return
-    for one in closing:
-        parent, child = ends(one.element)
-        if any(own.startswith(f"{parent}_free") for own in free):
-            why = f"link '{parent}' has no parent, and its child '{child}' has two, so that {one.label} closes a loop"
+    for joint in closing:
+        parent, child = ends(joint.element)
+        if any(floating.startswith(f"{parent}_free") for floating in free):
+            why = f"link '{parent}' has no parent, and its child '{child}' has two, so that {joint.label} closes a loop"
             remedy = "exchange its <parent> and <child>, if no loop is meant"
-            warn(f"{name}:{one.line}: {why}: {remedy}")
+            warn(f"{name}:{joint.line}: {why}: {remedy}")
 
 
 class _Files:

@@ -1,7 +1,7 @@
 """Joints that a URDF or an SDF names as driven: by transmissions, ros2_control, and plugins that control joints.
 
 Such a list may be incomplete, or hold joints that depend on each other: it states which joints are actuated only where
-the robot has loops or couplings, and only as far as it determines the motion (`cinegen.model.load.build`). In a tree
+the robot has loops or couplings, and only as far as it determines the motion (`cinegen.model.build.build`). In a tree
 every joint is actuated.
 """
 

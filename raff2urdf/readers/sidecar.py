@@ -10,7 +10,8 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from raff2urdf.constraints import HASH, Constraints, UrdfSummary, load, loads
+from raff2urdf.constraints import HASH, Constraints, load, loads
+from raff2urdf.constraints_check import UrdfSummary
 from raff2urdf.errors import RaffError, warn
 from raff2urdf.escape import shell_word
 from raff2urdf.readers.successive import moving

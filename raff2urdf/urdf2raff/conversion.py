@@ -73,14 +73,14 @@ def to_raff(
     if unlimited:
         message = f"{listed(unlimited, str(path))}: neither lower nor upper limit is given; written without limits"
         warnings.warn(message, RaffWarning, stacklevel=2)
-    found = import_tree(tree, str(path), constraints, units or units_of(tree))
+    imported = import_tree(tree, str(path), constraints, units or units_of(tree))
     try:
-        check(found.document)
+        check(imported.document)
     except RaffError as error:
         problems = "; ".join(problem.message for problem in error.problems)
         raise RaffError(f"{path}: RAFF has no notation for it: {problems}") from None
     if out is None:
-        return found
+        return imported
     if not overwrite:
         check_new(out, remakeable=False)  # before meshes are read
     try:
@@ -90,36 +90,51 @@ def to_raff(
     contents: dict[Path, bytes] = {}
     if graphics:
         export = GraphicsExport(tree, str(path), path.parent, folder or Path(), out.stem, options.search)
-        found = replace(found, document=replace(found.document, robots=(export.robot(found.document, found.nodes),)))
-        contents |= export.files
-        if lost := list(export.lost.values()):
-            more = f"; and {len(lost) - 1} more mesh{'es' * (len(lost) > 2)}" if len(lost) > 1 else ""
-            message = f"{lost[0]}{more}; left out; links without another shape are drawn as a skeleton"
-            warnings.warn(message, RaffWarning, stacklevel=2)
+        imported, contents = _with_graphics(imported, export)
         if contents and folder is None:
             raise RaffError(
                 f"{path}: graphics can't be written next to {out}: name a regular file, or give --no-graphics"
             )
+    _write(path, out, imported, contents, overwrite)
+    return imported
+
+
+def _with_graphics(imported: RaffImport, export: GraphicsExport) -> tuple[RaffImport, dict[Path, bytes]]:
+    """Return a robot with graphics, and the contents of these; one warning reports what is left out."""
+    document = replace(imported.document, robots=(export.robot(imported.document, imported.nodes),))
+    if lost := list(export.lost.values()):
+        more = f"; and {len(lost) - 1} more mesh{'es' * (len(lost) > 2)}" if len(lost) > 1 else ""
+        message = f"{lost[0]}{more}; left out; links without another shape are drawn as a skeleton"
+        warnings.warn(message, RaffWarning, stacklevel=3)
+    return replace(imported, document=document), dict(export.files)
+
+
+def _write(path: Path, out: Path, imported: RaffImport, graphics: Mapping[Path, bytes], overwrite: bool) -> None:
+    """Write the RAFF file `out` of a robot from `path`, and its graphics.
+
+    Raises:
+        RaffError: RAFF has no notation for the robot, or a file exists or can't be written.
+    """
     try:
-        contents[out] = dumps(found.document, _head(path, found), found.notes).encode()
+        text = dumps(imported.document, _head(path, imported), imported.notes)
     except RaffError as error:
         raise RaffError(f"{path}: {error}") from None
+    contents = {**graphics, out: text.encode()}
     for target, content in contents.items() if not overwrite else ():
         check_new(target, remakeable=False, content=content)
     try:
         write_all(contents)
     except OSError as error:
         raise RaffError(f"{error.filename}: can't be written: {error.strerror}") from None
-    return found
 
 
-def _head(path: Path, found: RaffImport) -> Sequence[str]:
+def _head(path: Path, imported: RaffImport) -> Sequence[str]:
     """Return the comment at the head of the file."""
     lines = [f"From {path.name}. The comment on a link is the name of its joint there."]
-    moved = sum(offset != 0.0 for offset in found.offsets.values())
+    moved = sum(offset != 0.0 for offset in imported.offsets.values())
     if moved:
         lines.append(f"Joint variables are those of {path.name}, except {moved}, which have another zero there.")
-    renamed = {link: node for link, node in found.nodes.items() if link != node}
+    renamed = {link: node for link, node in imported.nodes.items() if link != node}
     if renamed:
         lines.append(f"Names that differ: {first_of([f'{link} is {node}' for link, node in renamed.items()], 8)}.")
     return lines

@@ -11,8 +11,10 @@ from linkages import hinge, ring, slide
 
 import cinegen
 from cinegen.assembly._kernels import ARRIVED, SINGULAR, ParameterPath, evaluate, solve
+from cinegen.assembly.distinct_solutions import DistinctSolutions
 from cinegen.assembly.endgame import path_ends
-from cinegen.assembly.linkage import ACCURACY, DistinctSolutions, FreeMotionError, Linkage
+from cinegen.assembly.errors import FreeMotionError
+from cinegen.assembly.linkage import ACCURACY, Linkage
 from cinegen.assembly.monodromy import Monodromy
 from cinegen.assembly.trace_test import TraceTest
 from cinegen.singularities.ball_joints import linkage_of

@@ -12,7 +12,8 @@ from browsers import Browser, becomes, get
 from tornado.httpclient import HTTPClientError
 
 from cinegen.cockpit import Cockpit
-from cinegen.cockpit.server import LARGEST, ServerError
+from cinegen.cockpit.handlers import LARGEST
+from cinegen.cockpit.server import ServerError
 from cinegen.session import arrange
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")

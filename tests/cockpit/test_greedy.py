@@ -16,8 +16,9 @@ import tornado.websocket
 from browsers import Browser, becomes, get
 
 from cinegen.cockpit import Cockpit
+from cinegen.cockpit.handlers import _TURN
 from cinegen.cockpit.hub import MOST
-from cinegen.cockpit.server import _TURN, CONNECTIONS
+from cinegen.cockpit.server import CONNECTIONS
 from cinegen.session import arrange
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")

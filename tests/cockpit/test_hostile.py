@@ -205,7 +205,7 @@ def test_a_connection_that_is_half_open(page, path, half):
 
 
 def test_who_answers_no_ping_is_given_up(page, monkeypatch):
-    monkeypatch.setattr("cinegen.cockpit.server._PING", 0.1)
+    monkeypatch.setattr("cinegen.cockpit.handlers._PING", 0.1)
     one = page()
     peers = [Peer(one.url).upgrade(path) for path in ("session", "page")]
     assert becomes(lambda: len(one.hub.clients) == 2 and one.server.pages)

@@ -13,7 +13,7 @@ import cinegen
 from cinegen.assembly.homotopy import Homotopy
 from cinegen.cli.ik import claim_text
 from cinegen.ik import FrameTask, IKError, IKSolutions
-from cinegen.model.load import build
+from cinegen.model.build import build
 
 RIGHT = math.pi / 2.0
 

@@ -14,7 +14,7 @@ import cinegen
 from cinegen import Solver, Status, forecast_motion
 from cinegen.errors import CinegenError, UnknownNameError
 from cinegen.ik import Posture
-from cinegen.model.load import build
+from cinegen.model.build import build
 
 DT = 1.0 / 240.0
 

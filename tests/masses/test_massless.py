@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import cinegen
-from cinegen.model.load import build
+from cinegen.model.build import build
 
 UNIT = '<inertia ixx="{}" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
 

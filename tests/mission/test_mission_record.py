@@ -24,7 +24,7 @@ import cinegen
 import cinegen.mission.recorder as module
 from cinegen.errors import UnknownNameError
 from cinegen.mission import BasePose, MissionError, MissionRecorder, Player, RecordedTask, Recording, RobotSample
-from cinegen.model.load import build
+from cinegen.model.build import build
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 doubles = st.lists(finite, min_size=3, max_size=3)

@@ -5,7 +5,7 @@ import warnings
 import pytest
 
 import cinegen
-from cinegen.model.load import build
+from cinegen.model.build import build
 
 
 def links(*names):

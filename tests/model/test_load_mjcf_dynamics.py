@@ -9,7 +9,7 @@ import pytest
 import cinegen
 import raff2urdf
 from cinegen.dynamics import InverseDynamics
-from cinegen.model.load import build
+from cinegen.model.build import build
 from cinegen.session.holding import Holding
 
 ARM = """<mujoco>

@@ -36,8 +36,8 @@ import raff2urdf
 import raff2urdf.cli
 import raff2urdf.urdf2raff.cli
 from cinegen.model import ForwardKinematics, Mechanism
+from cinegen.model.build import build
 from cinegen.model.heal_file import heal_file
-from cinegen.model.load import build
 from cinegen.model.motion_limits import motion_limits
 from cinegen.model.plausible import check_joint, check_lengths, check_revolution, check_speed
 from raff2urdf import RaffError

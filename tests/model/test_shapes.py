@@ -13,7 +13,7 @@ import raff2urdf
 from cinegen.cli import main
 from cinegen.cockpit import make_page
 from cinegen.cockpit.scene import _drawn
-from cinegen.model.load import build
+from cinegen.model.build import build
 from cinegen.model.motion_plane import motion_plane
 from cinegen.model.stick import stick_figure
 from raff2urdf.cli import main as convert

@@ -16,7 +16,7 @@ from cinegen.errors import ConfigurationError, LoadError
 from cinegen.ik import Solver, Status
 from cinegen.ik.singular import passive_singular_values
 from cinegen.model import ForwardKinematics
-from cinegen.model.load import build
+from cinegen.model.build import build
 from cinegen.singularities import SingularityType, leg_lines, singularity
 from raff2urdf.raff.document import CompoundKind, JointType, RaffLink, RaffParameters, RaffVariable
 from raff2urdf.raff.kleinfinger import parameters, transform

@@ -13,7 +13,7 @@ from hypothesis import given
 from mechanisms import KNOWN
 from strategies import documents, examples
 
-from raff2urdf import RaffError, constraints, loads
+from raff2urdf import RaffError, constraints, constraints_check, loads
 from raff2urdf.analysis import analyse
 from raff2urdf.raff.document import Document, RaffRobot
 from raff2urdf.readers.urdf import MovingJoint
@@ -155,7 +155,7 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
 
 
 def test_a_wrong_name_is_told_by_its_line(values: constraints.Constraints) -> None:
-    known = constraints.UrdfSummary(
+    known = constraints_check.UrdfSummary(
         values["nodes"], {joint["name"]: MovingJoint(joint["type"]) for joint in values["joints"]}
     )
     text = constraints.dumps(values)
@@ -223,7 +223,7 @@ JOINTS = {
 
 
 def test_limits_of_version_1_are_those_of_the_urdf(values: constraints.Constraints) -> None:
-    urdf = constraints.UrdfSummary(values["nodes"], JOINTS)
+    urdf = constraints_check.UrdfSummary(values["nodes"], JOINTS)
     old = changed(changed(values, "joints/0/limits", [-1.0, 1.0]), "joints/0/velocity", 2.0)
     old = changed(changed(old, "joints/1/limits", None), "version", 1)
     assert constraints.loads(constraints.dumps(old), urdf=urdf) == {**values, "version": 1}

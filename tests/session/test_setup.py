@@ -17,8 +17,8 @@ from cinegen.devices import fit_path
 from cinegen.errors import UnknownNameError
 from cinegen.mission import BasePose
 from cinegen.session import Session, Setup, SetupError, arrange
+from cinegen.session.arrangement import parse_base_pose
 from cinegen.session.regular_start import _singular_values, regular_start
-from cinegen.session.setup import parse_base_pose
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from mapped import mapped, over
 
-from cinegen.model.load import build
+from cinegen.model.build import build
 from cinegen.singularities import SingularityType
 from cinegen.singularities.crossing import of_node
 from cinegen.workspace import MapError, MapSpecification, make_map

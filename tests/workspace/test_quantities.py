@@ -17,7 +17,7 @@ from scipy.optimize import linprog
 
 import cinegen
 from cinegen.collision.clearance import Clearance, links_of
-from cinegen.model.load import build
+from cinegen.model.build import build
 from cinegen.singularities import singularity
 from cinegen.workspace import MapError, MapSpecification, make_map
 from cinegen.workspace.by_pose import fibonacci_sphere

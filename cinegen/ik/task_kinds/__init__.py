@@ -1,0 +1,1 @@
+"""Kinds of tasks besides frames: their attributes and their base."""
