@@ -18,10 +18,10 @@ from raff2urdf.open_loops import why_open
 from raff2urdf.play import play, steps_of
 from raff2urdf.play import text as play_text
 from raff2urdf.raff import texts
-from raff2urdf.raff.check import check_sizes
 from raff2urdf.raff.compound import expanded
 from raff2urdf.raff.document import Document, JointType, LoopKind, RaffLink, RaffRobot
 from raff2urdf.raff.drawn import slips_of
+from raff2urdf.raff.sizes import check_sizes
 from raff2urdf.selection import Candidate, determined
 from raff2urdf.slips import Fault
 from raff2urdf.tree import Cluster, clusters, coupling_of, edges, effort, length_of, limits, velocity

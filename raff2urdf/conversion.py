@@ -17,10 +17,11 @@ from raff2urdf.constraints import Constraints, check_values, constraints, for_ur
 from raff2urdf.errors import NearlyRedundantError, RaffError, RaffWarning
 from raff2urdf.files import GENERATED, check_new, has_digest, is_stream, read_bytes, stem_of, write_all
 from raff2urdf.graphics.meshes import Graphics
-from raff2urdf.raff.check import check, check_sizes
+from raff2urdf.raff.check import check
 from raff2urdf.raff.compound import expanded
 from raff2urdf.raff.document import Document, LoopKind, RaffRobot
 from raff2urdf.raff.reader import parse, read
+from raff2urdf.raff.sizes import check_sizes
 from raff2urdf.readers.actuation import RAFF, advice
 from raff2urdf.readers.urdf import hash_of
 from raff2urdf.readers.urdf import parse as parse_urdf

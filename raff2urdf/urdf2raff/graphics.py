@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from raff2urdf.errors import RaffError
-from raff2urdf.graphics.bodies import BodyDrawing, Shape
+from raff2urdf.graphics.bodies import BodyDrawing
+from raff2urdf.graphics.body_shapes import Shape
 from raff2urdf.graphics.collada import unit_of
 from raff2urdf.graphics.meshes import CONVERTED, SHOWN
 from raff2urdf.graphics.names import Packages, find, may_read

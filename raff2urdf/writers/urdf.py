@@ -22,7 +22,8 @@ from yourdfpy import Collision, Dynamics, Joint, Limit, Link, Robot, Visual
 from raff2urdf import constraints as constraints_file
 from raff2urdf.errors import RaffWarning
 from raff2urdf.files import GENERATED
-from raff2urdf.graphics.bodies import BodyDrawing, Shape
+from raff2urdf.graphics.bodies import BodyDrawing
+from raff2urdf.graphics.body_shapes import Shape
 from raff2urdf.graphics.meshes import Graphics
 from raff2urdf.graphics.skeleton import MARK, SkeletonDrawing
 from raff2urdf.raff.document import Document, JointType, RaffLink, RaffNode, RaffPart, RaffRobot
