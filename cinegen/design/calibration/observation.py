@@ -25,8 +25,9 @@ from cinegen.arrays import Array
 from cinegen.design.calibration.frames import MeasuringFrames
 from cinegen.design.calibration.measurements import MeasuredQuantity, Measurements
 from cinegen.design.calibration.reading import read
-from cinegen.design.design import Design, DesignEvaluation
+from cinegen.design.design import Design
 from cinegen.design.errors import DesignError
+from cinegen.design.evaluation import DesignEvaluation
 from cinegen.design.parameters import Parameters
 from raff2urdf import closure
 from raff2urdf.errors import first_of
