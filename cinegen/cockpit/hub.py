@@ -27,7 +27,8 @@ from cinegen.cockpit.messages import (
 )
 from cinegen.cockpit.page_state import moving_rows, page_state, shown_of
 from cinegen.session import Command, CommandError, Setup
-from cinegen.session.commands import ControlPlayback, EndDrag, EndJointMotion, SetView, check_names, decode
+from cinegen.session.commands import ControlPlayback, EndDrag, EndJointMotion, SetView
+from cinegen.session.decoding import check_names, decode
 from cinegen.typed_json import encode
 
 FRAMES = 60.0

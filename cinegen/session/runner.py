@@ -20,7 +20,8 @@ from cinegen.errors import CinegenError, CinegenWarning
 from cinegen.jit.starting import COMPILATION
 from cinegen.realtime import Clock, Tick, TimingReport
 from cinegen.session.commands import Command
-from cinegen.session.session import OtherRobots, Session
+from cinegen.session.other_robots import OtherRobots
+from cinegen.session.session import Session
 from cinegen.session.setup import Setup
 from cinegen.session.state import SessionState
 

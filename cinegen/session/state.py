@@ -8,7 +8,7 @@ from msgspec import Struct
 from cinegen.arrays import Array
 from cinegen.ik.described import AnyDescription
 from cinegen.sensor import SensorState
-from cinegen.session.commands import CommandFrame
+from cinegen.session.message_types import CommandFrame
 from cinegen.typed_json import DoF, Vector3, Vector6
 
 
