@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
 import raff2urdf.errors
-from raff2urdf.errors import did_you_mean
+from raff2urdf.errors import did_you_mean, listed
 
 
 class CinegenError(Exception):
-    """Root of every error of this package. (A RAFF file that is wrong raises `raff2urdf.RaffError`.)"""
+    """Root of every error of this package. (A RAFF file that is wrong raises `raff2urdf.RaffError`.)
+
+    Attributes:
+        lines: problems of a file, of which the message lists the first; empty if there is one.
+    """
+
+    lines: Sequence[str] = ()
 
 
 class LoadError(CinegenError):
@@ -31,6 +40,35 @@ class UnknownNameError(CinegenError):
 
 class ConfigurationError(CinegenError):
     """A configuration of the wrong shape, or with numbers that are not finite."""
+
+
+def read_all(
+    reads: Mapping[str, Callable[[], Any]] | Iterable[tuple[str, Callable[[], Any]]],
+    failure: type[CinegenError],
+    values: dict[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Return what functions that don't need each other return, by their names.
+
+    Args:
+        reads: functions by the names of their values, or pairs of both.
+        failure: class of the errors that are collected and raised.
+        values: to which each value is added as soon as it was read: for functions that need an earlier one, which keep
+            the value that stands there if that one fails.
+
+    Raises:
+        failure: with the messages of all that fail, a line each.
+    """
+    values, problems = {} if values is None else values, list[str]()
+    for name, read in reads.items() if isinstance(reads, Mapping) else reads:
+        try:
+            values[name] = read()
+        except failure as error:
+            problems += error.lines or str(error).split("\n")
+    if problems:
+        every = failure(listed(problems))
+        every.lines = problems
+        raise every
+    return values
 
 
 class CinegenWarning(UserWarning):

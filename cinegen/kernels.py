@@ -26,6 +26,7 @@ from cinegen.loops._kernels.follow import follow
 from cinegen.loops._kernels.memory import LoopMemory
 from cinegen.model.load import load
 from cinegen.planning.vortices import prepare_vortices
+from cinegen.proof._kernels import BoxMemory, evaluate_boxes
 
 
 def _assembly_modes() -> None:
@@ -49,6 +50,7 @@ _KERNELS: dict[str, Callable[[], object]] = {
     "designs": lambda: prepare(evaluate_designs, DesignMemory),
     "clearance": prepare_clearance,
     "vortices": prepare_vortices,
+    "boxes": lambda: prepare(evaluate_boxes, BoxMemory),
     "modes": _assembly_modes,
     "platforms": _platforms,
 }

@@ -6,10 +6,11 @@ import contextlib
 import errno
 import os
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from cinegen.errors import CinegenError
+from cinegen.errors import CinegenError, read_all
 from raff2urdf.errors import RaffError
 from raff2urdf.files import is_stream, open_stream, read_bytes, write_all
 
@@ -96,7 +97,7 @@ def read_lines(
         decode: decodes a line; it gets the header and the decoded line before, None for the first.
 
     Raises:
-        failure: the file can't be read, or a line is wrong; names the line.
+        failure: the file can't be read, or lines are wrong; names all of them.
     """
     try:
         first, *lines = read_bytes(path, largest=_LARGEST).split(b"\n")
@@ -107,10 +108,13 @@ def read_lines(
     except CinegenError as error:
         raise failure(f"{path}: {error}") from None
     found: list[_L] = []
-    for number, line in enumerate(lines[:-1], 2):  # after the last line's end there is nothing, or a line that was cut
-        if line.strip():
-            try:
-                found.append(decode(line, header, found[-1] if found else None))
-            except CinegenError as error:
-                raise failure(f"{path}:{number}: {error}") from None
+
+    def read(number: int, line: bytes) -> None:
+        try:
+            found.append(decode(line, header, found[-1] if found else None))
+        except CinegenError as error:
+            raise failure("\n".join(f"{path}:{number}: {why}" for why in str(error).split("\n"))) from None
+
+    # after the last line's end there is nothing, or a line that was cut
+    read_all((("", partial(read, number, line)) for number, line in enumerate(lines[:-1], 2) if line.strip()), failure)
     return header, found

@@ -52,6 +52,12 @@ class Problem:
 SHOWN = 20  # problems in the text of an error
 
 
+def listed(problems: Sequence[object]) -> str:
+    """Return the first problems, a line each, and how many there are more."""
+    more = len(problems) - SHOWN
+    return "\n".join([*map(str, problems[:SHOWN]), *([texts.MORE_PROBLEMS.format(count=more)] if more > 0 else [])])
+
+
 class RaffError(Exception):
     """Root of every error of this package.
 
@@ -65,11 +71,7 @@ class RaffError(Exception):
         if isinstance(problems, Problem):
             problems = [problems]
         self.problems = tuple(sorted(problems, key=lambda problem: problem.location or SourceLocation(0, 0)))
-        shown = [
-            *map(str, self.problems[:SHOWN]),
-            *([texts.MORE_PROBLEMS.format(count=more)] if (more := len(self.problems) - SHOWN) > 0 else []),
-        ]
-        super().__init__("\n".join(shown))
+        super().__init__(listed(self.problems))
 
     def __reduce__(self) -> tuple[type[RaffError], tuple[tuple[Problem, ...]]]:
         return type(self), (self.problems,)

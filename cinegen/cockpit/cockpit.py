@@ -24,7 +24,8 @@ from cinegen.cockpit.server import ALL, Server
 from cinegen.cockpit.watched_files import SetupFiles, WatchedFiles
 from cinegen.errors import CinegenError
 from cinegen.realtime.timing import RecentTiming
-from cinegen.session import Command, Reporter, RobotReport, SessionRunner, SessionState, Setup
+from cinegen.session import Reporter, RobotReport, SessionRunner, SessionState, Setup
+from cinegen.session.runner import AT_REST
 from raff2urdf.escape import html_text
 from raff2urdf.files import noting
 
@@ -32,9 +33,6 @@ REPORTS = 10
 """Reports per second; fewer if they take long."""
 
 _SHARE = 0.15  # of a core for the reports
-_UNWATCHED = 4.0  # looks at the session per second while there are no pages
-_AT_REST = 20.0  # the same while it is at rest
-_ANSWER = 0.5  # time within which a session at rest answers a command, s
 
 
 class _Drawn(NamedTuple):
@@ -88,17 +86,16 @@ class Cockpit:
         self._edition = 0  # number of the setup that is shown
         self._drawn = {0: _Drawn(setup, self.page, self.scene)}  # by number: shown, or to be shown
         self.map = None if setup.map is None else ServedMap(setup.map)
-        self._over, self._awake, self._shown = threading.Event(), threading.Event(), threading.Event()
+        self._over, self._shown = threading.Event(), threading.Event()
         self._unreported = threading.Event()  # there are robots without a report
         self._shown.set()
         self._state: SessionState | None = None  # newest that `_feed` has seen
         self._reports: tuple[int, dict[str, RobotReport]] = 0, {}  # and the number of their setup
         self._reported = 0
-        self._commanded = 0.0  # when the last command was sent
         self.error: BaseException | None = None
         with contextlib.ExitStack() as started:  # nothing runs on if one of them can't start
             self.runner = started.enter_context(SessionRunner(setup, own_process))
-            self.hub = Hub(setup, self._send, self._hello, self._awake.set, lambda: self.runner.waiting)
+            self.hub = Hub(setup, self.runner.send, self._hello, self.runner.wake, lambda: self.runner.waiting)
             self.server = Server(self.page, self.hub, self.snapshot, host, token, framed, self.map, certificate)
             self.server.start(port)
             started.callback(self.server.stop)
@@ -181,7 +178,7 @@ class Cockpit:
     def close(self) -> None:
         """End the session and the server."""
         self._over.set()
-        self._awake.set()
+        self.runner.wake()
         self._unreported.set()
         for thread in self._threads:
             thread.join(5.0)
@@ -199,18 +196,6 @@ class Cockpit:
     def _hello(self, client: int) -> HelloMessage:
         return hello_message(self.setup, self.title, client, self.state.playback)
 
-    def _send(self, command: Command) -> None:
-        self.runner.send(command)
-        self._commanded = time.monotonic()
-        self._awake.set()
-
-    def _looks(self, state: SessionState | None) -> float:
-        """Return how often `_feed` looks at the session, per second."""
-        if not self.hub.clients:
-            return _UNWATCHED
-        resting = state is not None and state.at_rest and time.monotonic() - self._commanded > _ANSWER
-        return _AT_REST if resting else self.hub.rate
-
     def _feed(self) -> None:
         """Send states to all clients. While there are none, or the server is busy, none are built."""
         poses, timing = NodePoses(self.setup.robots), RecentTiming()
@@ -218,7 +203,6 @@ class Cockpit:
         reports: dict[str, RobotReport] = {}  # that pages show
         next_time = time.monotonic()
         while not self._over.is_set():
-            self._awake.clear()
             try:
                 state = self._state = self.runner.state
             except BaseException as error:
@@ -235,8 +219,9 @@ class Cockpit:
                 reported, reports = self._reported, {}
                 timing.add(self.runner.report())
             elif state is not None and state is not shown and self._shown.is_set():
-                shown = state
-                report = None
+                if shown is not None and shown.at_rest and not state.at_rest:
+                    self._unreported.set()
+                shown, report = state, None
                 edition, newest = self._reports
                 if self._reported > reported and edition == state.edition:
                     reported, reports = self._reported, dict(newest)
@@ -248,8 +233,9 @@ class Cockpit:
                 if notice.number > noticed:
                     noticed = notice.number
                     self.server.call(self.hub.notify_all, notice.text, notice.warning)
-            next_time = max(next_time + 1.0 / self._looks(state), time.monotonic())
-            if self._awake.wait(next_time - time.monotonic()):
+            rests = not self.hub.clients or (shown is not None and shown is state and shown.at_rest)
+            next_time = max(next_time + 1.0 / (AT_REST if rests else self.hub.rate), time.monotonic())
+            if self.runner.wait(next_time - time.monotonic()):
                 next_time = time.monotonic()
 
     def _show(self, state: StateMessage, report: ReportMessage | None) -> None:
@@ -277,8 +263,8 @@ class Cockpit:
                         with contextlib.suppress(CinegenError, np.linalg.LinAlgError):  # the last report stays
                             self._reports[1][name] = reporter.report(state.robots[name], state.time, wanted)
                 self._reported += 1
-            spent = time.monotonic() - begin
-            self._unreported.wait(max(1.0 / REPORTS - spent, spent * (1.0 / _SHARE - 1.0)))
+            spent, rate = time.monotonic() - begin, AT_REST if rested else REPORTS
+            self._unreported.wait(max(1.0 / rate - spent, spent * (1.0 / _SHARE - 1.0)))
             self._unreported.clear()
 
     def _watch_files(self, watched: WatchedFiles[_Drawn]) -> None:

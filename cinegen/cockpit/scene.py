@@ -7,11 +7,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Protocol
 
-import coal
 import numpy as np
 import pinocchio as pin
 from meshcat import Visualizer
-from meshcat.geometry import Box, Cylinder, Geometry, Material, Mesh, Sphere, TriangularMeshGeometry, triad
+from meshcat.geometry import Geometry, Material, Mesh, Sphere, TriangularMeshGeometry, triad
 
 from cinegen.arrays import Array, ArrayLike
 from cinegen.cockpit.graphic_file import draw_file, material, material_of
@@ -206,7 +205,7 @@ class RobotScene:
         for node, solids in shapes.items():
             frame, path = model.frames[mechanism.frame_id(node)].placement, _below(self._root, name, node)
             if len(mechanism.drawn) > _MANY:
-                plain = [solid for solid in solids if not _is_file(solid) or solid.meshPath.lower().endswith(".stl")]
+                plain = [solid for solid in solids if _ending(solid) in ("", ".stl")]
                 for mesh in merged((solid, frame.actInv(solid.placement)) for solid in plain):
                     path[f"all {mesh.material.opacity:g}"].set_object(mesh)
                 solids = [solid for solid in solids if solid not in plain]
@@ -271,31 +270,21 @@ def _extent(mechanism: Mechanism) -> Iterator[Array]:
         yield np.array([placement.translation for placement in placements])
 
 
-def _is_file(solid: pin.GeometryObject) -> bool:
-    """Return whether a shape is a mesh of a file; the path of others is their kind."""
-    return bool(solid.meshPath) and solid.meshPath not in ("BOX", "CYLINDER", "SPHERE", "CAPSULE", "CONE", "CONVEX")
+def _ending(solid: pin.GeometryObject) -> str:
+    """Return the ending of a shape's file; empty without one: then the path is its kind."""
+    return Path(solid.meshPath).suffix.lower()
 
 
 def _drawn(solid: pin.GeometryObject) -> Iterator[tuple[Geometry, Material, Array]]:
     """Yield a Pinocchio shape as geometry, material, and the transform (4, 4) between them.
 
-    Nothing for unknown shapes; several for a mesh with several colours.
+    Several for a mesh with several colours.
     """
-    geometry, extra, look = solid.geometry, np.eye(4), material_of(solid.meshColor)
-    surfaces = draw_file(Path(solid.meshPath), solid.meshColor, not solid.overrideMaterial) if _is_file(solid) else ()
-    drawn = list(surfaces)
-    if drawn:
+    extra = np.eye(4)
+    if drawn := list(draw_file(Path(solid.meshPath), solid.meshColor, not solid.overrideMaterial)):
         extra[:3, :3] = np.diag(solid.meshScale)
-        yield from ((surface, own, extra) for surface, own in drawn)
-    elif isinstance(geometry, coal.Box):
-        yield Box(2.0 * geometry.halfSide), look, extra
-    elif isinstance(geometry, coal.Sphere):
-        yield Sphere(float(geometry.radius)), look, extra
-    elif isinstance(geometry, coal.Cylinder):
-        extra[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]  # three.js's cylinders are along y
-        yield Cylinder(2.0 * float(geometry.halfLength), float(geometry.radius)), look, extra
-    elif isinstance(geometry, coal.Convex | coal.Capsule | coal.BVHModelOBBRSS):
-        yield TriangularMeshGeometry(*surface_of(solid)), look, extra
+    for surface, look in drawn or [(TriangularMeshGeometry(*surface_of(solid)), material_of(solid.meshColor))]:
+        yield surface, look, extra
 
 
 def make_page(mechanisms: Mapping[str, Mechanism]) -> tuple[Page, RobotScene]:

@@ -68,12 +68,13 @@ def _is_same_hull(exact: coal.CollisionGeometry, enclosing: coal.ShapeBase) -> b
 
 def _with_round_ends(body: Body, others: Sequence[Body]) -> Body:
     """Return the body itself; for a capsule around a cylinder between two balls, as URDFs describe one, the capsule."""
-    if body.exact is None or not (isinstance(body.exact.shape, coal.Cylinder) and isinstance(body.shape, coal.Capsule)):
+    placement, shape = body.as_described.placement, body.as_described.shape
+    ends = kind_of(shape).round_ends(shape)
+    if body.exact is None or not len(ends):
         return body
-    ends = [pin.SE3(np.eye(3), np.array([0.0, 0.0, z * body.shape.halfLength])) for z in (-1.0, 1.0)]
-    balls = [PlacedShape(body.placement * end, coal.Sphere(body.shape.radius)) for end in ends]
-    own = [other for other in others if other.joint == body.joint and isinstance(other.shape, coal.Sphere)]
-    return replace(body, exact=None) if all(any(is_inside(ball, one) for one in own) for ball in balls) else body
+    balls = [PlacedShape(placement * pin.SE3(np.eye(3), end), coal.Sphere(shape.radius)) for end in ends]
+    others = [other for other in others if other.joint == body.joint and other.exact is None]
+    return replace(body, exact=None) if all(any(is_inside(ball, one) for one in others) for ball in balls) else body
 
 
 def _outermost(bodies: Sequence[Body]) -> Iterator[Body]:

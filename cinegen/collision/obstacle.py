@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -15,10 +15,9 @@ import numpy as np
 import pinocchio as pin
 
 from cinegen.collision.body import Body
-from cinegen.collision.obstacle_kinds import pieces_of
-from cinegen.collision.scene_table import SceneTable, pose_keys
+from cinegen.collision.obstacle_kinds import KINDS, pieces_of
+from cinegen.collision.scene_table import SceneTable, pose_keys, read_each
 from cinegen.model import Mechanism
-from raff2urdf.errors import did_you_mean
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,9 +69,12 @@ def read_obstacle(table: SceneTable, number: int, folder: Path, label: str = "")
         SceneError: a value is invalid.
     """
     kind = table.text("kind")
-    name = table.text("name") if "name" in table else f"{label or kind} {number}"
-    placement, shapes = table.pose(), pieces_of(kind, table, folder)
-    table.finish()
+    name, placement, shapes, _ = read_each(
+        lambda: table.text("name") if "name" in table else f"{label or kind} {number}",
+        table.pose,
+        lambda: pieces_of(kind, table, folder),
+        table.finish if kind in KINDS else list,  # the keys of an unknown kind are not known
+    )
     pieces = tuple(Body(name if len(shapes) == 1 else f"{name}/{i}", 0, *shape) for i, shape in enumerate(shapes, 1))
     written = {key: value for key, value in table.read.items() if key not in ("name", "point", "rpy", "angle")}
     return Obstacle(name, pieces, placement, kind, written)
@@ -115,7 +117,7 @@ class Attached:
 
 
 def read_attached(
-    table: SceneTable, number: int, folder: Path, mechanism: Mechanism, end: str, obstacles: Sequence[Obstacle]
+    table: SceneTable, number: int, folder: Path, mechanism: Mechanism, end: str, obstacles: Sequence[Obstacle] | None
 ) -> Attached:
     """Return the object of a table.
 
@@ -125,20 +127,23 @@ def read_attached(
         folder: folder of the files that the table names.
         mechanism: robot.
         end: node that holds it by default.
-        obstacles: of the scene.
+        obstacles: of the scene; None if they are not known: any names may be touched then.
 
     Raises:
         SceneError: a value is invalid.
     """
-    node = table.text("node") if "node" in table else end
-    touches = tuple(table.names("touches")) if "touches" in table else ()
-    table.check_name("node", node, mechanism.nodes, f"a node of {mechanism.name}")
-    known = (*mechanism.nodes, *(obstacle.name for obstacle in obstacles))
-    for name in touches:
-        if name not in known:
-            near = did_you_mean(name, known)
-            raise table.error("touches", f"'{name}' is neither a node of {mechanism.name} nor an obstacle{near}")
-    held = read_obstacle(table, number, folder, "attached")
+    table.know("node", "touches")
+
+    def touched() -> tuple[str, ...]:
+        names = tuple(table.names("touches")) if "touches" in table else ()
+        known = (*mechanism.nodes, *(obstacle.name for obstacle in obstacles or ()))
+        what = f"a node of {mechanism.name} or an obstacle"
+        read_each(*(partial(table.check_name, "touches", name, known, what) for name in names if obstacles is not None))
+        return names
+
+    node, touches, held = read_each(
+        lambda: table.node("node", mechanism, end), touched, lambda: read_obstacle(table, number, folder, "attached")
+    )
     if not all(np.isfinite(piece.radius) for piece in held.pieces):
         raise table.error("kind", f"'{held.kind}' is unbounded: it can't be attached")
     written = {key: value for key, value in held.written.items() if key not in ("node", "touches")}

@@ -6,6 +6,7 @@ A new kind is a function here and a line in `KINDS`. The pieces are in the frame
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,11 +17,12 @@ import pinocchio as pin
 from cinegen.arrays import Array
 from cinegen.collision.body import Piece, PlacedShape
 from cinegen.collision.convex_hull import hull, is_flat, prism
+from cinegen.collision.errors import SceneError
 from cinegen.collision.links import link_bodies
 from cinegen.collision.obstacle_meshes import MOST_VOXELS, WIDEST, mesh_pieces, voxel_pieces, voxels_of
 from cinegen.collision.polygon import convex_pieces, polygon_error
-from cinegen.collision.scene_table import FURTHEST, LEAST, SceneTable
-from cinegen.errors import CinegenError, ClosureError
+from cinegen.collision.scene_table import FURTHEST, LEAST, SceneTable, read_each
+from cinegen.errors import CinegenError, ClosureError, read_all
 from cinegen.joints import kinematic_data
 from cinegen.model import load
 from raff2urdf.errors import RaffError, did_you_mean
@@ -72,14 +74,14 @@ def _box(table: SceneTable, folder: Path) -> list[PlacedShape]:
 
 def _cylinder(table: SceneTable, folder: Path) -> list[PlacedShape]:
     """Cylinder: `radius`, and its axis (see `_axis`)."""
-    placement, length = _axis(table)
-    return [PlacedShape(placement, coal.Cylinder(table.size("radius"), length))]
+    radius, (placement, length) = read_each(lambda: table.size("radius"), lambda: _axis(table))
+    return [PlacedShape(placement, coal.Cylinder(radius, length))]
 
 
 def _capsule(table: SceneTable, folder: Path) -> list[PlacedShape]:
     """Capsule: `radius`, and its axis between the centres of its round ends (see `_axis`)."""
-    placement, length = _axis(table)
-    return [PlacedShape(placement, coal.Capsule(table.size("radius"), length))]
+    radius, (placement, length) = read_each(lambda: table.size("radius"), lambda: _axis(table))
+    return [PlacedShape(placement, coal.Capsule(radius, length))]
 
 
 def _half_space(table: SceneTable, folder: Path) -> list[PlacedShape]:
@@ -89,33 +91,41 @@ def _half_space(table: SceneTable, folder: Path) -> list[PlacedShape]:
 
 def _disc(table: SceneTable, folder: Path) -> list[PlacedShape]:
     """Disc in the plane: `radius`. In space it is an upright cylinder of `height`."""
-    return [_centred(coal.Cylinder(table.size("radius"), table.size("height", HEIGHT)))]
+    sizes = read_each(lambda: table.size("radius"), lambda: table.size("height", HEIGHT))
+    return [_centred(coal.Cylinder(*sizes))]
 
 
 def _polygon(table: SceneTable, folder: Path) -> list[PlacedShape]:
     """Simple polygon in the plane, convex or not: `points`. In space it is an upright prism of `height`."""
-    points = np.array(table.points("points", 2)).reshape(-1, 2)
+    given, height = read_each(lambda: table.points("points", 2), lambda: table.size("height", HEIGHT))
+    points = np.array(given).reshape(-1, 2)
     if len(points) > 1 and (points[0] == points[-1]).all():  # the first point may be repeated at the end
         points = points[:-1]
     why = polygon_error(points)
     if why is not None:
         raise table.error("points", why)
-    height = table.size("height", HEIGHT)
     return [_centred(prism(corners, height).shape) for corners in convex_pieces(points)]
 
 
 def _mesh(table: SceneTable, folder: Path) -> list[Piece]:
     """Mesh, convex or not: `file`, and `scale`, m in its unit of length; or `vertices` and `triangles`, three indices
     each. Closed parts are solid, open ones surfaces. `convex = "hull"` replaces it by its convex hull."""
-    scale = table.size("scale", 1.0)
-    take_hull = "convex" in table
-    if take_hull and table.text("convex") != "hull":
-        raise table.error("convex", f"can only be 'hull', not '{table.read['convex']}'")
-    if "vertices" in table:
-        key, mesh = "vertices", _mesh_of(table, scale)
-    else:
-        key, mesh = "file", _read_mesh(table, table.file("file", folder), scale)
-    if not take_hull:
+    key = "vertices" if "vertices" in table else "file"
+    values: dict[str, Any] = {"scale": 1.0}
+
+    def take_hull() -> bool:
+        if "convex" in table and table.text("convex") != "hull":
+            raise table.error("convex", f"can only be 'hull', not '{table.read['convex']}'")
+        return "convex" in table
+
+    def triangles() -> trimesh.Trimesh:
+        scale = values["scale"]
+        return _mesh_of(table, scale) if key == "vertices" else _read_mesh(table, table.file("file", folder), scale)
+
+    reads = {"scale": lambda: table.size("scale", 1.0), "convex": take_hull, "mesh": triangles}
+    read_all(reads, SceneError, values)
+    mesh: trimesh.Trimesh = values["mesh"]
+    if not values["convex"]:
         return mesh_pieces(mesh)
     if is_flat(np.asarray(mesh.vertices, dtype=float)):
         raise table.error(key, "has no volume, it is flat: leave out convex = 'hull'")
@@ -126,11 +136,13 @@ def _points(table: SceneTable, folder: Path) -> list[Piece]:
     """Point cloud: `file`, and `scale`, m in its unit of length; or `points`. Each cube of a grid, of the size `voxel`
     (0.02 m), that contains a point is solid: distances are never overestimated, and underestimated by a diagonal of
     the cube at most."""
-    size, scale = table.size("voxel", VOXEL), table.size("scale", 1.0)
-    if "points" in table:
-        key, points = "points", scale * table.array("points", 3)
-    else:
-        key, points = "file", scale * _read_points(table, table.file("file", folder))
+    key = "points" if "points" in table else "file"
+    size, scale, given = read_each(
+        lambda: table.size("voxel", VOXEL),
+        lambda: table.size("scale", 1.0),
+        lambda: table.array(key, 3) if key == "points" else _read_points(table, table.file(key, folder)),
+    )
+    points = scale * given
     bad = int((~np.isfinite(points)).any(axis=1).sum())
     if bad:
         raise table.error(key, f"has {bad} points that are not finite: remove them")
@@ -148,6 +160,7 @@ def _points(table: SceneTable, folder: Path) -> list[Piece]:
 def _robot(table: SceneTable, folder: Path) -> list[Piece]:
     """Another robot, at rest: `file`, and `joints`, the values of some of its joints, the others at home. With
     loops, the named joints keep their values, and the others follow."""
+    table.know("joints")
     path = table.robot_file("file", folder)
     try:
         mechanism = load(path)
@@ -158,12 +171,13 @@ def _robot(table: SceneTable, folder: Path) -> list[Piece]:
     if "joints" in table:
         joints = table.table("joints")
         joints.know(*mechanism.joints)
-        joints.finish()
-        values = {
-            name: joints.number(name, LENGTH if mechanism.is_prismatic(name) else ANGLE)
+        reads: dict[str, Callable[[], Any]] = {
+            name: partial(joints.number, name, LENGTH if mechanism.is_prismatic(name) else ANGLE)
             for name in mechanism.joints
             if name in joints
         }
+        values = read_all(reads | {"": joints.finish}, SceneError)
+        del values[""]
         try:
             q = mechanism.close(mechanism.configuration(values), locked=values)
         except ClosureError as error:
@@ -249,8 +263,8 @@ def _mesh_of(table: SceneTable, scale: float) -> trimesh.Trimesh:
     """Return the triangles of `vertices` and `triangles`, m."""
     import trimesh
 
-    vertices, triangles = scale * table.array("vertices", 3), table.array("triangles", 3)
-    indices = triangles.astype(np.int64)
+    vertices, triangles = read_each(lambda: table.array("vertices", 3), lambda: table.array("triangles", 3))
+    vertices, indices = scale * vertices, triangles.astype(np.int64)
     if not len(indices) or (indices != triangles).any() or indices.min() < 0 or indices.max() >= len(vertices):
         raise table.error(
             "triangles", f"must be indices of vertices, from 0 to {len(vertices) - 1}, at least one triple"

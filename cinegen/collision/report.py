@@ -67,7 +67,8 @@ def excess(body: Body) -> float:
     than a thousand points of the surface."""
     if body.exact is None:
         return 0.0
-    triangles = kind_of(body.shape).surface(body.shape)
+    corners, faces = kind_of(body.shape).surface(body.shape)
+    triangles = corners[faces]
     while len(triangles) < _POINTS:
         triangles = _quartered(triangles)
     points = np.concatenate([triangles.mean(axis=1), np.unique(triangles.reshape(-1, 3), axis=0)])

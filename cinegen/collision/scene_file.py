@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -19,13 +19,13 @@ from cinegen.collision.errors import SceneError
 from cinegen.collision.mobile_robot import X, Y, mobile_robot
 from cinegen.collision.obstacle import Attached, Obstacle, read_attached, read_obstacle
 from cinegen.collision.scene import UNCONSTRAINED, PathConstraints, Scene, heading, unmoving_joints
-from cinegen.collision.scene_table import LEAST, SceneTable, about_z, read_all
-from cinegen.errors import CinegenError, ClosureError
+from cinegen.collision.scene_table import LEAST, SceneTable, about_z, read_each
+from cinegen.errors import CinegenError, ClosureError, read_all
 from cinegen.model import Mechanism
 from cinegen.model.load import load_with
 from cinegen.model.plausible import FAR, ImplausibleError, check_joint, check_lengths
 from cinegen.tolerances import AT_LIMIT
-from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.errors import RaffError
 from raff2urdf.files import STANDARD, stem_of
 from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, shown
 from raff2urdf.readers.options import ReadOptions
@@ -113,51 +113,46 @@ def _scene(
     settings: _Settings = MappingProxyType({}),
 ) -> Scene:
     table.know("node", "robot", "mobile", "allowed_collisions", "locked", "path", "weights", "attached")
-    given_values = read_all(
-        {
-            "name": lambda: table.text("name") if "name" in table else name,
-            "distances": lambda: _distances(table),
-            "up": lambda: table.direction("up", 3) if "up" in table else None,
-            "obstacles": lambda: _obstacles(table, folder),
-            "start": lambda: table.table("start") if "start" in table else SceneTable({}, f"{table.where}: start"),
-            "goal": lambda: _goal_table(table),
-            "rest": table.finish,  # before the robot is loaded, which may take a while
-        }
-    )
-    name, up, obstacles, start, goal = (given_values[key] for key in ("name", "up", "obstacles", "start", "goal"))
-    safety, own, influence = given_values["distances"]
-
-    mechanism, written, radius = _robot(table, folder, given, settings)
-    node = table.text("node") if "node" in table else mechanism.end
-    table.check_name("node", node, mechanism.nodes, f"a node of {mechanism.name}")
-    allowed = _allowed(table, mechanism)
-    if radius is None:
-        _check_lengths(table, mechanism, safety, influence, obstacles)
-    q = _mobile_start(start) if radius is not None else _configuration(start, mechanism, np.array(mechanism.q_home))
-    q.flags.writeable = False
-    joints, end, region = tuple[str, ...](), None, _Region(None, None)
-    if "path" in table and radius is not None:
-        raise table.error("path", "is for robots: a mobile robot has no constraints along its path")
-    constraints = _path_constraints(table.table("path")) if "path" in table else UNCONSTRAINED
-    if "joints" in goal:
-        joints = tuple(goal.table("joints"))
-        if not joints:
-            raise goal.error("joints", "is empty: name the joints whose values are the goal")
-        end = _configuration(goal, mechanism, q.copy())
-        end.flags.writeable = False
-        aim = mechanism.placement(end, node), 3, 3
-    else:
-        region = _region(goal)
-        aim = _goal(goal, mechanism if radius is None else None, mechanism.placement(q, node))
-    locked = _locked(table, mechanism, joints) if "locked" in table else unmoving_joints(mechanism, node, joints)
-    attached = _attached(table, folder, mechanism, node, obstacles) if "attached" in table else ()
-    if attached and radius is not None:
-        raise table.error("attached", "is for robots: nothing is attached to a mobile robot")
-    weights = _weights(table.table("weights"), mechanism) if "weights" in table else {}
+    values = dict[str, Any]()
+    reads = {
+        "name": lambda: table.text("name") if "name" in table else name,
+        "distances": lambda: _distances(table),
+        "up": lambda: table.direction("up", 3) if "up" in table else None,
+        "obstacles": lambda: _obstacles(table, folder),
+        "start": lambda: table.table("start") if "start" in table else SceneTable({}, f"{table.where}: start"),
+        "goal": lambda: _goal_table(table),
+        "rest": table.finish,
+        "robot": lambda: _robot(table, folder, given, settings),
+        "of robot": lambda: _read_of_robot(table, folder, values) if "robot" in values else None,
+    }
+    read_all(reads, SceneError, values)
+    safety, own, influence = values["distances"]
+    mechanism, written, radius = values["robot"]
+    goal, translation, rotation = values["aim"].pose
     return Scene(
-        name, path, folder, mechanism, written, radius, obstacles, q, node, *aim, safety, influence, up, allowed,
-        joints, end, locked, *region, constraints, own, attached, weights,
+        values["name"], path, folder, mechanism, written, radius, values["obstacles"], values["start q"],
+        values["node"], goal, translation, rotation, safety, influence, values["up"], values["allowed"],
+        values["aim"].joints, values["aim"].q, values["locked"], values["aim"].tolerance, values["aim"].cone,
+        values["path"], own, values["attached"], values["weights"],
     )  # fmt: skip
+
+
+def _read_of_robot(table: SceneTable, folder: Path, values: dict[str, Any]) -> None:
+    """Add to the values of a scene those that need its robot, which is one of them."""
+    mechanism, _, radius = values["robot"]
+    values |= {"node": mechanism.end, "aim": _Aim(())}
+    reads: dict[str, Callable[[], Any]] = {
+        "node": lambda: table.node("node", mechanism),
+        "allowed": lambda: _allowed(table, mechanism),
+        "lengths": lambda: _check_lengths(table, mechanism, values) if radius is None else None,
+        "path": lambda: _path_constraints(table, radius),
+        "start q": lambda: _start(values["start"], mechanism, radius) if "start" in values else None,
+        "aim": lambda: _aim(values["goal"], mechanism, radius, values) if "goal" in values else _Aim(()),
+        "locked": lambda: _locked(table, mechanism, values["node"], values["aim"][0]),
+        "attached": lambda: _attached(table, folder, mechanism, radius, values),
+        "weights": lambda: _weights(table, mechanism),
+    }
+    read_all(reads, SceneError, values)
 
 
 def _distances(table: SceneTable) -> tuple[float, float, float | None]:
@@ -189,52 +184,72 @@ def _obstacles(table: SceneTable, folder: Path) -> tuple[Obstacle, ...]:
             raise each.error("name", f"'{obstacle.name}' is used by another obstacle")
         obstacles[obstacle.name] = obstacle
 
-    read_all({str(i): partial(add, each, i) for i, each in enumerate(table.tables("obstacle"), 1)})
+    read_each(*(partial(add, each, i) for i, each in enumerate(table.tables("obstacle"), 1)))
     return tuple(obstacles.values())
 
 
 def _attached(
-    table: SceneTable, folder: Path, mechanism: Mechanism, node: str, obstacles: Sequence[Obstacle]
+    table: SceneTable, folder: Path, mechanism: Mechanism, radius: float | None, values: Mapping[str, Any]
 ) -> tuple[Attached, ...]:
     """Return the objects that the robot holds, by default at the node that is to reach the goal."""
-    objects, names = list[Attached](), {obstacle.name for obstacle in obstacles} | set(mechanism.nodes)
-    for number, each in enumerate(table.tables("attached"), 1):
-        held = read_attached(each, number, folder, mechanism, node, obstacles)
+    if "attached" not in table:
+        return ()
+    if radius is not None:
+        raise table.error("attached", "is for robots: nothing is attached to a mobile robot")
+    obstacles: Sequence[Obstacle] | None = values.get("obstacles")
+    objects, names = list[Attached](), {obstacle.name for obstacle in obstacles or ()} | set(mechanism.nodes)
+
+    def add(each: SceneTable, number: int) -> None:
+        held = read_attached(each, number, folder, mechanism, values["node"], obstacles)
         if held.name in names:
             raise each.error("name", f"'{held.name}' is used by another object or node")
         names.add(held.name)
         objects.append(held)
+
+    read_each(*(partial(add, each, i) for i, each in enumerate(table.tables("attached"), 1)))
     return tuple(objects)
 
 
 def _weights(table: SceneTable, mechanism: Mechanism) -> dict[str, float]:
     """Return weights above 0, by the names of joints."""
-    for name in table:
-        if name not in mechanism.joints:
-            raise table.error(f"'{name}'", f"is not a joint of {mechanism.name}{did_you_mean(name, mechanism.joints)}")
-    weights = {name: table.number(name, NUMBER) for name in mechanism.joints if name in table}
-    for name, weight in weights.items():
-        if not 1e-2 <= weight <= 1e2:
-            raise table.error(name, f"must be a weight from 0.01 to 100, not {weight:g}")
-    return weights
+    if "weights" not in table:
+        return {}
+    inner = table.table("weights")
+
+    def weight(name: str) -> float:
+        inner.check_name("", name, mechanism.joints, f"a joint of {mechanism.name}")
+        value = inner.number(name, NUMBER)
+        if not 1e-2 <= value <= 1e2:
+            raise inner.error(name, f"must be a weight from 0.01 to 100, not {value:g}")
+        return value
+
+    return read_all({name: partial(weight, name) for name in inner}, SceneError)
 
 
 def _allowed(table: SceneTable, mechanism: Mechanism) -> tuple[tuple[str, str], ...]:
     """Return the pairs of nodes that are not checked against each other."""
     pairs = table.pairs("allowed_collisions") if "allowed_collisions" in table else []
-    for pair in pairs:
-        for name in pair:
-            table.check_name("allowed_collisions", name, mechanism.nodes, f"a node of {mechanism.name}")
+
+    def check(pair: Sequence[str]) -> tuple[str, str]:
+        _check_names(table, "allowed_collisions", pair, mechanism.nodes, f"a node of {mechanism.name}")
         if pair[0] == pair[1]:
             raise table.error("allowed_collisions", f"names '{pair[0]}' twice in one pair: name two nodes")
-    return tuple((first, second) for first, second in pairs)
+        return pair[0], pair[1]
+
+    return tuple(read_each(*(partial(check, pair) for pair in pairs)))
 
 
-def _locked(table: SceneTable, mechanism: Mechanism, goal: Sequence[str]) -> tuple[str, ...]:
-    """Return the joints that keep their values of the start."""
+def _check_names(table: SceneTable, key: str, names: Sequence[str], known: Sequence[str], what: str) -> None:
+    read_each(*(partial(table.check_name, key, name, known, what) for name in names))
+
+
+def _locked(table: SceneTable, mechanism: Mechanism, node: str, goal: Sequence[str]) -> tuple[str, ...]:
+    """Return the joints that keep their values of the start: by default those that don't move the node."""
+    if "locked" not in table:
+        return unmoving_joints(mechanism, node, goal)
     names = table.names("locked")
+    _check_names(table, "locked", names, mechanism.joints, f"a joint of {mechanism.name}")
     for name in names:
-        table.check_name("locked", name, mechanism.joints, f"a joint of {mechanism.name}")
         if name in goal:
             raise table.error("locked", f"'{name}' is also a joint of the goal: remove it from one of them")
     return tuple(names)
@@ -302,17 +317,15 @@ def _load(table: SceneTable, key: str, folder: Path, settings: _Settings) -> Mec
 _FAR_OBSTACLE = 100.0  # times the reach
 
 
-def _check_lengths(
-    table: SceneTable, robot: Mechanism, safety: float, influence: float | None, obstacles: tuple[Obstacle, ...]
-) -> None:
+def _check_lengths(table: SceneTable, robot: Mechanism, values: Mapping[str, Any]) -> None:
     """Refuse distances and obstacles that would fit in mm only."""
-    _check_length(table, robot, "safety", [safety], 1.0)
-    if influence is not None:
-        _check_length(table, robot, "influence", [influence])
-    for obstacle in obstacles:
-        _check_length(
-            table, robot, f"obstacle '{obstacle.name}'", obstacle.placement.translation.tolist(), _FAR_OBSTACLE
-        )
+    safety, _, influence = values.get("distances", (None,) * 3)
+    lengths = {"safety": ([safety], 1.0), "influence": ([influence], FAR)} if safety is not None else {}
+    if influence is None:
+        lengths.pop("influence", None)
+    for obstacle in values.get("obstacles", ()):
+        lengths[f"obstacle '{obstacle.name}'"] = obstacle.placement.translation.tolist(), _FAR_OBSTACLE
+    read_each(*(partial(_check_length, table, robot, name, *of) for name, of in lengths.items()))
 
 
 def _check_length(table: SceneTable, robot: Mechanism, name: str, values: list[float], far: float = FAR) -> None:
@@ -325,11 +338,16 @@ def _check_length(table: SceneTable, robot: Mechanism, name: str, values: list[f
 # --- start and goal ----------------------------------------------------------------------------------------------
 
 
-def _mobile_start(table: SceneTable) -> Array:
-    """Return the configuration of a mobile robot at `point`, the origin by default."""
-    x, y = table.vector("point", 2).tolist() if "point" in table else (0.0, 0.0)
-    table.finish()
-    return mobile_robot().configuration({X: x, Y: y})
+def _start(table: SceneTable, mechanism: Mechanism, radius: float | None) -> Array:
+    """Return the configuration (nq,) of a start: of a mobile robot at `point`, the origin by default."""
+    if radius is None:
+        q = _configuration(table, mechanism, np.array(mechanism.q_home))
+    else:
+        x, y = table.vector("point", 2).tolist() if "point" in table else (0.0, 0.0)
+        table.finish()
+        q = mobile_robot().configuration({X: x, Y: y})
+    q.flags.writeable = False
+    return q
 
 
 def _configuration(table: SceneTable, mechanism: Mechanism, home: Array) -> Array:
@@ -343,10 +361,9 @@ def _configuration(table: SceneTable, mechanism: Mechanism, home: Array) -> Arra
     Raises:
         SceneError: a joint is unknown or beyond its limits, or the loops can't be closed.
     """
-    values = _joint_values(table.table("joints"), mechanism) if "joints" in table else {}
-    if mechanism.floating and ("point" in table or "rpy" in table or "angle" in table):
-        home[:7] = pin.SE3ToXYZQUAT(table.pose())
-    table.finish()
+    values, placement = _given(table, mechanism)
+    if placement is not None:
+        home[:7] = pin.SE3ToXYZQUAT(placement)
     q = mechanism.configuration(values, home)
     if mechanism.is_constrained:
         try:
@@ -366,21 +383,32 @@ def _configuration(table: SceneTable, mechanism: Mechanism, home: Array) -> Arra
     return q
 
 
+def _given(table: SceneTable, mechanism: Mechanism) -> tuple[dict[str, float | Array], pin.SE3 | None]:
+    """Return the `joints` of a start or a goal, by their names, and the pose of a floating base, if it has one."""
+    is_placed = mechanism.floating and ("point" in table or "rpy" in table or "angle" in table)
+    values, placement, _ = read_each(
+        lambda: _joint_values(table.table("joints"), mechanism) if "joints" in table else {},
+        lambda: table.pose() if is_placed else None,
+        table.finish,
+    )
+    return values, placement
+
+
 def _joint_values(table: SceneTable, mechanism: Mechanism) -> dict[str, float | Array]:
-    known, values = (*mechanism.joints, *mechanism.balls), dict[str, float | Array]()
-    for name in table:
-        if name not in known:
-            raise table.error(f"'{name}'", f"is not a joint of {mechanism.name}{did_you_mean(name, known)}")
-    for name in table:
+    known = (*mechanism.joints, *mechanism.balls)
+
+    def value(name: str) -> float | Array:
+        table.check_name("", name, known, f"a joint of {mechanism.name}")
         if name in mechanism.balls:
-            values[name] = table.vector(name, 4, dimension=NUMBER)
-            continue
-        values[name] = value = table.number(name, LENGTH if mechanism.is_prismatic(name) else ANGLE)
+            return table.vector(name, 4, dimension=NUMBER)
+        number = table.number(name, LENGTH if mechanism.is_prismatic(name) else ANGLE)
         try:
-            check_joint(mechanism, name, [value])
+            check_joint(mechanism, name, [number])
         except ImplausibleError as error:
             raise SceneError(f"{table.where}: {error}") from None
-    return values
+        return number
+
+    return read_all({name: partial(value, name) for name in table}, SceneError)
 
 
 def _closed(mechanism: Mechanism, home: Array, q: Array, is_guess: bool) -> Array:
@@ -400,6 +428,35 @@ def _closed(mechanism: Mechanism, home: Array, q: Array, is_guess: bool) -> Arra
     return mechanism.close(q, locked=mechanism.actuated)
 
 
+class _Aim(NamedTuple):
+    """`Scene.goal_joints` and `goal_configuration`, `goal` with `translation` and `rotation`, `tolerance`, `cone`."""
+
+    joints: tuple[str, ...]
+    q: Array | None = None
+    pose: tuple[pin.SE3, int, int] | None = None
+    tolerance: Array | None = None
+    cone: float | None = None
+
+
+def _aim(table: SceneTable, mechanism: Mechanism, radius: float | None, values: Mapping[str, Any]) -> _Aim:
+    """Return the goal: `joints`, or a pose and its region. Without a start only names and values are checked."""
+    q, node = values.get("start q"), values["node"]
+    if "joints" not in table:
+        pose = pin.SE3.Identity() if q is None else mechanism.placement(q, node)
+        robot = mechanism if radius is None else None
+        goal, region, _ = read_each(lambda: _goal(table, robot, pose), lambda: _region(table), table.finish)
+        return _Aim((), None, goal, *region)
+    joints = tuple(table.table("joints"))
+    if not joints:
+        raise table.error("joints", "is empty: name the joints whose values are the goal")
+    if q is None:
+        _given(table, mechanism)
+        return _Aim(joints)
+    end = _configuration(table, mechanism, q.copy())
+    end.flags.writeable = False
+    return _Aim(joints, end, (mechanism.placement(end, node), 3, 3))
+
+
 def _goal(table: SceneTable, robot: Mechanism | None, node: pin.SE3) -> tuple[pin.SE3, int, int]:
     """Return the goal pose, and how many of its translations and rotations count (see `Scene`).
 
@@ -411,48 +468,63 @@ def _goal(table: SceneTable, robot: Mechanism | None, node: pin.SE3) -> tuple[pi
         robot: whose reach the point is compared with; None for a mobile robot.
         node: pose of the node at the start: what does not count stays as it is there.
     """
-    given = table.vector("point", 2, 3)
-    if robot is not None:
-        _check_length(table, robot, "point", given.tolist())
-    point = np.array([*given, node.translation[2]])[:3]
-    rotation, count = table.orientation(), 3 if "rpy" in table else int("angle" in table)
-    if count == 1:
+
+    def point() -> Array:
+        given = table.vector("point", 2, 3)
+        if robot is not None:
+            _check_length(table, robot, "point", given.tolist())
+        return given
+
+    def rotation() -> tuple[Array, int]:
+        turned, count = table.orientation(), 3 if "rpy" in table else int("angle" in table)
+        if count != 1:
+            return turned, count
         if np.linalg.norm(node.rotation[:2, 0]) < LEAST:
             raise table.error("angle", "is undefined: the node's x axis is vertical at the start; write rpy")
-        rotation = about_z(table.number("angle", ANGLE) - heading(node)) @ node.rotation
-    table.finish()
-    return pin.SE3(rotation, point), len(given), count
+        return about_z(table.number("angle", ANGLE) - heading(node)) @ node.rotation, 1
+
+    given, (turned, count) = read_each(point, rotation)
+    return pin.SE3(turned, np.array([*given, node.translation[2]])[:3]), len(given), count
 
 
-class _Region(NamedTuple):
-    """`Scene.tolerance` and `Scene.cone`."""
-
-    tolerance: Array | None
-    cone: float | None
-
-
-def _region(table: SceneTable) -> _Region:
+def _region(table: SceneTable) -> tuple[Array | None, float | None]:
     """Return `tolerance`, half of the size of a box about the goal's point, m; and `cone`, rad."""
-    tolerance = table.vector("tolerance", 3) if "tolerance" in table else None
-    if tolerance is not None and (tolerance < 0.0).any():
-        raise table.error("tolerance", f"must not be below 0, not {tolerance.tolist()}")
-    cone = table.number("cone", ANGLE) if "cone" in table else None
-    if cone is not None and not 0.0 <= cone <= np.pi:
-        raise table.error("cone", f"must be an angle from 0 to 180 deg, not {shown(cone, ANGLE, 6)}")
-    if cone is not None and "rpy" not in table:
-        raise table.error("cone", "needs rpy: its axis is z of the goal's orientation")
-    if (tolerance is not None or cone is not None) and "angle" in table:
+
+    def tolerance() -> Array | None:
+        size = table.vector("tolerance", 3) if "tolerance" in table else None
+        if size is not None and (size < 0.0).any():
+            raise table.error("tolerance", f"must not be below 0, not {size.tolist()}")
+        return size
+
+    def cone() -> float | None:
+        angle = table.number("cone", ANGLE) if "cone" in table else None
+        if angle is not None and not 0.0 <= angle <= np.pi:
+            raise table.error("cone", f"must be an angle from 0 to 180 deg, not {shown(angle, ANGLE, 6)}")
+        if angle is not None and "rpy" not in table:
+            raise table.error("cone", "needs rpy: its axis is z of the goal's orientation")
+        return angle
+
+    box, angle = read_each(tolerance, cone)
+    if (box is not None or angle is not None) and "angle" in table:
         raise table.error("angle", "cannot be combined with a region: write rpy, and cone, or leave it out")
-    return _Region(tolerance, cone)
+    return box, angle
 
 
-def _path_constraints(table: SceneTable) -> PathConstraints:
+def _path_constraints(table: SceneTable, radius: float | None) -> PathConstraints:
     """Return `upright`, and the direction of a `line` or the normal of a `plane`."""
-    upright = table.flag("upright") if "upright" in table else False
-    line, plane = (table.direction(key, 3) if key in table else None for key in ("line", "plane"))
+    if "path" not in table:
+        return UNCONSTRAINED
+    if radius is not None:
+        raise table.error("path", "is for robots: a mobile robot has no constraints along its path")
+    inner = table.table("path")
+    upright, line, plane, _ = read_each(
+        lambda: "upright" in inner and inner.flag("upright"),
+        lambda: inner.direction("line", 3) if "line" in inner else None,
+        lambda: inner.direction("plane", 3) if "plane" in inner else None,
+        inner.finish,
+    )
     if line is not None and plane is not None:
-        raise table.error("plane", "cannot be combined with line: remove one of them")
-    table.finish()
+        raise inner.error("plane", "cannot be combined with line: remove one of them")
     return PathConstraints(upright, line, plane)
 
 

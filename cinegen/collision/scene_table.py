@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from numbers import Real
 from pathlib import Path
 from typing import Any, TypeVar
@@ -13,7 +14,9 @@ import pinocchio as pin
 
 from cinegen.arrays import Array
 from cinegen.collision.errors import SceneError
-from raff2urdf.errors import SHOWN, did_you_mean, near_names
+from cinegen.errors import read_all
+from cinegen.model import Mechanism
+from raff2urdf.errors import did_you_mean, near_names
 from raff2urdf.files import note
 from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, Dimension, QuantityError, parse
 from raff2urdf.shipped import robots, similar_file
@@ -70,18 +73,26 @@ class SceneTable:
     def finish(self) -> None:
         """Raise SceneError if a key is unknown. Call it after all valid keys were asked for."""
         unknown = [key for key in self._values if key not in self._known]
-        if unknown:
-            lines = [f"{self.where}: unknown key '{key}'{did_you_mean(key, self._known)}" for key in unknown]
-            raise SceneError("\n".join(lines[:SHOWN]))
+        read_each(*(partial(self._refuse, key) for key in unknown))
+
+    def _refuse(self, key: str) -> None:
+        raise SceneError(f"{self.where}: unknown key '{key}'{did_you_mean(key, self._known)}")
 
     def error(self, key: str, why: str) -> SceneError:
         """Return the error that reports what is wrong with a key."""
         return SceneError(f"{self.where}: {key} {why}")
 
-    def check_name(self, key: str, name: str, known: Sequence[str], what: str) -> None:
-        """Raise SceneError if the name in a key is not among the known ones."""
+    def node(self, key: str, mechanism: Mechanism, default: str = "") -> str:
+        """Return the name of a node; the default, or else the end, where the key is missing."""
+        if key not in self:
+            return default or mechanism.end
+        return self.check_name(key, self.text(key), mechanism.nodes, f"a node of {mechanism.name}")
+
+    def check_name(self, key: str, name: str, known: Sequence[str], what: str) -> str:
+        """Return the name in a key, or with "" the key itself, which must be among the known ones."""
         if name not in known:
-            raise self.error(key, f"'{name}' is not {what}{did_you_mean(name, known)}")
+            raise self.error(f"{key} '{name}'".lstrip(), f"is not {what}{did_you_mean(name, known)}")
+        return name
 
     # --- values --------------------------------------------------------------------------------------------------
 
@@ -199,8 +210,10 @@ class SceneTable:
 
     def pose(self) -> pin.SE3:
         """Return the pose given by `point` (with two numbers z is 0), m, and the orientation; identity by default."""
-        point = self.vector("point", 2, 3) if "point" in self else np.zeros(3)
-        return pin.SE3(self.orientation(), np.pad(point, (0, 3 - len(point))))
+        point, rotation = read_each(
+            lambda: self.vector("point", 2, 3) if "point" in self else np.zeros(3), self.orientation
+        )
+        return pin.SE3(rotation, np.pad(point, (0, 3 - len(point))))
 
     def orientation(self) -> Array:
         """Return the rotation (3, 3) given by `rpy`, rotations about the fixed x, y and z axes as in a URDF, or by
@@ -247,6 +260,7 @@ class SceneTable:
         if key in self:
             return self._values[key]
         near = near_names(key, [other for other in self._values if other not in self._known])
+        self.know(*near[:1])
         raise self.error(key, f"is missing: is '{near[0]}' misspelled?" if near else "is missing")
 
     def _number(self, key: str, value: Any, dimension: Dimension = LENGTH) -> float:
@@ -285,21 +299,9 @@ class SceneTable:
         return number
 
 
-def read_all(reads: Mapping[str, Callable[[], Any]]) -> dict[str, Any]:
-    """Return what functions that don't need each other return, by their names.
-
-    Raises:
-        SceneError: with the messages of all that fail, a line each.
-    """
-    found, errors = dict[str, Any](), list[str]()
-    for name, read in reads.items():
-        try:
-            found[name] = read()
-        except SceneError as error:
-            errors += str(error).split("\n")
-    if errors:
-        raise SceneError("\n".join(errors[:SHOWN]))
-    return found
+def read_each(*reads: Callable[[], Any]) -> list[Any]:
+    """Return what functions return that don't need each other; see `read_all`."""
+    return [*read_all({str(number): read for number, read in enumerate(reads)}, SceneError).values()]
 
 
 def about_z(angle: float) -> Array:

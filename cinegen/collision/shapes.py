@@ -8,17 +8,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from itertools import product
+from functools import cache
+from itertools import pairwise, product
 from typing import Any
 
 import coal
 import numpy as np
 import pinocchio as pin
 
-from cinegen.arrays import Array
+from cinegen.arrays import Array, ArrayLike
 from cinegen.collision.capsule import BoundingCapsule, bounding_capsule
 from cinegen.collision.convex_hull import Hull, hull, simplified
-from cinegen.collision.triangle_mesh import TriangleMesh, tree_of
+from cinegen.collision.triangle_mesh import Surface, TriangleMesh, faceted, tree_of
 
 SIDES = 32
 """Sides of the prism around a cylinder: it is half a percent thicker than that."""
@@ -52,6 +53,10 @@ class ShapeKind:
         another."""
         return None
 
+    def round_ends(self, shape: Any) -> Array:
+        """Return the centres (n, 3) of the balls, of its radius, that make it a capsule; none of most kinds."""
+        return np.zeros((0, 3))
+
     def outside(self, shape: Any, points: Array) -> Array:
         """Return how far points (n, 3) are outside at least (n,); negative inside, infinite where it is not known.
 
@@ -80,11 +85,9 @@ class ShapeKind:
         """Return the shape of some numbers."""
         return hull(np.reshape(numbers, (-1, 3))).shape
 
-    def surface(self, shape: Any) -> Array:
-        """Return the triangles (n, 3, 3) of its surface; of an inscribed polyhedron where it is round."""
-        import trimesh  # takes 0.5 s
-
-        return np.array(trimesh.convex.convex_hull(rounded_hull(shape)[0]).triangles)
+    def surface(self, shape: Any, sides: int = SIDES) -> Surface:
+        """Return its surface as triangles; where it is round, with so many sides."""
+        return _facets(hull(rounded_hull(shape, sides)[0]).shape)
 
     def stretched(self, shape: Any, factor: float) -> coal.ShapeBase:
         """Return the shape stretched along z."""
@@ -114,10 +117,8 @@ class _Sphere(ShapeKind):
     def made(self, numbers: Sequence[float]) -> coal.CollisionGeometry:
         return coal.Sphere(*numbers)
 
-    def surface(self, shape: Any) -> Array:
-        import trimesh
-
-        return np.array(trimesh.creation.icosphere(subdivisions=3, radius=shape.radius).triangles)
+    def surface(self, shape: Any, sides: int = SIDES) -> Surface:
+        return _turned(sides, _arc(shape.radius, 0.0, sides))
 
 
 class _OfRevolution(ShapeKind):
@@ -150,11 +151,8 @@ class _Capsule(_OfRevolution):
         beyond[:, 2] -= np.clip(points[:, 2], -shape.halfLength, shape.halfLength)
         return np.asarray(np.linalg.norm(beyond, axis=1) - shape.radius)
 
-    def surface(self, shape: Any) -> Array:
-        import trimesh
-
-        made = trimesh.creation.capsule(height=2.0 * shape.halfLength, radius=shape.radius, count=[SIDES, SIDES])
-        return np.asarray(made.triangles - made.bounds.mean(axis=0))  # some versions of trimesh begin at the origin
+    def surface(self, shape: Any, sides: int = SIDES) -> Surface:
+        return _turned(sides, _arc(shape.radius, shape.halfLength, sides))
 
 
 class _Cylinder(_OfRevolution):
@@ -165,6 +163,9 @@ class _Cylinder(_OfRevolution):
     def ball(self, shape: Any) -> tuple[Array, float]:
         return np.zeros(3), float(np.hypot(shape.halfLength, shape.radius) + shape.getSweptSphereRadius())
 
+    def round_ends(self, shape: Any) -> Array:
+        return self.axis(shape)
+
     def outside(self, shape: Any, points: Array) -> Array:
         across = np.hypot(points[:, 0], points[:, 1]) - shape.radius
         return np.asarray(np.maximum(across, np.abs(points[:, 2]) - shape.halfLength))
@@ -172,6 +173,10 @@ class _Cylinder(_OfRevolution):
     def convex(self, shape: Any) -> tuple[BoundingCapsule | None, coal.ShapeBase, float]:
         # URDFs that describe a capsule by a cylinder and two spheres get a single body
         return _along(2, shape.radius, shape.halfLength), shape, shape.computeVolume()
+
+    def surface(self, shape: Any, sides: int = SIDES) -> Surface:
+        low, high = [shape.radius, -shape.halfLength], [shape.radius, shape.halfLength]
+        return _turned(sides, [[0.0, low[1]], low], [low, high], [high, [0.0, high[1]]])
 
 
 class _Cone(ShapeKind):
@@ -203,6 +208,10 @@ class _Box(ShapeKind):
     def made(self, numbers: Sequence[float]) -> coal.CollisionGeometry:
         return coal.Box(np.array(numbers))
 
+    def surface(self, shape: Any, sides: int = SIDES) -> Surface:
+        corners, faces = _cube()
+        return corners * shape.halfSide, faces
+
     def stretched(self, shape: Any, factor: float) -> coal.ShapeBase:
         return coal.Box(2.0 * shape.halfSide * np.array([1.0, 1.0, factor]))
 
@@ -232,14 +241,14 @@ class _Mesh(ShapeKind):
         return f"mesh of {shape.num_tris} triangles"
 
     def numbers(self, shape: Any) -> Array:
-        return self.surface(shape).ravel()
+        return TriangleMesh(shape).corners.ravel()
 
     def made(self, numbers: Sequence[float]) -> coal.CollisionGeometry:
         corners = np.reshape(numbers, (-1, 3))
         return tree_of(corners, np.arange(len(corners)).reshape(-1, 3))
 
-    def surface(self, shape: Any) -> Array:
-        return TriangleMesh(shape).corners
+    def surface(self, shape: Any, sides: int = SIDES) -> Surface:
+        return faceted(TriangleMesh(shape).corners)
 
 
 SHAPES: Mapping[type, ShapeKind] = {
@@ -314,3 +323,41 @@ def _circumscribed(radius: float, sides: int) -> Array:
 def _along(axis: int, radius: float, half: float) -> BoundingCapsule:
     """Return a cylinder along an axis with round ends."""
     return BoundingCapsule(np.zeros(3), np.eye(3)[axis], radius, 2.0 * half)
+
+
+def _facets(convex: coal.Convex) -> Surface:
+    """Return the faces of a polyhedron."""
+    faces = [[face[i] for i in range(3)] for face in map(convex.polygons, range(convex.num_polygons))]
+    return faceted(np.array(convex.points())[faces])
+
+
+@cache
+def _cube() -> Surface:
+    """Return a box from -1 to 1."""
+    return _facets(hull(box_corners(-np.ones(3), np.ones(3))).shape)
+
+
+def _arc(radius: float, half: float, sides: int) -> Array:
+    """Return the profile (n, 2) of a capsule: radii and heights, upwards."""
+    rise = np.linspace(0.0, 0.5 * math.pi, sides // 4 + 1)
+    angles = np.concatenate([-rise[::-1], rise[half == 0.0 :]])
+    ends = np.repeat([-half, half], [len(rise), len(angles) - len(rise)])
+    return np.column_stack([radius * np.cos(angles).round(15), radius * np.sin(angles) + ends])
+
+
+def _turned(sides: int, *profiles: ArrayLike) -> Surface:
+    """Return profiles (n, 2) of radii and heights, upwards outside, turned about z; each of them is smooth."""
+    angles = np.arange(sides) * (2.0 * math.pi / sides)
+    circle, corners, faces, count = np.column_stack([np.cos(angles), np.sin(angles)]), [], [], 0
+    for profile in profiles:
+        rings = []
+        for radius, z in np.asarray(profile):
+            ring = radius * circle if radius else np.zeros((1, 2))
+            corners.append(np.column_stack([ring, np.full(len(ring), z)]))
+            rings.append(count + np.arange(sides) % len(ring))
+            count += len(ring)
+        for low, high in pairwise(rings):
+            after, above = np.roll(low, -1), np.roll(high, -1)
+            faces += [np.column_stack([low, after, above]), np.column_stack([low, above, high])]
+    triangles = np.concatenate(faces)
+    return np.concatenate(corners), triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]

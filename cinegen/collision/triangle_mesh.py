@@ -11,7 +11,12 @@ import numpy as np
 from cinegen.arrays import Array, Integers
 from cinegen.collision.convex_hull import Hull, hull
 
+Surface = tuple[Array, Integers]
+"""Corners (n, 3), m, and triangles (m, 3) of them, counter-clockwise as seen from outside. Triangles with a common
+corner are parts of one face, flat or smooth."""
+
 _FLAT = 1e-4  # of the size: depth of dents that count as convex
+_TINY = 1e-300  # of a triangle without area
 _FULL = 1e-3  # of the volume of the hull: a convex mesh may lack that much
 
 
@@ -64,6 +69,16 @@ class TriangleMesh:
         dots = [np.einsum("ij,ij->i", first, second) for first, second in ((a, b), (b, c), (c, a))]
         below = long_a * long_b * long_c + dots[0] * long_c + dots[1] * long_a + dots[2] * long_b
         return abs(float(np.arctan2(volume, below).sum())) > np.pi  # half of the 2 pi of a point inside
+
+
+def faceted(triangles: Array) -> Surface:
+    """Return triangles (m, 3, 3) as a surface on which only those of one plane share corners."""
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    normals = (normals / (np.linalg.norm(normals, axis=1, keepdims=True) + _TINY)).round(3)
+    corners = triangles.reshape(-1, 3)
+    keys = (np.hstack([corners, normals.repeat(3, axis=0)]) + 0.0).astype(np.float32)  # 0.0: there is no -0
+    _, first, faces = np.unique(keys.view("V24").ravel(), return_index=True, return_inverse=True)
+    return corners[first], faces.reshape(-1, 3)
 
 
 def tree_of(vertices: Array, triangles: Integers) -> coal.BVHModelOBBRSS:

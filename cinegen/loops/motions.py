@@ -33,6 +33,8 @@ def orthonormal(motions: Array, cut_rates: Array) -> Array:
         motions: orthonormal basis.
         cut_rates: (., nv) of `ClosedLoops.cut_rates`.
     """
+    if not len(cut_rates):
+        return motions
     cut = cut_rates @ motions
     factor = np.linalg.cholesky(np.eye(motions.shape[1]) + cut.T @ cut)
     return np.asarray(np.linalg.solve(factor, motions.T).T)

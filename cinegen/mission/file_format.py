@@ -257,23 +257,28 @@ def decode_moment(data: bytes, header: MissionHeader, before: Moment | None = No
         moment = _MOMENT.decode(data)
     except _NOT_DECODED as error:
         raise MissionError(str(error)) from None
-    robots = {} if before is None else dict(before.robots)
+    robots, wrong = {} if before is None else dict(before.robots), list[str]()
     for written, sample in moment.robots.items():
         name = one_line(written)
         if name not in header.robots:
-            raise MissionError(f"robot '{name:.40}' is not in the first line - at `$.robots`")
+            wrong.append(f"robot '{name:.40}' is not in the first line - at `$.robots`")
+            continue
         if len(sample.q) != header.robots[name].nq:
-            raise MissionError(f"Expected `array` of length {header.robots[name].nq} - at `$.robots.{name}.q`")
+            wrong.append(f"Expected `array` of length {header.robots[name].nq} - at `$.robots.{name}.q`")
         same = {kind: getattr(robots[name], kind) for kind in KEPT if getattr(sample, kind) is UNSET and name in robots}
         robots[name] = msgspec.structs.replace(sample, **same) if same else sample
     moved = {one_line(name): pose for name, pose in moment.obstacles.items()}
-    for name in moved:
-        if name not in header.obstacles:
-            raise MissionError(f"obstacle '{name:.40}' is not in the first line - at `$.obstacles`")
+    wrong += [
+        f"obstacle '{name:.40}' is not in the first line - at `$.obstacles`"
+        for name in moved
+        if name not in header.obstacles
+    ]
     if before is None:
         obstacles = {name: obstacle.placement for name, obstacle in header.obstacles.items()}
-    elif moment.t <= before.t:
-        raise MissionError("Expected a time after that of the line before - at `$.t`")
     else:
         obstacles = before.obstacles
+        if moment.t <= before.t:
+            wrong.append("Expected a time after that of the line before - at `$.t`")
+    if wrong:
+        raise MissionError("\n".join(wrong))
     return Moment(moment.t, robots, obstacles | moved)

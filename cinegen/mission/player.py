@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import pinocchio as pin
 
 from cinegen.arrays import Array
+from cinegen.errors import read_all
+from cinegen.mission.file_format import MissionError
 from cinegen.mission.recording import Recording
 
 SLOWEST, FASTEST = 0.01, 100.0
@@ -27,7 +30,7 @@ class Player:
         speed: playback speed; 1 is real time.
 
     Raises:
-        MissionError: a robot can't be built any more.
+        MissionError: robots can't be built any more.
     """
 
     def __init__(self, recording: Recording) -> None:
@@ -35,7 +38,8 @@ class Player:
         self.time = 0.0
         self.playing = False
         self.speed = 1.0
-        for part in (0.25, 0.5, 0.75):  # build the robots, and compile the closing of their loops
+        read_all({name: partial(recording.mechanism, name) for name in recording.robots}, MissionError)
+        for part in (0.25, 0.5, 0.75):  # compile the closing of their loops
             recording.at(part * recording.seconds)
         self._q = recording.at(0.0)
         self._shown = 0.0

@@ -168,7 +168,11 @@ class Mechanism(LoopKinematics):
     @cached_property
     def drawn(self) -> tuple[pin.GeometryObject, ...]:
         """The visual shapes of all nodes; sticks are drawn for meshes that are lost, see `cinegen.model.shapes`."""
-        return tuple(visual_shapes(self.model, self.source).objects)
+        return tuple(self._visual.objects)
+
+    @cached_property
+    def _visual(self) -> Shapes:
+        return visual_shapes(self.model, self.source)
 
     @cached_property
     def visual(self) -> pin.GeometryModel:
@@ -177,8 +181,8 @@ class Mechanism(LoopKinematics):
 
     @cached_property
     def lost_meshes(self) -> str:
-        """A sentence about the meshes that can't be found, with the remedy; empty without one."""
-        return lost_meshes(self.source)
+        """A sentence about the meshes that can't be found or, once it was drawn, not be read; empty without one."""
+        return self._visual.lost if "_visual" in vars(self) else lost_meshes(self.source)
 
     @cached_property
     def _collision(self) -> Shapes:

@@ -36,10 +36,12 @@ class Shapes(NamedTuple):
     Attributes:
         objects: the shapes.
         unchecked: links with meshes that are lost, and why: where a link has no other shape, its sticks collide.
+        lost: a sentence about these meshes, empty without one.
     """
 
     objects: list[pin.GeometryObject]
     unchecked: Mapping[str, str]
+    lost: str
 
 
 def visual_shapes(model: pin.Model, source: MechanismSource) -> Shapes:
@@ -78,7 +80,7 @@ def collision_shapes(model: pin.Model, source: MechanismSource) -> Shapes:
             link.remove(visual)
         for collision in collisions:
             collision.tag = "visual"
-    return _with_sticks(model, source, tree, _bars(stick_figure(model)))
+    return _with_sticks(model, source, tree, _bars(stick_figure(model, coal.Capsule)))  # with fast distances
 
 
 def geometry_model(objects: Iterable[pin.GeometryObject]) -> pin.GeometryModel:
@@ -110,13 +112,13 @@ def _with_sticks(model: pin.Model, source: MechanismSource, tree: Any, sticks: I
     drawn = {link.get("name") for link in tree.iterchildren("link") if link.find("visual") is not None}
     meshes = _Meshes(tree, source)
     found = meshes.read(model)
-    if meshes.lost:
-        warn(_sentence(meshes.lost))
+    if sentence := _sentence(meshes.lost):
+        warn(sentence)
     if not found:
-        return Shapes(list(sticks), meshes.links)
+        return Shapes(list(sticks), meshes.links, sentence)
     left = {link.get("name") for link in tree.iterchildren("link") if link.find("visual") is not None}
     joints = {model.frames[model.getFrameId(link, pin.FrameType.BODY)].parentJoint for link in drawn - left}
-    return Shapes(found + [stick for stick in sticks if stick.parentJoint in joints], meshes.links)
+    return Shapes(found + [stick for stick in sticks if stick.parentJoint in joints], meshes.links, sentence)
 
 
 def _sentence(lost: Mapping[str, str]) -> str:
@@ -218,15 +220,10 @@ def _find(mesh: str, source: MechanismSource, packages: Packages) -> Path:
 
 
 def _bars(figure: Iterable[pin.GeometryObject]) -> list[pin.GeometryObject]:
-    """Return a stick figure without the drums that mark its joints' axes, except those of links without bars; with
-    round ends, because distances between capsules are fast."""
+    """Return a stick figure without the drums that mark its joints' axes, except those of links without bars."""
     solids = list(figure)
     barred = {solid.parentJoint for solid in solids if solid.name.startswith("bar ")}
-    kept = [solid for solid in solids if solid.name.startswith("bar ") or solid.parentJoint not in barred]
-    for solid in kept:
-        if isinstance(solid.geometry, coal.Cylinder):
-            solid.geometry = coal.Capsule(solid.geometry.radius, 2.0 * solid.geometry.halfLength)
-    return kept
+    return [solid for solid in solids if solid.name.startswith("bar ") or solid.parentJoint not in barred]
 
 
 def _converted(path: Path) -> list[Drawing]:

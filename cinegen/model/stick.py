@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import coal
 import numpy as np
@@ -15,8 +15,15 @@ _THICK = 0.06  # of the median length: radius of a bar
 _BAR, _JOINT = (0.0, 0.45, 0.7, 1.0), (0.2, 0.22, 0.25, 1.0)  # Okabe and Ito's blue; nearly black
 
 
-def stick_figure(model: pin.Model) -> Iterator[pin.GeometryObject]:
-    """Yield bars for every body of a model, from its joint to the joints and frames that it carries."""
+def stick_figure(
+    model: pin.Model, bar: Callable[[float, float], coal.ShapeBase] = coal.Cylinder
+) -> Iterator[pin.GeometryObject]:
+    """Yield bars for every body of a model, from its joint to the joints and frames that it carries.
+
+    Args:
+        model: model of a mechanism.
+        bar: shape of bars and drums, of a radius and a length.
+    """
     bodies = {frame.parentJoint: i for i, frame in reversed(list(enumerate(model.frames))) if _is_body(frame)}
     ends: dict[int, list[Array]] = {j: [] for j in range(model.njoints)}
     for j in range(1, model.njoints):
@@ -32,13 +39,12 @@ def stick_figure(model: pin.Model) -> Iterator[pin.GeometryObject]:
         if carrier is None:  # nothing is named there, so nothing can be shown
             continue
         solids = [
-            (f"bar {j} {i}", coal.Cylinder(radius, float(np.linalg.norm(point))), _along(point, point / 2.0), _BAR)
+            (f"bar {j} {i}", bar(radius, float(np.linalg.norm(point))), _along(point, point / 2.0), _BAR)
             for i, point in enumerate(_apart(points, radius))
         ]
         joint = model.joints[j]
         if j and joint.nv == 1 and not translations(joint):
-            drum = coal.Cylinder(1.5 * radius, 4.0 * radius)
-            solids.append((f"joint {j}", drum, _along(axis(joint), np.zeros(3)), _JOINT))
+            solids.append((f"joint {j}", bar(1.5 * radius, 4.0 * radius), _along(axis(joint), np.zeros(3)), _JOINT))
         elif j:
             solids.append((f"joint {j}", coal.Sphere(1.5 * radius), pin.SE3.Identity(), _JOINT))
         for name, shape, placement, colour in solids:

@@ -7,16 +7,17 @@ region halved into boxes, and of each box a claim, a configuration x and a radiu
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from math import inf
-from typing import Any
+from typing import Any, NamedTuple
 
-from flint import arb, arb_mat, ctx
+from flint import arb, arb_mat, arb_poly, ctx
 
 _GAP = arb(1e-12)  # equations that no variable changes hold as designed if they are off by less
 _STEPS = 12  # of Newton's method on a face
-_PAIRS = {0: [], 2: [[(0, 2)], [(1, 2)]], 3: [[(0, 1), (1, 0)], [(1, 2), (2, 1)], [(2, 0), (0, 2)]]}
-_AGREE = {0: [], 2: [2], 3: [0, 1, 2]}
+_UP = arb(1 + 2.0**-20)  # more than rounding does to radii
+_PAIRS = {0: [], 2: [(0, 2), (1, 2)], 3: [(0, 1), (1, 2), (2, 0)]}  # by the number of rotations: u_i . v_j
+_ONE, _ZERO = arb_mat(4, 4, [int(i % 5 == 0) for i in range(16)]), arb_mat(4, 4)
+_POINT, _ALONG = (arb_mat(4, 4, [int(i == k) for i in range(16)]) for k in (15, 11))  # origin; z
 
 
 class CertificateError(Exception):
@@ -25,467 +26,488 @@ class CertificateError(Exception):
     box: int | None = None
 
 
-class BallForm:
-    """c + sum_j g_j eps_j + [-r, r], |eps_j| <= 1."""
+class Value(NamedTuple):
+    """c + sum_j g_j eta_j + [-r, r], |eta_j| <= 1."""
 
-    __slots__ = ("c", "g", "r")
+    c: arb
+    g: Sequence[arb]
+    r: arb
 
-    def __init__(self, c: Any, g: Sequence[Any] = (), r: Any = 0) -> None:
-        self.c, self.g, self.r = arb(c), g, arb(r)
+    def plus(self, other: Value) -> Value:
+        """Return the sum."""
+        return Value(self.c + other.c, [a + b for a, b in zip(self.g, other.g, strict=True)], self.r + other.r)
 
     def spread(self) -> arb:
-        """Return a bound of the distance from c."""
-        return sum((abs(x) for x in self.g), self.r)
-
-    def is_zero(self) -> bool:
-        """Return whether it is exactly 0."""
-        return bool(self.c.is_zero() and self.r.is_zero() and all(x.is_zero() for x in self.g))
-
-    def __add__(self, other: BallForm) -> BallForm:
-        g = [a + b for a, b in zip(self.g, other.g, strict=True)] if self.g and other.g else self.g or other.g
-        return BallForm(self.c + other.c, g, self.r + other.r)
-
-    def __neg__(self) -> BallForm:
-        return self.times(arb(-1))
-
-    def times(self, k: arb) -> BallForm:
-        """Return the product with a number."""
-        return BallForm(self.c * k, [x * k for x in self.g], self.r * abs(k))
-
-    def __mul__(self, other: BallForm) -> BallForm:  # equation 1
-        if not other.g and other.r.is_zero():
-            return self.times(other.c)
-        if not self.g and self.r.is_zero():
-            return other.times(self.c)
-        s, t = self.spread() - self.r, other.spread() - other.r
-        g = (self.times(other.c) + other.times(self.c)).g
-        halves = [a * b / 2 for a, b in zip(self.g, other.g, strict=True)] if self.g and other.g else []
-        r = s * t - sum(map(abs, halves), arb(0)) + (abs(self.c) + s) * other.r + self.r * (abs(other.c) + t + other.r)
-        return BallForm(sum(halves, self.c * other.c), g, r)
-
-    def sin_cos(self) -> tuple[BallForm, BallForm]:
-        """Return sine and cosine: equation 2."""
-        t, (s, c) = self.spread(), self.c.sin_cos()
-        if t.is_zero():
-            return BallForm(s), BallForm(c)
-        out = []
-        for value, slope in ((s, c), (c, -s)):
-            q = value * t * t / 4
-            out.append(BallForm(value - q, [slope * x for x in self.g], abs(slope) * self.r + abs(q) + t**3 / 6))
-        return out[0], out[1]
+        """Return a bound of the change by eta."""
+        return sum(map(abs, self.g), arb(0))
 
 
-Vector = list[BallForm]
+class Slot(NamedTuple):
+    """A factor of a chain: variables, whose sum is its value, what comes before, and its matrix with derivatives."""
+
+    variables: list[int]
+    value: Value
+    before: arb_mat
+    powers: list[arb_mat]
 
 
-def _sum(forms: Sequence[BallForm]) -> BallForm:
-    return sum(forms[1:], forms[0]) if forms else BallForm(0)
-
-
-def _dot(u: Vector, v: Vector) -> BallForm:
-    return _sum([a * b for a, b in zip(u, v, strict=True)])
-
-
-def _minus(u: Vector, v: Vector) -> Vector:
-    return [a + -b for a, b in zip(u, v, strict=True)]
-
-
-def _cross(u: Vector, v: Vector) -> Vector:
-    return [u[i] * v[j] + -(u[j] * v[i]) for i, j in ((1, 2), (2, 0), (0, 1))]
+def _turn(x: arb, n: int) -> arb_mat:
+    """Return the n-th derivative of the rotation by x about z: equation 2."""
+    (s, c), r = x.mid().sin_cos(), x.rad()
+    wide = [abs(b) * r + abs(a) * r * r / 2 + r**3 / 6 for a, b in ((s, c), (c, s))]
+    s, c = s + arb(0, wide[0].upper()), c + arb(0, wide[1].upper())
+    for _ in range(n):
+        s, c = c, -s
+    rest = int(n == 0)
+    return arb_mat(4, 4, [c, -s, 0, 0, s, c, 0, 0, 0, 0, rest, 0, 0, 0, 0, rest])
 
 
 class Robot:
     """The equations of a certificate."""
 
     def __init__(self, data: Mapping[str, Any]) -> None:
-        self.data, self.length = data, arb(data["length"])
-        self.variables, self.unknown = data["variables"], data["unknown"]
-        self.over = [int(k) for k in data["over"]]
+        self.data, self.length, self.variables = data, arb(data["length"]), data["variables"]
+        self.unknown, self.over = data["unknown"], [int(k) for k in data["over"]]
         self.columns = [*self.unknown, *self.over, *(k for k in data["given"] if k not in self.over)]
         self.units = [arb(self.variables[k]["unit"]) for k in self.columns]
-        radius = arb(data["radius"])
-        self.placements = [
-            [arb(x, 0 if x in (0, 1, -1) else radius) for x in row[:9]]
-            + [arb(x, 0 if x == 0 else radius * self.length) for x in row[9:]]
-            for row in data["placements"]
-        ]
+        radius, self.placements = arb(data["radius"]), list[arb_mat]()
+        for row in data["placements"]:
+            r = [0 if x in (0, 1, -1) else radius for x in row[:9]] + [radius * self.length * (x != 0) for x in row[9:]]
+            m = [arb(x, w) for x, w in zip(row, r, strict=True)]
+            self.placements.append(arb_mat([[*m[3 * i : 3 * i + 3], m[9 + i]] for i in range(3)] + [[0, 0, 0, 1]]))
+        self.is_positive = list[bool]()
+        for closure in data["closures"]:
+            plain, turns = len(closure["translations"]) + closure["rotations"], closure["rotations"]
+            self.is_positive += [False] * plain + [True] * (turns > 0)
+        self.is_positive += [False] * len(data["couplings"])
 
-    def evaluate(
-        self, x: Sequence[BallForm], p: Sequence[BallForm]
-    ) -> tuple[list[BallForm], list[list[BallForm]], list[BallForm]]:
-        """Return residuals, derivatives (rows of columns) and positive numbers; x and derivatives dimensionless."""
-        values = [BallForm(v["at"]) for v in self.variables]
-        for k, form, unit in zip(self.unknown, x, self.units, strict=False):
-            values[k] = form.times(unit)
-        for k, form in zip(self.over, p, strict=True):
-            values[k] = form
-        bodies: dict[Any, Any] = {
-            (): ([[BallForm(int(i == j)) for i in range(3)] for j in range(3)], [BallForm(0)] * 3, None, None)
-        }
-        stations: dict[Any, Any] = {}
+    def values(self, x: Sequence[Value], p: Sequence[Value]) -> list[Value]:
+        """Return the values of all variables, rad and m; x is dimensionless."""
+        values = [Value(arb(v["at"]), [arb(0)] * len(p[0].g), arb(0)) for v in self.variables]
+        for k, v, unit in zip(self.unknown, x, self.units, strict=False):
+            values[k] = Value(v.c * unit, [g * unit for g in v.g], v.r * unit)
+        for k, v in zip(self.over, p, strict=True):
+            values[k] = v
+        return values
 
-        def moved(body: Any, index: int) -> tuple[list[Vector], Vector]:
-            m = self.placements[index]
-            axes = [[_sum([body[0][j][i].times(m[3 * j + k]) for j in range(3)]) for i in range(3)] for k in range(3)]
-            return axes, [_sum([body[1][i]] + [body[0][j][i].times(m[9 + j]) for j in range(3)]) for i in range(3)]
+    def point(self, x: Sequence[arb], p: Sequence[arb]) -> list[Value]:
+        """Return the values of all variables in a configuration."""
+        return self.values([Value(a, [], arb(0)) for a in x], [Value(a, [], arb(0)) for a in p])
 
-        def body(chain: tuple[tuple[int, int], ...]) -> Any:
-            if chain not in bodies:
-                (index, k), last = chain[-1], body(chain[:-1])
-                axes, origin = moved(last, index)
-                stations[chain], value = (axes[2], origin), values[k]
-                if self.variables[k]["prismatic"]:
-                    bodies[chain] = axes, [o + a * value for o, a in zip(origin, axes[2], strict=True)], None, None
-                else:
-                    if last[2] is not None and self.placements[index][8] == 1:  # parallel axes: angles add up
-                        axes, value = moved((last[2], last[1]), index)[0], last[3] + value
-                    s, c = value.sin_cos()
-                    u = [a * c + b * s for a, b in zip(axes[0], axes[1], strict=True)]
-                    v = [b * c + -(a * s) for a, b in zip(axes[0], axes[1], strict=True)]
-                    bodies[chain] = [u, v, axes[2]], origin, axes, value
-            return bodies[chain]
+    def family(
+        self, chain: Sequence[Sequence[int]], end: int, values: Sequence[Value], order: int, wide: bool
+    ) -> tuple[list[Slot], arb_mat, list[arb_mat], dict[tuple[int, int], arb_mat]]:
+        """Return the slots of a chain, the placement of its end and derivatives: by s, and by s and t, s <= t.
 
-        residual, jacobian, positive = list[BallForm](), list[list[BallForm]](), list[BallForm]()
-        for closure in self.data["closures"]:
-            chains = [tuple((i, k) for i, k in closure[side]) for side in ("first", "second")]
-            (u, a), (v, b) = (
-                moved(body(c), closure[f"{s}_end"]) for c, s in zip(chains, ("first", "second"), strict=True)
-            )
-            gap, linear, pairs = _minus(b, a), closure["translations"], _PAIRS[closure["rotations"]]
-            residual += [(gap[k] if len(linear) == 3 else _dot(u[k], gap)).times(1 / self.length) for k in linear]
-            turns = list[Vector]()
-            for terms in pairs:
-                products = [_dot(u[i], v[j]) for i, j in terms]
-                residual.append(products[0] if len(terms) == 1 else products[0] + -products[1])
-                both = [_cross(v[j], u[i]) for i, j in terms]
-                turns.append(both[0] if len(terms) == 1 else _minus(*both))
-            if agree := _AGREE[closure["rotations"]]:
-                positive.append(_sum([_dot(u[i], v[i]) for i in agree]))
-            rows = [[BallForm(0)] * len(self.columns) for _ in range(len(linear) + len(pairs))]
-            for sign, chain, tip in ((-1, chains[0], a if len(linear) == 3 else b), (1, chains[1], b)):
-                for n, (_, k) in enumerate(chain):
-                    if k in self.columns:
-                        at, (axis, origin) = self.columns.index(k), stations[chain[: n + 1]]
-                        slides, unit = self.variables[k]["prismatic"], sign * self.units[self.columns.index(k)]
-                        speed = axis if slides else _cross(axis, _minus(tip, origin))
-                        parts = [speed[i] if len(linear) == 3 else _dot(u[i], speed) for i in linear]
-                        column = [x.times(unit / self.length) for x in parts]
-                        column += [BallForm(0) if slides else _dot(axis, turn).times(unit) for turn in turns]
-                        for row, entry in zip(rows, column, strict=True):
-                            row[at] = entry
-            jacobian += rows
+        Angles about parallel axes are added up. With `wide` they are over all values, else at their middle."""
+        slots, turned, is_turn = list[Slot](), _ONE, False
+        for index, k in chain:
+            value, slides, moved = values[k], self.variables[k]["prismatic"], turned * self.placements[index]
+            names, before, turned = [k], moved, _ONE
+            if is_turn and not slides and self.data["placements"][index][8] == 1:
+                last, offset = slots[-1], moved * _POINT - _POINT
+                powers = [power * offset for power in last.powers]
+                slots[-1] = last._replace(powers=[_ONE + powers[0], *powers[1:]])
+                names, value, before, turned = [*last.variables, k], last.value.plus(value), _ONE, moved - offset
+            q = arb(value.c.mid(), (value.c.rad() + value.spread() + value.r).upper()) if wide else value.c
+            powers = [_ONE + _ALONG * q, _ALONG, _ZERO] if slides else [_turn(q, n) for n in range(3)]
+            slots.append(Slot(names, value, before, powers))
+            is_turn = not slides
+        f, d, d2 = ([slot.before * slot.powers[n] for slot in slots] for n in range(3))
+        after, before, first, second = [turned * self.placements[end]], _ONE, list[arb_mat](), {}
+        for factor in reversed(f):
+            after.insert(0, factor * after[0])
+        for s in range(len(slots) if order else 0):
+            along = before * d[s]
+            first.append(along * after[s + 1])
+            second[s, s] = before * d2[s] * after[s + 1]
+            for t in range(s + 1, len(slots) if order == 2 else 0):
+                second[s, t] = along * d[t] * after[t + 1]
+                along = along * f[t]
+            before = before * f[s]
+        return slots, after[0], first, second
+
+    def closure(self, closure: Mapping[str, Any], values: Sequence[Value], order: int, wide: bool = False) -> Any:
+        """Return slots and derivatives of an order of the residuals, and of what is positive, the last with rotations.
+
+        They are of V = B - A and of E = A^T V, with the placements A and B of both ends."""
+        ends = ((closure[end], closure[f"{end}_end"]) for end in ("first", "second"))
+        (slots, a, a1, a2), (others, b, b1, b2) = (self.family(*end, values, order, wide) for end in ends)
+        turns, linear, n = closure["rotations"], closure["translations"], len(slots)
+
+        def back(m: arb_mat) -> arb_mat:
+            return (m - m * _POINT).transpose()
+
+        def residuals(v: arb_mat, *products: tuple[arb_mat, arb_mat]) -> list[arb]:
+            if not turns and len(linear) == 3:
+                return [v[i, 3] / self.length for i in linear]
+            e = sum((x * y for x, y in products), _ZERO)
+            out = [(v if len(linear) == 3 else e)[i, 3] / self.length for i in linear]
+            out += [e[i, j] - e[j, i] if turns == 3 else e[i, j] for i, j in _PAIRS[turns]]
+            return out + ([sum((e[i, i] for i in range(2 * (turns == 2), 3)), arb(0))] if turns else [])
+
+        u, v = back(a), b - a * _POINT
+        if order == 0:
+            return [], residuals(v, (u, v))
+        us, vs = [back(x) for x in a1], [-(x * _POINT) for x in a1]
+        if order == 1:
+            first = [residuals(y, (x, v), (u, y)) for x, y in zip(us, vs, strict=True)]
+            return [*slots, *others], first + [residuals(y, (u, y)) for y in b1]
+        second = {}
+        for (s, t), x in a2.items():
+            y = -(x * _POINT)
+            second[s, t] = residuals(y, (back(x), v), (us[s], vs[t]), (us[t], vs[s]), (u, y))
+        second |= {(s, t): residuals(_ZERO, (x, y)) for s, x in enumerate(us) for t, y in enumerate(b1, n)}
+        second |= {(n + s, n + t): residuals(y, (u, y)) for (s, t), y in b2.items()}
+        return [*slots, *others], second
+
+    def residual(self, values: Sequence[Value]) -> list[arb]:
+        """Return the left sides of all equations, and what is positive among them."""
+        out = [x for closure in self.data["closures"] for x in self.closure(closure, values, 0)[1]]
         for coupling in self.data["couplings"]:
-            total, row, size = (
-                BallForm(-arb(coupling["constant"])),
-                [BallForm(0)] * len(self.columns),
-                arb(coupling["size"]),
-            )
-            for k, coefficients in coupling["terms"]:
-                value, slope = BallForm(0), BallForm(0)
-                for c in reversed(coefficients):
-                    slope = slope * values[k] + value + BallForm(c)
-                    value = (value + BallForm(c)) * values[k]
-                total = total + value
-                if k in self.columns:
-                    row[self.columns.index(k)] = slope.times(self.units[self.columns.index(k)] / size)
-            residual.append(total.times(1 / size))
-            jacobian.append(row)
-        return residual, jacobian, positive
+            terms = [arb_poly([0, *c])(values[k].c) for k, c in coupling["terms"]]
+            out.append((sum(terms, arb(0)) - coupling["constant"]) / coupling["size"])
+        return out
 
+    def jacobian(self, values: Sequence[Value]) -> list[list[arb]]:
+        """Return the derivative by all columns at a point."""
+        parts = [self.closure(closure, values, 1) for closure in self.data["closures"]]
+        whole = [(slots, [[[x] for x in row] for row in rows]) for slots, rows in parts]
+        terms = [coupling["terms"] for coupling in self.data["couplings"]]
+        bends = [[(k, [arb_poly([0, *c]).derivative()(values[k].c)]) for k, c in term] for term in terms]
+        return self._by_columns(whole, bends, 1)[0]
 
-def _mat(rows: Sequence[Sequence[Any]]) -> arb_mat:
-    return arb_mat([list(row) for row in rows])
+    def second(self, values: Sequence[Value], wide: bool) -> list[Any]:
+        """Return second derivatives of the closures at a point, or over all values."""
+        return [self.closure(closure, values, 2, wide)[1] for closure in self.data["closures"]]
+
+    def change(self, values: Sequence[Value], here: list[Any], wide: list[Any]) -> list[list[list[arb]]]:
+        """Return G_1 ... G_n, R_1 and R_2 (n + 2, rows, columns) of J + sum_j G_j eta_j + [-R_1 - R_2, R_1 + R_2]."""
+        whole, n = list[Any](), len(values[0].g)
+        for closure, at, over in zip(self.data["closures"], here, wide, strict=True):
+            slots, parts = self.closure(closure, values, 1)[0], list[Any]()
+            by, spread = arb_mat([s.value.g for s in slots]), [s.value.spread() for s in slots]
+            away = [s.value.r for s in slots]
+            for s in range(len(slots)):
+                pairs = [(min(s, t), max(s, t)) for t in range(len(slots))]
+                rows = list(zip(*(at[pair] for pair in pairs), strict=True))
+                along = (arb_mat([list(row) for row in rows]) * by).tolist()
+                for i, row in enumerate(rows):
+                    half = [over[pair][i].rad() * _UP / 2 for pair in pairs]
+                    along[i].append(sum((r * d for r, d in zip(half, spread, strict=True)), arb(0)))
+                    along[i].append(sum(((abs(m) + r) * d for m, r, d in zip(row, half, away, strict=True)), arb(0)))
+                parts.append(along)
+            whole.append((slots, parts))
+        bends = list[Any]()
+        for coupling in self.data["couplings"]:
+            bends.append([])
+            for k, c in coupling["terms"]:
+                v, bend = values[k], arb_poly([0, *c]).derivative().derivative()
+                r = bend(arb(v.c, (v.spread() + v.r).upper())).rad()
+                bends[-1].append((k, [*(bend(v.c) * g for g in v.g), r * v.spread(), (abs(bend(v.c)) + r) * v.r]))
+        return self._by_columns(whole, bends, n + 2)
+
+    def _by_columns(self, closures: Sequence[Any], couplings: Sequence[Any], n: int) -> list[list[list[arb]]]:
+        """Return (n, rows, columns) from what belongs to slots (slots, rows, n) and to the variables of couplings."""
+        out, row = [[[arb(0)] * len(self.columns) for _ in self.is_positive] for _ in range(n)], 0
+        at = {k: j for j, k in enumerate(self.columns)}
+        for closure, (slots, parts) in zip(self.data["closures"], closures, strict=True):
+            for slot, part in zip(slots, parts, strict=True):
+                for j in (at[k] for k in slot.variables if k in at):
+                    for i, numbers in enumerate(part, row):
+                        for whole, x in zip(out, numbers, strict=True):
+                            whole[i][j] += x * self.units[j]
+            row += len(closure["translations"]) + closure["rotations"] + (closure["rotations"] > 0)
+        for i, (coupling, terms) in enumerate(zip(self.data["couplings"], couplings, strict=True), row):
+            for j, numbers in ((at[k], numbers) for k, numbers in terms if k in at):
+                for whole, x in zip(out, numbers, strict=True):
+                    whole[i][j] = x * self.units[j] / coupling["size"]
+        return out
 
 
 def _abs(m: arb_mat) -> arb_mat:
-    return arb_mat(m.nrows(), m.ncols(), [abs(x).upper() for x in m.entries()])
+    return arb_mat(m.nrows(), m.ncols(), [abs(x) for x in m.entries()])
 
 
-def _mid(m: arb_mat) -> arb_mat:
-    return arb_mat(m.nrows(), m.ncols(), [x.mid() for x in m.entries()])
+def _reach(m: arb_mat) -> arb_mat:
+    """Return the sums of absolute values of rows."""
+    return _abs(m) * arb_mat(m.ncols(), 1, [1] * m.ncols())
 
 
-def _times(left: arb_mat, rows: Sequence[Sequence[BallForm]], n: int) -> tuple[list[arb_mat], arb_mat]:
-    """Return a constant matrix times a matrix of forms: coefficients of 1, eps_1 ... eps_n, and radii."""
-    zero = arb(0)
-    parts = [_mat([[x.c for x in row] for row in rows])]
-    parts += [_mat([[x.g[j] if x.g else zero for x in row] for row in rows]) for j in range(n)]
-    return [left * part for part in parts], _abs(left) * _mat([[x.r for x in row] for row in rows])
+def _pick(rows: Sequence[Sequence[arb]], at: Sequence[int], columns: Sequence[int]) -> arb_mat:
+    return arb_mat([[rows[i][j] for j in columns] for i in at])
+
+
+def _column(values: Sequence[Any]) -> arb_mat:
+    return arb_mat(len(values), 1, list(values))
+
+
+def _identity(n: int) -> arb_mat:
+    return arb_mat(n, n, [int(i % (n + 1) == 0) for i in range(n * n)])
+
+
+def _inverse(m: arb_mat) -> arb_mat:
+    try:
+        return m.mid().inv().mid()
+    except ZeroDivisionError:
+        raise CertificateError("a matrix is singular") from None
+
+
+def _sum(matrices: Sequence[arb_mat]) -> arb_mat:
+    return sum(matrices[1:], matrices[0])
 
 
 class Tube:
-    """A box with exactly one configuration within y of X(eps) = x + S eps: equations 3 to 5.
+    """A box with exactly one configuration within y of X(eps): equations 3 to 5.
 
     Raises:
         CertificateError: that is not confirmed.
     """
 
     def __init__(self, robot: Robot, low: Sequence[float], high: Sequence[float], leaf: Mapping[str, Any]) -> None:
-        n, k, rows = len(low), len(robot.unknown), robot.data["rows"]
-        self.robot, self.rows, self.claim, self.reason = robot, rows, leaf["claim"], leaf["reason"]
-        units = robot.units[:k]
-        self.x = [arb(x) / u for x, u in zip(leaf["x"], units, strict=True)]
-        self.x = [x.mid() for x in self.x]
-        self.y = [(arb(y) / u).mid() for y, u in zip(leaf["y"], units, strict=True)]
-        self.centre, self.radius = zip(
-            *[(arb(a) / 2 + arb(b) / 2, arb(b) / 2 - arb(a) / 2) for a, b in zip(low, high, strict=True)], strict=True
-        )
-        self.low, self.high = low, high
+        n, k, width, rows = len(low), len(robot.unknown), len(robot.columns), robot.data["rows"]
+        self.robot, self.claim, self.reason, self.low, self.high = robot, leaf["claim"], leaf["reason"], low, high
+        self.x = [(arb(x) / u).mid() for x, u in zip(leaf["x"], robot.units[:k], strict=True)]
+        self.y = [(arb(y) / u).mid() for y, u in zip(leaf["y"], robot.units[:k], strict=True)]
         if len(rows) != k or not all(0 < y < 1 for y in self.y):
             raise CertificateError("the equations are not as many as the unknowns, or a radius is none")
-        residual, jacobian, _ = robot.evaluate([BallForm(x) for x in self.x], [BallForm(c) for c in self.centre])
-        point = _mid(_mat([[f.c for f in jacobian[i]] for i in rows]))
-        square = arb_mat(k, k, [point[i, j] for i in range(k) for j in range(k)])
-        self.inverse = _inverse(square)
-        by = _mid(self.inverse * arb_mat(k, n, [point[i, k + j] * self.radius[j] for i in range(k) for j in range(n)]))
-        self.slopes = [[-by[i, j] for j in range(n)] for i in range(k)]
-        one = [[arb(int(i == j)) for j in range(n)] for i in range(n)]
-        p = [BallForm(c, [r * x for x in row]) for c, r, row in zip(self.centre, self.radius, one, strict=True)]
-        if not all(abs(f.c) < _GAP for i, f in enumerate(residual) if i not in rows):
-            raise CertificateError("an equation that no variable changes does not hold")
+        self.centre = [(arb(a) / 2 + arb(b) / 2).mid() for a, b in zip(low, high, strict=True)]
+        self.radius = [max(arb(b) - c, c - a).upper() for a, b, c in zip(low, high, self.centre, strict=True)]
+        point = robot.point(self.x, self.centre)
+        residual, jacobian, here = robot.residual(point), robot.jacobian(point), robot.second(point, False)
+        self.inverse = c = _inverse(arb_mat([jacobian[i][:k] for i in rows]))
+        box = arb_mat(width, n)
+        for j, r in enumerate(self.radius):
+            box[k + j, j] = r
+        all_columns, first = list(range(width)), _pick(jacobian, rows, range(width))
+        straight = arb_mat((-(c * first * box).mid()).tolist() + box.tolist()[k:])
+        change = robot.change(self._wide(straight, 0), here, here)
+        bent = [c * _pick(m, rows, all_columns) * straight for m in change[:n]]
+        pairs = [(a, b) for a in range(n) for b in range(a, n)]
+        second = arb_mat([
+            [(bent[a][i, b] + bent[b][i, a]) / (4 if a == b else 2) for a, b in pairs] for i in range(k)
+        ])  # fmt: skip
+        curved, rest = -second.mid(), arb_mat(width - k, len(pairs)).tolist()
+        self.along = arb_mat([x + y for x, y in zip(straight.tolist(), curved.tolist() + rest, strict=True)])
+        wide = self._wide(self.along, 1)
+        self.parts = [jacobian, *robot.change(wide, here, robot.second(wide, True))]  # J, G_1 ..., R_1, R_2
+        self._check_rest(residual)
         # equation 3: |C F(X(eps), P(eps))| <= z
-        tube = [BallForm(x, s) for x, s in zip(self.x, self.slopes, strict=True)]
-        parts, rest = self._product(robot.evaluate(tube, p)[1], n, k)
-        at = self.inverse * arb_mat(k, 1, [residual[i].c for i in rows])
-        along = arb_mat(
-            k + n,
-            n,
-            [self.slopes[i][j] for i in range(k) for j in range(n)]
-            + [x for r, row in zip(self.radius, one, strict=True) for x in [r * e for e in row]],
-        )
-        second, first, third = [part * along for part in parts[1:]], parts[0] * along, rest * _abs(along)
-        z = []
-        for i in range(k):
-            squares = [second[j][i, j] / 2 for j in range(n)]
-            mixed = sum((abs(second[a][i, b] + second[b][i, a]) / 2 for a in range(n) for b in range(a)), arb(0))
-            ends = [
-                at[i, 0] + sum((x for x in squares if (x > 0) is up or not (x > 0 or x < 0)), arb(0))
-                for up in (True, False)
-            ]
-            more = mixed + sum((abs(first[i, j]) + third[i, j] for j in range(n)), arb(0))
-            z.append(max(abs(e).upper() for e in ends) + more)
-        # equation 4: K = z + E y < y
-        wide = [BallForm(x, s, y) for x, s, y in zip(self.x, self.slopes, self.y, strict=True)]
-        _, self.jacobian, positive = robot.evaluate(wide, p)
-        if any(not f.is_zero() for i, row in enumerate(self.jacobian) if i not in rows for f in row):
-            raise CertificateError("an equation is left out that variables change")
-        if not all(f.c - f.spread() > 0 for f in positive):
-            raise CertificateError("ends of a closure may be opposed")
-        parts, rest = self._product(self.jacobian, n, k)
-        image = []
-        for i in range(k):
-            e = [
-                sum((abs(part[i, j]) for part in parts[1:]), abs(parts[0][i, j] - int(i == j)) + rest[i, j])
-                for j in range(k)
-            ]
-            image.append((sum((a * y for a, y in zip(e, self.y, strict=True)), z[i])).upper())
+        constant, *by, unsure = self.less_identity(c, range(k))
+        squares, curve = _sum([_abs(m) for m in by[n:]]), _reach(curved)
+        z = _reach(c * _column([residual[i] for i in rows])) + _reach(c * first * straight) + _abs(constant) * curve
+        z += _reach(second - second.mid()) + _sum([_reach(m * curved) for m in by[:n]]) + squares * curve / 2
+        z += _abs(c) * (_pick(self.parts[-2], rows, all_columns) * _reach(self.along)) / 3
+        # equation 4: z + E y < y
+        defect = _sum([_abs(m) for m in [constant, *by[:n]]]) + squares + unsure
+        image = [x.upper() for x in (z + defect * _column(self.y)).entries()]
         if not all(a < y for a, y in zip(image, self.y, strict=True)):
             raise CertificateError("existence and uniqueness are not confirmed")
         self.share = max((a / y).upper() for a, y in zip(image, self.y, strict=True))
-        self.ranges = [
-            (x - w, x + w)
-            for x, w in ((x, sum(map(abs, s), a)) for x, s, a in zip(self.x, self.slopes, image, strict=True))
-        ]
+        away = [(a + b).upper() for a, b in zip(_reach(self.along).entries(), image, strict=False)]
+        self.ranges = [(x - a, x + a) for x, a in zip(self.x, away, strict=True)]
 
-    def _product(self, jacobian: list[list[BallForm]], n: int, k: int) -> tuple[list[arb_mat], arb_mat]:
-        return _times(self.inverse, [jacobian[i][: k + n] for i in self.rows], n)
+    def _wide(self, along: arb_mat, y: int) -> list[Value]:
+        """Return the values of all variables along a matrix, within y times the radius."""
+        k, rows = len(self.x), along.tolist()
+        x = [Value(a, row, b * y) for a, row, b in zip(self.x, rows, self.y, strict=False)]
+        return self.robot.values(x, [Value(a, row, arb(0)) for a, row in zip(self.centre, rows[k:], strict=False)])
+
+    def _check_rest(self, residual: Sequence[arb]) -> None:
+        """Check what is positive, and that the equations that are left out hold everywhere."""
+        away = _column([*self.y, *[0] * (len(self.robot.columns) - len(self.y))])
+        reach = _reach(self.along) + away
+        for i, value in enumerate(residual):
+            part = arb_mat([m[i] for m in self.parts])
+            if self.robot.is_positive[i]:
+                if not value > _reach((_abs(part) * reach).transpose())[0, 0]:
+                    raise CertificateError("ends of a closure may be opposed")
+            elif i not in self.robot.data["rows"] and not (abs(value) < _GAP and part == part * 0):
+                raise CertificateError("an equation is left out that variables change, or that does not hold")
+
+    def less_identity(self, left: arb_mat, columns: Sequence[int]) -> list[arb_mat]:
+        """Return the parts of C W - 1, W some columns of the derivative."""
+        first, *by, bend, apart = (_pick(m, self.robot.data["rows"], columns) for m in self.parts)
+        return [left * first - _identity(len(columns)), *(left * m for m in by), _abs(left) * _abs(bend + apart)]
 
     def at(self, p: Sequence[arb]) -> list[arb]:
         """Return X at a pose."""
         eps = [(a - c) / r for a, c, r in zip(p, self.centre, self.radius, strict=True)]
-        return [
-            x + sum((s * e for s, e in zip(row, eps, strict=True)), arb(0))
-            for x, row in zip(self.x, self.slopes, strict=True)
-        ]
+        eps += [a * b for i, a in enumerate(eps) for b in eps[i:]]
+        return [x + s for x, s in zip(self.x, (self.along * _column(eps)).entries(), strict=False)]
 
     def meets(self, x: Sequence[arb], p: Sequence[arb], other: Tube) -> bool:
         """Return whether the configuration of this box at a pose is that of the other: equation 6."""
         for _ in range(_STEPS):
-            residual, _, _ = self.robot.evaluate([BallForm(a.mid()) for a in x], [BallForm(a) for a in p])
-            step = (self.inverse * arb_mat(len(x), 1, [residual[i].c for i in self.rows])).entries()
+            x = [a.mid() for a in x]
+            residual = self.robot.residual(self.robot.point(x, p))
+            step = (self.inverse * _column([residual[i] for i in self.robot.data["rows"]])).entries()
             away = max((abs(s) / y).upper() for s, y in zip(step, self.y, strict=True)) / (1 - self.share)
-            inside = [abs(a.mid() - b) < y for a, b, y in zip(x, self.at(p), self.y, strict=True)]
-            near = [abs(a.mid() - b) + away * y < w for a, b, y, w in zip(x, other.at(p), self.y, other.y, strict=True)]
-            if all(inside) and all(near):
+            inside = all(abs(a - b) < y for a, b, y in zip(x, self.at(p), self.y, strict=True))
+            near = [abs(a - b) + away * y < w for a, b, y, w in zip(x, other.at(p), self.y, other.y, strict=True)]
+            if inside and all(near):
                 return True
-            x = [(a.mid() - s).mid() for a, s in zip(x, step, strict=True)]
+            x = [a - s for a, s in zip(x, step, strict=True)]
         return False
 
     def status(self) -> tuple[str, int]:
         """Return proved, limit or regular, and the sign of the locked joints' determinant, 0 if it may vanish."""
-        n, sign, columns = len(self.low), 0, self.robot.columns
-        locked = [i for i, k in enumerate(columns) if k not in self.robot.data["actuated"]]
-        limits = (
-            [self.robot.variables[k]["limits"] for k in self.robot.unknown]
-            if self.robot.data["bounds"]["limits"]
-            else []
-        )
-        inside = True
-        for (low, high), unit, (least, most) in zip(self.ranges, self.robot.units, limits, strict=False):
-            ends = [None if x is None else arb(x, abs(x) * 2.0**-50) / unit for x in (least, most)]
-            if (ends[0] is not None and high < ends[0]) or (ends[1] is not None and low > ends[1]):
-                return "limit", 0
-            inside = inside and (ends[0] is None or low > ends[0]) and (ends[1] is None or high < ends[1])
-        if len(locked) == len(self.rows):  # equation 5
-            rows = [[self.jacobian[i][j] for j in locked] for i in self.rows]
-            left = _inverse(_mid(_mat([[f.c for f in row] for row in rows])))
-            parts, rest = _times(left, rows, n)
-            size = len(locked)
-            parts[0] -= arb_mat(size, size, [int(i == j) for i in range(size) for j in range(size)])
-            rest += _abs(parts[0])
-            total = rest + sum((_abs(part) for part in parts[2:]), _abs(parts[1])) * rest
-            for a in range(1, n + 1):
-                total += _abs(parts[a] * parts[a])
-                for b in range(1, a):
-                    total += _abs(parts[a] * parts[b] + parts[b] * parts[a])
-            identity = arb_mat(size, size, [int(i == j) for i in range(size) for j in range(size)])
-            ones = arb_mat(size, 1, [1] * size)
-            weights = _mid(_inverse(identity - _mid(total)) * ones)
-            after = total * weights
-            if all(w > 0 and a < w for a, w in zip(after.entries(), weights.entries(), strict=True)):
+        sign, inside, variables, n = 0, True, self.robot.variables, len(self.low)
+        locked = [i for i, k in enumerate(self.robot.columns) if k not in self.robot.data["actuated"]]
+        if self.robot.data["bounds"]["limits"]:
+            for (low, high), k, unit in zip(self.ranges, self.robot.unknown, self.robot.units, strict=False):
+                for end, sense in zip(variables[k]["limits"], (1, -1), strict=True):
+                    if end is not None:
+                        limit = arb(end, abs(end) * 2.0**-50) / unit
+                        if sense * (limit - (high if sense > 0 else low)) > 0:
+                            return "limit", 0
+                        inside = inside and bool(sense * ((low if sense > 0 else high) - limit) > 0)
+        if len(locked) == len(self.x):  # equation 5
+            left = _inverse(_pick(self.parts[0], self.robot.data["rows"], locked))
+            first, *by, rest = self.less_identity(left, locked)
+            bent = [m.mid() for m in by[:n]]
+            rest += _sum([_abs(m) for m in (first, *by[n:], *(m - m.mid() for m in by[:n]))])
+            total = rest + _sum([_abs(m) for m in bent]) * rest
+            for a, m in enumerate(bent):
+                total += _sum([_abs(m * m), *(_abs(m * other + other * m) for other in bent[:a])])
+            weights = (_inverse(_identity(len(locked)) - total) * _column([1] * len(locked))).mid()
+            if all(w > 0 and a < w for a, w in zip((total * weights).entries(), weights.entries(), strict=True)):
                 sign = 1 if left.det() > 0 else -1 if left.det() < 0 else 0
         return ("proved" if inside and sign else "regular"), sign
 
 
-@contextmanager
-def _about(box: int) -> Iterator[None]:
-    """Note in an error which box it is about."""
-    try:
-        yield
-    except CertificateError as error:
-        error.box = box
-        raise
+class Node(NamedTuple):
+    """A box that is halved along an axis."""
+
+    axis: int
+    parts: tuple[Any, Any]
 
 
-def _inverse(m: arb_mat) -> arb_mat:
-    try:
-        return _mid(m.inv())
-    except ZeroDivisionError:
-        raise CertificateError("a matrix is singular") from None
+def _faces(node: Any) -> Iterator[tuple[Tube, Tube, int]]:
+    """Yield the pairs of boxes below a node that share a face, and the axis across it."""
+    if isinstance(node, Node):
+        yield from _between(*node.parts, node.axis)
+        for part in node.parts:
+            yield from _faces(part)
 
 
-def check(certificate: Mapping[str, Any], report: Callable[[int, int], None] = lambda done, of: None) -> dict[str, Any]:
-    """Return the result of a certificate: shares of the region's volume, witnesses, and numbers of boxes and faces.
+def _between(a: Any, b: Any, axis: int) -> Iterator[tuple[Tube, Tube, int]]:
+    if isinstance(a, Node):
+        for part in a.parts[1:] if a.axis == axis else a.parts:
+            yield from _between(part, b, axis)
+    elif isinstance(b, Node):
+        for part in b.parts[:1] if b.axis == axis else b.parts:
+            yield from _between(a, part, axis)
+    elif a is not None and b is not None:
+        ends = zip(a.low, b.low, a.high, b.high, strict=True)
+        if all(max(x, y) < min(u, v) for i, (x, y, u, v) in enumerate(ends) if i != axis):
+            yield a, b, axis
+
+
+def _branch(robot: Robot, root: Any, leaves: Sequence[Tube | None]) -> set[int]:
+    """Return the numbers of the boxes on the branch of the start: equation 6."""
+    number = {id(tube): i for i, tube in enumerate(leaves)}
+    meeting, apart = ({i: list[int]() for i in range(len(leaves))} for _ in range(2))
+    for a, b, axis in _faces(root):  # all of them: a branch may not close on itself
+        ends = zip(a.low, b.low, a.high, b.high, strict=True)
+        p = [((arb(max(x, y)) + arb(min(u, v))) / 2).mid() for x, y, u, v in ends]
+        p[axis] = arb(a.high[axis])
+        neighbours = meeting if a.meets(a.at(p), p, b) else apart
+        neighbours[number[id(a)]].append(number[id(b)])
+        neighbours[number[id(b)]].append(number[id(a)])
+    start, lost = robot.data["start"], set[int]()
+    pose, x = list(map(float, start["pose"])), [arb(v) / u for v, u in zip(start["x"], robot.units, strict=False)]
+    for first, tube in enumerate(leaves):
+        if tube is None or not all(a <= v <= b for a, v, b in zip(tube.low, pose, tube.high, strict=True)):
+            continue
+        while first not in lost and tube.meets(x, [arb(v) for v in pose], tube):
+            branch, border = {first}, [first]
+            while border:
+                new = set(meeting[border.pop()]) - branch - lost
+                branch |= new
+                border += new
+            wrong = {b for a in branch for b in apart[a] if b in branch}
+            if not wrong:
+                return branch
+            lost |= wrong - {first} or wrong
+    return set()
+
+
+def check(
+    certificate: Mapping[str, Any], report: Callable[[int, int], None] = lambda done, of: None,
+    dropped: set[int] | None = None,
+) -> dict[str, Any]:  # fmt: skip
+    """Return the result of a certificate: shares of the region's volume, witnesses, and the number of boxes.
+
+    With `dropped`, numbers of boxes whose claims are not confirmed are added to it, and these boxes are undecided.
 
     Raises:
         CertificateError: a claim is not confirmed.
     """
     with ctx.workprec(64):
         try:
-            return _result(certificate, report)
+            return _result(certificate, report, dropped)
         except CertificateError:
             raise
         except Exception as error:  # numbers and structures of any kind
             raise CertificateError(f"it is damaged ({type(error).__name__}: {error})") from None
 
 
-def _result(certificate: Mapping[str, Any], report: Callable[[int, int], None]) -> dict[str, Any]:
-    robot, ends = Robot(certificate), list(certificate["over"].values())
-    tree, leaves, pairs = iter(certificate["tree"]), list[Tube | None](), list[tuple[Tube, Tube, int]]()
-    shares = list[float]()
+def _result(
+    certificate: Mapping[str, Any], report: Callable[[int, int], None], dropped: set[int] | None
+) -> dict[str, Any]:
+    robot, tree, leaves, shares = Robot(certificate), iter(certificate["tree"]), list[Tube | None](), list[float]()
+
+    def refuse(box: int, error: CertificateError) -> None:
+        if dropped is None:
+            error.box = box
+            raise error
+        dropped.add(box)
 
     def read(low: list[float], high: list[float], share: float) -> Any:
         node = next(tree)
         if isinstance(node, dict):
-            with _about(len(leaves)):
-                leaves.append(None if node["claim"] == "open" else Tube(robot, low, high, node))
+            leaves.append(None)
             shares.append(share)
             report(len(leaves), len(certificate["tree"]))
+            try:
+                leaves[-1] = None if node["claim"] == "open" else Tube(robot, low, high, node)
+            except CertificateError as error:
+                refuse(len(leaves) - 1, error)
             return leaves[-1]
         middle = (low[node] + high[node]) / 2
         if not low[node] < middle < high[node]:
             raise CertificateError("a box is empty")
-        parts = [
-            read(*ends, share / 2) for ends in ((low, _with(high, node, middle)), (_with(low, node, middle), high))
-        ]
-        return node, *parts, low, high
+        ends = [*high[:node], middle, *high[node + 1 :]], [*low[:node], middle, *low[node + 1 :]]
+        return Node(node, (read(low, ends[0], share / 2), read(ends[1], high, share / 2)))
 
-    def faces(a: Any, b: Any, axis: int) -> None:
-        """Collect the pairs of boxes of two neighbours along an axis that share a face."""
-        if a is None or b is None:
-            return
-        if not isinstance(a, Tube):
-            k, first, second, *_ = a
-            for part in [second] if k == axis else [first, second]:
-                faces(part, b, axis)
-        elif not isinstance(b, Tube):
-            k, first, second, *_ = b
-            for part in [first] if k == axis else [first, second]:
-                faces(a, part, axis)
-        elif all(
-            max(x, y) < min(u, v)
-            for i, (x, y, u, v) in enumerate(zip(a.low, b.low, a.high, b.high, strict=True))
-            if i != axis
-        ):
-            pairs.append((a, b, axis))
-
-    def inner(node: Any) -> None:
-        if isinstance(node, tuple):
-            faces(node[1], node[2], node[0])
-            inner(node[1])
-            inner(node[2])
-
-    low, high = ([float(x[i]) for x in ends] for i in range(2))
+    low, high = ([float(x[i]) for x in certificate["over"].values()] for i in range(2))
     if not all(-inf < a < b < inf for a, b in zip(low, high, strict=True)):
         raise CertificateError("the region is empty")
     root = read(low, high, 1.0)
     if next(tree, None) is not None:
         raise CertificateError("boxes are left over")
-    inner(root)
-    meeting, apart = list[tuple[Tube, Tube]](), list[tuple[Tube, Tube]]()
-    for a, b, axis in pairs:  # all faces: a branch may not close on itself
-        p = [arb(max(x, y)) / 2 + arb(min(u, v)) / 2 for x, y, u, v in zip(a.low, b.low, a.high, b.high, strict=True)]
-        p[axis] = arb(a.high[axis])
-        (meeting if a.meets(a.at(p), p, b) else apart).append((a, b))
-    start = certificate["start"]
-    pose, x = list(map(float, start["pose"])), [arb(v) / u for v, u in zip(start["x"], robot.units, strict=False)]
-    begun = [t for t in leaves if t and _inside(t, pose) and t.meets(x, [arb(v) for v in pose], t)]
-    branch, dropped = set[int](), set[int]()
-    while begun:
-        branch, border = {id(begun[0])}, [begun[0]]
-        while border:
-            tube = border.pop()
-            near = [b if a is tube else a for a, b in meeting if tube in (a, b)]
-            new = [t for t in near if id(t) not in branch | dropped]
-            branch |= set(map(id, new))
-            border += new
-        wrong = [b for a, b in apart if id(a) in branch and id(b) in branch]
-        if not wrong:
-            break
-        dropped |= {id(t) for t in wrong if t is not begun[0]} or {id(wrong[0])}
-        begun = [t for t in begun if id(t) not in dropped]
-        branch = set()
-    found: dict[str, float] = {"proved": 0.0, "refuted": 0.0, "undecided": 0.0}
-    witnesses, signs = list[dict[str, Any]](), dict[int, Tube]()
+    found = {"proved": 0.0, "limit": 0.0, "undecided": 0.0}
+    witnesses, signs, branch = list[dict[str, Any]](), dict[int, Tube](), _branch(robot, root, leaves)
     for i, (leaf, share) in enumerate(zip(leaves, shares, strict=True)):
-        with _about(i):
-            status, sign = leaf.status() if leaf and id(leaf) in branch else ("undecided", 0)
-            if leaf and id(leaf) in branch and leaf.claim in ("proved", "limit") and status != leaf.claim:
-                raise CertificateError(f"a box is {status}, not {leaf.claim}")
-        if leaf and id(leaf) in branch:
+        status = "undecided"
+        if leaf is not None and i in branch:
+            status, sign = leaf.status()
             signs.setdefault(sign, leaf)
             if status == "limit":
                 witnesses.append(_witness(leaf, limit=leaf.reason))
-        found[{"proved": "proved", "limit": "refuted"}.get(status, "undecided")] += share
+            if leaf.claim in ("proved", "limit") and status != leaf.claim:
+                refuse(i, CertificateError(f"a box is {status}, not {leaf.claim}"))
+        found[status if status in found else "undecided"] += share
     if 1 in signs and -1 in signs:
         witnesses += [_witness(signs[s], determinant=s) for s in (1, -1)]
-    return {**found, "witnesses": witnesses, "boxes": len(leaves), "faces": len(pairs)}
+    found["refuted"] = found.pop("limit")
+    return {**found, "witnesses": witnesses, "boxes": len(leaves)}
 
 
 def _witness(leaf: Tube, **why: Any) -> dict[str, Any]:
-    names = [leaf.robot.variables[k]["name"] for k in (*leaf.robot.over, *leaf.robot.unknown)]
-    values = [*map(float, leaf.centre), *(float(x * u) for x, u in zip(leaf.x, leaf.robot.units, strict=False))]
-    n = len(leaf.centre)
-    return {
-        "pose": dict(zip(names[:n], values, strict=False)),
-        "configuration": dict(zip(names[n:], values[n:], strict=True)),
-        **why,
-    }
-
-
-def _inside(leaf: Tube, p: Sequence[float]) -> bool:
-    return all(a <= x <= b for a, x, b in zip(leaf.low, p, leaf.high, strict=True))
-
-
-def _with(ends: list[float], k: int, value: float) -> list[float]:
-    return [*ends[:k], value, *ends[k + 1 :]]
+    robot, n = leaf.robot, len(leaf.centre)
+    names = [robot.variables[k]["name"] for k in (*robot.over, *robot.unknown)]
+    values = [*map(float, leaf.centre), *(float(x * u) for x, u in zip(leaf.x, robot.units, strict=False))]
+    found = list(zip(names, values, strict=True))
+    return {"pose": dict(found[:n]), "configuration": dict(found[n:]), **why}

@@ -1,11 +1,9 @@
-"""The equations of a proof and their derivatives, in affine arithmetic.
+"""The equations of a proof, and their first derivatives, over many boxes at a time.
 
-With axes u_i, v_j of a closure's two ends and their origins p_1, p_2, an equation is one of
+Rotations about parallel axes that follow each other on a chain are written in the sums of their angles, so that each
+factor of a placement depends on one value, its slot's:
 
-    (p_2 - p_1) / L,    u_i . (p_2 - p_1) / L,    u_i . v_j,    u_i . v_j - u_j . v_i
-
-(L: characteristic length) and its derivative by a joint of the second end with axis a through o is that of a rigid
-rotation, a x (p_2 - o), a . (v_j x u_i), and reversed on the first end (`cinegen.assembly.certify`).
+    R(a) T R(b) = Trans(R(a) t) R(a + b),    T = Trans(t)
 """
 
 from __future__ import annotations
@@ -15,33 +13,44 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cinegen.arrays import Array, Indices
-from cinegen.proof.affine import Form, cross, stacked
+from cinegen.arrays import Array, Bools, Indices
+from cinegen.jit.compiled import prepare
+from cinegen.proof._kernels import SLIDES, TURNS, TURNS_OFFSET, BoxMemory, evaluate_boxes
 
-_PRODUCTS = {0: [], 2: [[(0, 2)], [(1, 2)]], 3: [[(0, 1), (1, 0)], [(1, 2), (2, 1)], [(2, 0), (0, 2)]]}
-"""By the number of constrained rotations: axes whose products vanish, the second product of two subtracted."""
-
-_AGREE = {0: [], 2: [2], 3: [0, 1, 2]}
-"""... and whose sum of products is positive."""
-
-_WIDE = 0.3  # rad and characteristic lengths: of the values over which equations are looked at
+_ORIGIN = np.diag([0.0, 0.0, 0.0, 1.0])
 
 
-class Matrices(NamedTuple):
-    """Derivatives and signs over boxes.
+class Point(NamedTuple):
+    """Equations and derivatives at points, each a midpoint and a radius.
 
     Attributes:
-        jacobian: (boxes, rows, unknowns + given coordinates), dimensionless but for the latter.
-        positive: (boxes, .) positive numbers.
+        residual: (boxes, 2, rows).
+        jacobian: (boxes, 2, rows, columns), dimensionless but for the coordinates of the pose.
     """
 
-    jacobian: Form
-    positive: Form
+    residual: Array
+    jacobian: Array
 
 
-class _Side(NamedTuple):
-    axes: Form
-    origins: Form
+class Change(NamedTuple):
+    """The derivative over boxes: J + sum_j G_j eps_j + [-R, R], R = R_1 + R_2.
+
+    Attributes:
+        by: (boxes, n, rows, columns) G.
+        bent: (boxes, rows, columns) R_1, of the second derivatives.
+        apart: (boxes, rows, columns) R_2, by the distance from X(eps).
+    """
+
+    by: Array
+    bent: Array
+    apart: Array
+
+
+class _Slot(NamedTuple):
+    kind: int
+    variables: list[int]
+    before: Array
+    offset: Array
 
 
 class Equations:
@@ -51,36 +60,35 @@ class Equations:
         unknown: indices of the variables that are unknown.
         over: indices of the variables that vary, the first of those that are given.
         locked: indices of the columns of a Jacobian whose motions the actuated joints must control: all but theirs.
-        names: of these.
+        names: of the unknowns.
         units: (unknowns,) size of a dimensionless step.
         lower: (unknowns,) dimensionless limits, infinite where there are none.
         upper: (unknowns,) likewise.
         rows: indices of the equations that are not exactly 0; all at first.
+        positive: indices of what is not 0 but positive.
     """
 
     def __init__(self, document: Mapping[str, Any]) -> None:
-        self._document = document
-        self.length, self.radius = float(document["length"]), float(document["radius"])
+        self._document, variables = document, document["variables"]
         numbers = np.array(document["placements"])
-        self.rotations, self.origins = numbers[:, :9].reshape(-1, 3, 3), numbers[:, 9:, None]
-        variables = document["variables"]
+        self._placements = np.tile(np.eye(4), (len(numbers), 1, 1))
+        self._placements[:, :3, :3], self._placements[:, :3, 3] = numbers[:, :9].reshape(-1, 3, 3), numbers[:, 9:]
         self._at = np.array([one["at"] for one in variables])
-        self.is_prismatic = np.array([one["prismatic"] for one in variables])
+        self._slides = [one["prismatic"] for one in variables]
         self.unknown, self.over = list(document["unknown"]), [int(k) for k in document["over"]]
-        given = [*self.over, *(k for k in document["given"] if k not in self.over)]
-        self._column = {k: i for i, k in enumerate([*self.unknown, *given])}
-        self.locked = [i for k, i in self._column.items() if k not in document["actuated"]]
-        self.units = np.array([one["unit"] for one in variables])[self.unknown]
+        columns = [*self.unknown, *self.over, *(k for k in document["given"] if k not in self.over)]
+        self._column = np.zeros((len(variables), len(columns)))
+        self._column[columns, np.arange(len(columns))] = [variables[k]["unit"] for k in columns]
+        self.units = np.array([variables[k]["unit"] for k in self.unknown])
+        self.locked = [i for i, k in enumerate(columns) if k not in document["actuated"]]
         self.names = [variables[k]["name"] for k in self.unknown]
-        limits = [variables[k]["limits"] for k in self.unknown]
-        low, high = ([x[i] for x in limits] for i in range(2))
-        self.lower = np.array([-np.inf if x is None else x for x in low]) / self.units
-        self.upper = np.array([np.inf if x is None else x for x in high]) / self.units
-        closures = document["closures"]
-        heights = [len(one["translations"]) + one["rotations"] for one in closures]
-        self._starts = np.cumsum([0, *heights])
-        self._height = int(self._starts[-1]) + len(document["couplings"])
-        self.rows: Indices = np.arange(self._height)
+        limits = np.array([variables[k]["limits"] for k in self.unknown], dtype=float).reshape(-1, 2)
+        self.lower = np.where(np.isnan(limits[:, 0]), -np.inf, limits[:, 0]) / self.units
+        self.upper = np.where(np.isnan(limits[:, 1]), np.inf, limits[:, 1]) / self.units
+        self._memory, is_positive = self._arranged()
+        self._evaluate = prepare(evaluate_boxes, BoxMemory)
+        self.rows: Indices = np.flatnonzero(~is_positive)
+        self.positive: Indices = np.flatnonzero(is_positive)
 
     @property
     def start(self) -> Array:
@@ -98,159 +106,126 @@ class Equations:
 
     def select(self, x: Array, p: Array) -> None:
         """Leave out the equations that no variable changes near a configuration: those across a planar linkage."""
-        wide = [Form(one[None, None], np.full((1, len(one)), _WIDE)) for one in (x, p)]
-        self.rows = np.flatnonzero(self.matrices(self.values(*wide)).jacobian.most[0].any(axis=-1))
+        along = np.concatenate([np.zeros((len(x), len(p))), np.eye(len(p))])[None]
+        change = self.change(x[None], p[None], along, np.ones((1, len(x))))
+        parts = np.abs(self.at(x[None], p[None]).jacobian[0, 0]) + np.abs(change.by[0]).sum(axis=0)
+        is_left = (parts + change.bent[0] + change.apart[0]).any(axis=-1)
+        self.rows = np.array([i for i in self.rows if is_left[i]], dtype=np.intp)
 
-    def values(self, x: Form, p: Form) -> list[Form]:
-        """Return the values of all variables.
+    def at(self, x: Array, p: Array) -> Point:
+        """Return equations and derivatives at points.
 
         Args:
             x: (boxes, unknowns) dimensionless.
             p: (boxes, parameters) m and rad.
         """
-        n = len(x.a)
-        constants = np.zeros((n, 1, len(self._at)))
-        constants[0, 0] = self._at
-        found = [Form(constants[:, :, k], np.zeros(1)) for k in range(len(self._at))]
-        scaled = x.scaled(self.units)
-        for i, k in enumerate(self.unknown):
-            found[k] = scaled[..., i]
-        for i, k in enumerate(self.over):
-            found[k] = p[..., i]
-        return found
+        values = self._values(x, p)
+        n, rows, columns, m = len(x), self._memory.rows, self._column.shape[1], len(self.over)
+        whole = Point(np.zeros((n, 2, rows)), np.zeros((n, 2, rows, columns)))
+        flat = np.zeros((n, len(self._at), m)), np.zeros((n, len(self._at)))
+        self._run(1, values, *flat, whole, None)
+        for row, coupling in enumerate(self._document["couplings"], rows - len(self._document["couplings"])):
+            size = coupling["size"]
+            whole.residual[:, 0, row] = -coupling["constant"] / size
+            for k, c in coupling["terms"]:
+                curve = np.polynomial.Polynomial([0.0, *c])
+                whole.residual[:, 0, row] += curve(values[:, k]) / size
+                whole.jacobian[:, 0, row] += curve.deriv()(values[:, k])[:, None] * self._column[k] / size
+        return whole
 
-    def residual(self, variables: Sequence[Form]) -> Form:
-        """Return the equations (boxes, rows)."""
-        placed, found = _Placed(self, variables), list[Form]()
-        for closure in self._document["closures"]:
-            (u, p), (v, q) = placed.ends(closure)
-            gap = (q - p).scaled(np.array(1.0 / self.length))
-            linear = closure["translations"]
-            found += [gap[..., k] if len(linear) == 3 else (u[..., k] * gap).sum(-1) for k in linear]
-            for terms in _PRODUCTS[closure["rotations"]]:
-                products = [(u[..., a] * v[..., b]).sum(-1) for a, b in terms]
-                found.append(products[0] if len(products) == 1 else products[0] - products[1])
-        for coupling in self._document["couplings"]:
-            found.append(self._coupling(coupling, variables)[0])
-        return stacked(found)[..., self.rows]
+    def change(self, x: Array, p: Array, along: Array, y: Array) -> Change:
+        """Return how the derivatives change over boxes.
 
-    def _coupling(self, coupling: Mapping[str, Any], variables: Sequence[Form]) -> tuple[Form, dict[int, Form]]:
-        """Return the residual of a coupling, and its slopes by variables."""
-        zero = variables[0].scaled(np.array(0.0))
-        one = Form(zero.a + (np.arange(len(zero.a)) == 0)[:, None], zero.r)
-        residual, slopes = one.scaled(np.array(-coupling["constant"])), dict[int, Form]()
-        for k, coefficients in coupling["terms"]:
-            value, slope = zero, zero
-            for c in reversed(coefficients):  # Horner's scheme
-                slope = slope * variables[k] + value + one.scaled(np.array(c))
-                value = (value + one.scaled(np.array(c))) * variables[k]
-            residual, slopes[k] = residual + value, slope.scaled(np.array(1.0 / coupling["size"]))
-        return residual.scaled(np.array(1.0 / coupling["size"])), slopes
+        Args:
+            x: (boxes, unknowns) dimensionless, at the centre.
+            p: (boxes, parameters) m and rad, at the centre.
+            along: (boxes, unknowns + parameters, n) their change by eps.
+            y: (boxes, unknowns) radius about X(eps).
+        """
+        n, rows, columns, count, m = len(x), self._memory.rows, self._column.shape[1], len(self.unknown), along.shape[2]
+        values, g, r = self._values(x, p), np.zeros((n, len(self._at), m)), np.zeros((n, len(self._at)))
+        g[:, self.unknown], g[:, self.over] = along[:, :count] * self.units[:, None], along[:, count:]
+        r[:, self.unknown] = y * self.units
+        whole = Change(np.zeros((n, m, rows, columns)), np.zeros((n, rows, columns)), np.zeros((n, rows, columns)))
+        self._run(2, values, g, r, None, whole)
+        for row, coupling in enumerate(self._document["couplings"], rows - len(self._document["couplings"])):
+            for k, c in coupling["terms"]:
+                bend, column = np.polynomial.Polynomial([0.0, *c]).deriv(2), self._column[k] / coupling["size"]
+                spread, size = np.abs(g[:, k]).sum(axis=-1), np.abs(column)
+                far = np.abs(bend.deriv()(values[:, k])) * (spread + r[:, k])
+                whole.by[:, :, row] += (bend(values[:, k])[:, None] * g[:, k])[..., None] * column
+                whole.bent[:, row] += (far * spread)[:, None] * size
+                whole.apart[:, row] += ((np.abs(bend(values[:, k])) + far) * r[:, k])[:, None] * size
+        return whole
 
-    def matrices(self, variables: Sequence[Form]) -> Matrices:
-        """Return the derivatives, and what is positive."""
-        placed, count, n = _Placed(self, variables), len(self._column), len(variables[0].a)
-        boxes = max(len(one.r) for one in variables)
-        jacobian = Form(np.zeros((n, boxes, self._height, count)), np.zeros((boxes, self._height, count)))
-        positive, units = list[Form](), np.concatenate([self.units, np.ones(count - len(self.units))])
+    # --- slots -------------------------------------------------------------------------------------------------------
 
-        def write(form: Form, rows: slice, column: int) -> None:
-            jacobian.a[:, :, rows, column], jacobian.r[:, rows, column] = form.a, form.r
+    def _values(self, x: Array, p: Array) -> Array:
+        """Return the values (boxes, variables), rad and m."""
+        values = np.tile(self._at, (len(x), 1))
+        values[:, self.unknown], values[:, self.over] = x * self.units, p
+        return values
 
-        closures = self._document["closures"]
-        for start, closure in zip(self._starts, closures, strict=False):
-            (u, p), (v, q) = placed.ends(closure)
-            linear, products = closure["translations"], _PRODUCTS[closure["rotations"]]
-            turns = list[Form]()
-            for terms in products:
-                both = [cross(v[..., b], u[..., a]) for a, b in terms]
-                turns.append(both[0] if len(both) == 1 else both[0] - both[1])
-            if agree := _AGREE[closure["rotations"]]:
-                positive.append((u[..., agree] * v[..., agree]).sum(-1).sum(-1))
-            for sign, side, tip in ((-1.0, "first", p if len(linear) == 3 else q), (1.0, "second", q)):
-                chain = [(i, k) for i, (_, k) in enumerate(closure[side]) if k in self._column]
-                if not chain:
-                    continue
-                axes, origins = placed.axes(closure[side], [i for i, _ in chain])
-                velocities = cross(axes, tip[..., None, :] - origins)
-                angular = [(axes * turn[..., None, :]).sum(-1) for turn in turns]
-                for i, (_, k) in enumerate(chain):
-                    column, is_prismatic = self._column[k], self.is_prismatic[k]
-                    unit, velocity = sign * units[column], (axes if is_prismatic else velocities)[..., i, :]
-                    if len(linear) == 2:
-                        velocity = stacked([(u[..., m] * velocity).sum(-1) for m in linear])
-                    if linear:
-                        write(velocity.scaled(unit / self.length), slice(start, start + len(linear)), column)
-                    for row, turn in enumerate([] if is_prismatic else angular, start + len(linear)):
-                        write(turn[..., i : i + 1].scaled(unit), slice(row, row + 1), column)
-        for row, coupling in enumerate(self._document["couplings"], int(self._starts[-1])):
-            for k, slope in self._coupling(coupling, variables)[1].items():
-                if k in self._column:
-                    unit = units[self._column[k]]
-                    write(slope[..., None].scaled(unit), slice(row, row + 1), self._column[k])
-        selected = jacobian[..., self.rows, :]
-        return Matrices(selected, stacked(positive) if positive else selected[..., 0, :0])
+    def _run(self, order: int, values: Array, g: Array, r: Array, at: Point | None, change: Change | None) -> None:
+        memory, n, m = self._memory, len(values), g.shape[2]
+        rows, columns = memory.rows, self._column.shape[1]
+        memory.resize(count=n, order=order, parameters=m, sums=m + 2)
+        nothing = np.zeros((n, m, rows, columns)), np.zeros((n, rows, columns))
+        at = at or Point(np.zeros((n, 2, rows)), np.zeros((n, 2, rows, columns)))
+        change = change or Change(nothing[0], nothing[1], nothing[1])
+        inputs = values @ self._sums.T, np.einsum("sv,bvn->bsn", self._sums, g), r @ self._sums.T
+        names = "q", "along", "away", "residual", "jacobian", "by", "bent", "apart"
+        for name, numbers in zip(names, (*inputs, *at, *change), strict=True):
+            memory.point_at(name, np.ascontiguousarray(numbers))
+        self._evaluate(memory.handle)
 
-
-class _Body(NamedTuple):
-    """A body behind a variable: its axes, and those before parallel rotations, whose angles are added up."""
-
-    axes: Form
-    origin: Form
-    before: Form
-    angle: Form | None
-
-
-class _Placed:
-    """Placements along chains, each computed once."""
-
-    def __init__(self, of: Equations, variables: Sequence[Form]) -> None:
-        self._of, self._variables, self._n = of, variables, len(variables[0].a)
-        axes, origin = np.zeros((self._n, 1, 3, 3)), np.zeros((self._n, 1, 3))
-        axes[0, 0] = np.eye(3)
-        fixed = Form(axes, np.zeros((1, 3, 3)))
-        root = _Body(fixed, Form(origin, np.zeros((1, 3))), fixed, None)
-        self._known: dict[tuple[tuple[int, int], ...], _Body] = {(): root}
-        self._stations = dict[tuple[tuple[int, int], ...], _Side]()
-
-    def _after(self, chain: tuple[tuple[int, int], ...]) -> _Body:
-        """Return the body behind the last variable of a chain."""
-        if chain not in self._known:
-            (placement, k), last = chain[-1], self._after(chain[:-1])
-            constant, value = self._of.rotations[placement], self._variables[k]
-            origin = self._shifted(last, placement)
-            if self._of.is_prismatic[k]:
-                axes = last.axes.placed(constant, self._of.radius)
-                self._stations[chain] = _Side(axes[..., 2], origin)
-                self._known[chain] = _Body(axes, origin + axes[..., 2] * value[..., None], axes, None)
+    def _slots(self, chain: Sequence[Sequence[int]], end: int) -> tuple[list[_Slot], Array]:
+        """Return the slots of a chain, and the placement of its end behind the last one."""
+        slots, turned, is_turn = list[_Slot](), np.eye(4), False
+        for index, k in chain:
+            moved, slides = turned @ self._placements[index], self._slides[k]
+            if is_turn and not slides and self._placements[index, 2, 2] == 1.0:
+                offset = moved @ _ORIGIN - _ORIGIN
+                slots[-1] = slots[-1]._replace(kind=TURNS_OFFSET, offset=offset)
+                slots.append(_Slot(TURNS, [*slots[-1].variables, k], np.eye(4), np.zeros((4, 4))))
+                turned = moved - offset
             else:
-                angle, before = value, last.axes
-                if last.angle is not None and constant[2, 2] == 1.0:
-                    angle, before = last.angle + value, last.before
-                before = before.placed(constant, self._of.radius)
-                s, c = angle.sin_cos()
-                plane = before[..., :2]
-                ahead, aside = plane * c[..., None, None], plane * s[..., None, None]
-                x, y = ahead[..., 0] + aside[..., 1], ahead[..., 1] - aside[..., 0]
-                self._stations[chain] = _Side(before[..., 2], origin)
-                self._known[chain] = _Body(stacked([x, y, before[..., 2]]), origin, before, angle)
-        return self._known[chain]
+                slots.append(_Slot(SLIDES if slides else TURNS, [k], moved, np.zeros((4, 4))))
+                turned = np.eye(4)
+            is_turn = not slides
+        return slots, turned @ self._placements[end]
 
-    def _shifted(self, body: _Body, placement: int) -> Form:
-        return body.origin + body.axes.placed(self._of.origins[placement], self._of.radius * self._of.length)[..., 0]
-
-    def end(self, chain: Sequence[Sequence[int]], placement: int) -> tuple[Form, Form]:
-        """Return axes, as columns (3, 3), and origin (3,) of an end."""
-        body = self._after(tuple((i, k) for i, k in chain))
-        return body.axes.placed(self._of.rotations[placement], self._of.radius), self._shifted(body, placement)
-
-    def ends(self, closure: Mapping[str, Any]) -> list[tuple[Form, Form]]:
-        """Return both ends of a closure."""
-        return [self.end(closure[side], closure[f"{side}_end"]) for side in ("first", "second")]
-
-    def axes(self, chain: Sequence[Sequence[int]], at: Sequence[int]) -> _Side:
-        """Return the axes (., 3) of variables of a chain, and points on them (., 3)."""
-        whole = tuple((i, k) for i, k in chain)
-        self._after(whole)
-        stations = [self._stations[whole[: i + 1]] for i in at]
-        return _Side(stacked([one.axes for one in stations], -2), stacked([one.origins for one in stations], -2))
+    def _arranged(self) -> tuple[BoxMemory, Bools]:
+        """Return the memory of the kernel, and which rows (rows,) are to be positive."""
+        closures, couplings = self._document["closures"], self._document["couplings"]
+        chains = [[self._slots(c[side], c[f"{side}_end"]) for side in ("first", "second")] for c in closures]
+        lengths = np.array([[len(slots) for slots, _ in pair] for pair in chains]).reshape(-1, 2)
+        slots = [slot for pair in chains for chain, _ in pair for slot in chain]
+        self._sums = np.zeros((len(slots), len(self._at)))
+        for i, slot in enumerate(slots):
+            self._sums[i, slot.variables] = 1.0
+        is_positive, rows = list[bool](), list[int]()
+        for closure in closures:
+            rows.append(len(is_positive))
+            plain = len(closure["translations"]) + closure["rotations"]
+            is_positive += [False] * plain + [True] * (closure["rotations"] > 0)
+        is_positive += [False] * len(couplings)
+        longest, n = int(lengths.max(initial=0)), len(self.over)
+        memory = BoxMemory(
+            closures=len(closures), slots=len(slots), longest=longest, ends=longest + 1, rows=len(is_positive),
+            columns=self._column.shape[1], parameters=n, sums=n + 2,
+        )  # fmt: skip
+        memory.length = float(self._document["length"])
+        starts = np.concatenate([[0], np.cumsum(lengths)])
+        for c, (closure, pair) in enumerate(zip(closures, chains, strict=True)):
+            memory.chain[c] = starts[2 * c : 2 * c + 3]
+            memory.linear[c], memory.turns[c], memory.row[c] = (
+                len(closure["translations"]),
+                closure["rotations"],
+                rows[c],
+            )
+            memory.end[c, :, 0] = [end for _, end in pair]
+        for i, slot in enumerate(slots):
+            memory.kind[i], memory.before[i, 0], memory.offset[i, 0] = slot.kind, slot.before, slot.offset
+        memory.by_slot[:] = self._sums @ self._column
+        return memory, np.array(is_positive)

@@ -130,15 +130,12 @@ def prove(
         "start": {"pose": middle.tolist(), "x": (x * equations.units).tolist()},
         "tree": tree,
     }
-    while True:
-        try:
-            return read_proof(document)
-        except ProofError as error:
-            box = getattr(error.__cause__, "box", None)
-            if box is None:
-                raise
-            leaves = [node for node in tree if isinstance(node, dict)]
-            leaves[box] |= {"claim": "open", "reason": "the checker does not confirm it"}
+    dropped = set[int]()
+    result = check(document, dropped=dropped)
+    leaves = [node for node in tree if isinstance(node, dict)]
+    for box in dropped:
+        leaves[box] |= {"claim": "open", "reason": "the checker does not confirm it"}
+    return _proof(document, check(document) if dropped else result)
 
 
 def read_proof(certificate: Mapping[str, Any], report: Callable[[int, int], None] | None = None) -> Proof:
@@ -155,6 +152,10 @@ def read_proof(certificate: Mapping[str, Any], report: Callable[[int, int], None
         result = check(certificate) if report is None else check(certificate, report)
     except CertificateError as error:
         raise ProofError(f"the certificate is rejected: {error}") from error
+    return _proof(certificate, result)
+
+
+def _proof(certificate: Mapping[str, Any], result: Mapping[str, Any]) -> Proof:
     leaves = [node for node in certificate["tree"] if isinstance(node, dict)]
     reasons = Counter(leaf["reason"] for leaf in leaves if leaf["claim"] in ("open", "regular"))
     return Proof(

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 from cinegen.arrays import Array, Bools
-from cinegen.proof.affine import Form
-from cinegen.proof.equations import Equations, Matrices
+from cinegen.proof.equations import Change, Equations, Point
 
 BOXES = 10_000
 """Default number of boxes that are tested."""
@@ -124,13 +123,11 @@ class Prover:
     def solve(self, p: Array, x: Array) -> tuple[Array, Array, Bools]:
         """Return configurations (boxes, unknowns) by Newton's method, inverse Jacobians, and which converged."""
         e, done = self.equations, np.zeros(len(x), dtype=bool)
-        jacobian = np.zeros((len(x), x.shape[1], x.shape[1]))
+        inverse = np.zeros((len(x), x.shape[1], x.shape[1]))
         for _ in range(_NEWTON):
-            variables = e.values(_point(x), _point(p))
-            jacobian = e.matrices(variables).jacobian.a[0][..., : x.shape[1]]
-            residual = e.residual(variables).a[0]
-            inverse = _inverse(jacobian)
-            step = -(inverse @ residual[..., None])[..., 0]
+            values = e.at(x, p)
+            inverse = _inverse(values.jacobian[:, 0, e.rows, : x.shape[1]])
+            step = -(inverse @ values.residual[:, 0, e.rows, None])[..., 0]
             size = np.abs(step).max(axis=1)
             done = size < _CONVERGED
             step *= np.minimum(1.0, 0.5 / np.maximum(size, _TINY))[:, None]
@@ -144,30 +141,27 @@ class Prover:
         both halves; None where none is found."""
         e, count = self.equations, len(self.equations.unknown)
         low, high = np.array([box.low for box in batch]), np.array([box.high for box in batch])
-        centre, width = 0.5 * (low + high), count + low.shape[1]
+        centre, n = 0.5 * (low + high), low.shape[1]
         radius = np.maximum(high - centre, centre - low)
         x, inverse, done = self.solve(centre, np.array([box.x for box in batch]))
-        variables = e.values(_point(x), _point(centre))
-        at_centre = e.residual(variables)[..., None].left(inverse)[..., 0]
-        slopes = -(inverse @ e.matrices(variables).jacobian.a[0][..., count:width]) * radius[:, None, :]
-        p = Form(np.stack([centre, *np.moveaxis(radius[..., None] * np.eye(low.shape[1]), -1, 0)]), 0.0 * radius)
-        tube = Form(np.stack([x, *np.moveaxis(slopes, -1, 0)]), np.zeros(x.shape))
-        y, z, regular = np.zeros(x.shape), np.zeros(x.shape), np.zeros(len(x), dtype=bool)
+        x, inverse = np.where(done[:, None], x, 0.0), np.where(done[:, None, None], inverse, 0.0)
+        at = e.at(x, centre)
+        slopes = -(inverse @ at.jacobian[:, 0, e.rows, count : count + n]) * radius[:, None, :]
+        along = np.concatenate([slopes, radius[..., None] * np.eye(n)], axis=1)
+        along = _curved(inverse[:, None] @ e.change(x, centre, along, 0.0 * x).by[:, :, e.rows], along)
+        y, image, regular = np.zeros(x.shape), np.zeros(x.shape), np.zeros(len(x), dtype=bool)
         for k in range(_ROUNDS):
-            matrices = e.matrices(e.values(tube.widened(y), p))
-            product = matrices.jacobian[..., :width].left(inverse)
-            if k == 0:
-                z = _residual(at_centre.a[0], product, slopes, radius) + at_centre.r
-            defect = product[..., :count].minus_one()
-            image = z + (defect.most @ y[..., None])[..., 0]
+            change = e.change(x, centre, along, y)
+            z, bends, defect = self._image(at, change, inverse, along)
+            image = z + (defect @ y[..., None])[..., 0]
             regular = done & (image < _SURE * y).all(axis=1) & (y < 1.0).all(axis=1)
-            better = _WIDER * _solved(defect.most, z) + _TINY
+            better = _WIDER * _solved(defect, z) + _TINY
             usable = ~regular & (better > 0.0).all(axis=1) & (better < 1.0).all(axis=1)
             if k == _ROUNDS - 1 or not usable.any():
                 break
             y = np.where(usable[:, None], better, y)
-        axes = np.argmax(np.abs(defect.a[1:]).sum(axis=(-1, -2)), axis=0).tolist()
-        claims = self._claims(tube.widened(image), matrices)
+        axes = np.argmax(bends, axis=1).tolist()
+        claims = self._claims(x, np.abs(along[:, :count]).sum(axis=-1) + image, at, change)
         found = list[tuple[Leaf, int, tuple[Array, Array] | None]]()
         for i, axis in enumerate(axes):
             leaf, step = Leaf(OPEN, "no configuration is found"), 0.5 * slopes[i][:, axis]
@@ -178,22 +172,48 @@ class Prover:
             found.append((leaf, axis, (x[i] - step, x[i] + step) if done[i] else None))
         return found
 
-    def _claims(self, image: Form, matrices: Matrices) -> list[tuple[str, str]]:
+    def _image(self, at: Point, change: Change, inverse: Array, along: Array) -> tuple[Array, Array, Array]:
+        """Return z (boxes, unknowns), how much each eps changes C F_x (boxes, n), and E (boxes, unknowns, unknowns).
+
+        Args:
+            at: at the centres.
+            change: over the boxes.
+            inverse: C.
+            along: (boxes, unknowns + parameters, n + n (n + 1) / 2) of X and P, by eps and its products.
+        """
+        rows, count, n = self.equations.rows, inverse.shape[1], along.shape[1] - inverse.shape[1]
+        width, size, spread = count + n, np.abs(inverse), np.abs(along).sum(axis=-1)[..., None]
+        jacobian, unsure = at.jacobian[:, 0, rows, :width], at.jacobian[:, 1, rows, :width]
+        bent, apart = change.bent[:, rows, :width], change.apart[:, rows, :width]
+        by = inverse[:, None] @ change.by[:, :, rows, :width]
+        z = size @ (at.residual[:, 1, rows, None] + (unsure + bent / 3.0) @ spread)
+        z += np.abs(inverse @ at.residual[:, 0, rows, None])
+        z = z[..., 0] + np.abs(inverse @ jacobian @ along[..., :n]).sum(axis=-1)
+        curved = np.abs(along[..., n:]).sum(axis=-1)[..., None]
+        z += (
+            np.abs(by[:, :n] @ along[:, None, :, n:]).sum(axis=(1, -1))
+            + (0.5 * np.abs(by[:, n:]).sum(axis=1) @ curved)[..., 0]
+        )
+        constant = np.abs(inverse @ jacobian[..., :count] - np.eye(count)) + size @ unsure[..., :count]
+        z += (constant @ curved[:, :count])[..., 0]
+        bends = np.abs(by[..., :count])
+        defect = constant + bends.sum(axis=1) + size @ (bent + apart)[..., :count]
+        return z, bends[:, :n].sum(axis=(-1, -2)), defect
+
+    def _claims(self, x: Array, radius: Array, at: Point, change: Change) -> list[tuple[str, str]]:
         """Return what is claimed of each box if it is regular, and why no more is.
 
         Args:
-            image: the forms (boxes, unknowns) that contain the configurations.
-            matrices: over the tubes.
+            x: (boxes, unknowns) the configurations are within
+            radius: (boxes, unknowns) of it.
+            at: at the centres.
+            change: over the boxes.
         """
-        e, found = self.equations, list[tuple[str, str]]()
-        low, high = image.a[0] - image.spread, image.a[0] + image.spread
-        agree = (matrices.positive.a[0] - matrices.positive.spread > 0.0).all(axis=1)
+        e, found, low, high = self.equations, list[tuple[str, str]](), x - radius, x + radius
         beyond = self._limits & ((low > e.upper) | (high < e.lower))
         crossed = self._limits & ((high >= e.upper) | (low <= e.lower))
-        for i, is_controlled in enumerate(self._controlled(matrices.jacobian).tolist()):
-            if not agree[i]:
-                found.append((OPEN, "ends of a closure may be opposed"))
-            elif beyond[i].any():
+        for i, is_controlled in enumerate(self._controlled(at, change).tolist()):
+            if beyond[i].any():
                 found.append((LIMIT, e.names[int(beyond[i].argmax())]))
             elif crossed[i].any():
                 found.append((REGULAR, f"a limit of {e.names[int(crossed[i].argmax())]} may be crossed"))
@@ -203,45 +223,40 @@ class Prover:
                 found.append((PROVED, ""))
         return found
 
-    def _controlled(self, jacobian: Form) -> Bools:
+    def _controlled(self, at: Point, change: Change) -> Bools:
         """Return of which boxes (boxes,) no motion remains with all actuated joints locked: of type 2 there is none."""
-        locked = jacobian[..., self.equations.locked]
-        if locked.r.shape[-1] != locked.r.shape[-2]:  # actuated redundantly
-            return np.zeros(len(locked.r), dtype=bool)
-        left = _preconditioned(locked.left(_inverse(locked.a[0])).minus_one())
-        weights = _solved(left, np.ones(left.shape[:2]))
-        lesser = (left @ weights[..., None])[..., 0] < _SURE * weights
+        rows, locked = self.equations.rows, self.equations.locked
+        if len(rows) != len(locked):  # actuated redundantly
+            return np.zeros(len(at.residual), dtype=bool)
+        here, unsure = (at.jacobian[:, k][:, rows][..., locked] for k in range(2))
+        left = _inverse(here)
+        rest = unsure + (change.bent + change.apart)[:, rows][..., locked]
+        rest = np.abs(left @ here - np.eye(len(rows))) + np.abs(left) @ rest
+        slopes = np.moveaxis(left[:, None] @ change.by[:, :, rows][..., locked], 1, 0)
+        n = len(self.equations.over)
+        total = _preconditioned(slopes[:n], rest + np.abs(slopes[n:]).sum(axis=0))
+        weights = _solved(total, np.ones(total.shape[:2]))
+        lesser = (total @ weights[..., None])[..., 0] < _SURE * weights
         return np.asarray(lesser.all(axis=1) & (weights > 0.0).all(axis=1))
 
 
-def _point(x: Array) -> Form:
-    return Form(x[None], np.zeros(x.shape))
-
-
-def _residual(at_centre: Array, product: Form, slopes: Array, radius: Array) -> Array:
-    """Return a bound (boxes, n) of |C F(X(eps), P(eps))|.
+def _curved(by: Array, along: Array) -> Array:
+    """Return how X and P change by eps_j and by eps_j eps_k, j <= k, so that the second derivative of C F vanishes.
 
     Args:
-        at_centre: (boxes, n) C F at eps = 0.
-        product: C times the derivative by unknowns and parameters.
-        slopes: (boxes, n, parameters) S.
-        radius: (boxes, parameters) r.
+        by: (boxes, n, unknowns, columns) C G.
+        along: (boxes, unknowns + parameters, n) S and diag(r).
     """
-    n = slopes.shape[1]
-    a = product.a[..., :n] @ slopes + product.a[..., n:] * radius[:, None, :]
-    r = product.r[..., :n] @ np.abs(slopes) + product.r[..., n:] * radius[:, None, :]
-    second = 0.5 * np.moveaxis(a[1:], 0, -1)  # (boxes, n, k, j): d/d eps_j of the column of eps_k
-    squares = np.diagonal(second, axis1=-2, axis2=-1)
-    mixed = np.abs(np.triu(second + np.swapaxes(second, -1, -2), 1)).sum(axis=(-1, -2))
-    low = at_centre + np.minimum(squares, 0.0).sum(axis=-1)
-    high = at_centre + np.maximum(squares, 0.0).sum(axis=-1)
-    more = mixed + np.abs(a[0]).sum(axis=-1) + r.sum(axis=-1)
-    return np.asarray(np.maximum(np.abs(low), np.abs(high)) + more)
+    n = along.shape[2]
+    second = by[..., : along.shape[1]] @ along[:, None]  # (boxes, j, unknowns, k)
+    j, k = np.triu_indices(n)
+    products = -0.5 * (second[:, j, :, k] + second[:, k, :, j]) * np.where(j == k, 0.5, 1.0)[:, None, None]
+    products = np.moveaxis(products, 0, -1)
+    return np.concatenate([along, np.concatenate([products, np.zeros((len(by), n, len(j)))], axis=1)], axis=2)
 
 
-def _preconditioned(product: Form) -> Array:
-    """Return E for the preconditioner C - sum_j eps_j C W_j C, where C W = 1 + `product` with C constant."""
-    slopes, rest = product.a[1:], np.abs(product.a[0]) + product.r
+def _preconditioned(slopes: Array, rest: Array) -> Array:
+    """Return E for the preconditioner C - sum_j eps_j C W_j C, where C W = 1 + sum_j eps_j `slopes`_j +- `rest`."""
     found = rest + np.abs(slopes).sum(axis=0) @ rest
     for j, first in enumerate(slopes):
         found = found + np.abs(first @ first)

@@ -14,6 +14,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from multiprocessing.context import SpawnContext
 from typing import Self
 
 from cinegen.errors import CinegenError, CinegenWarning
@@ -127,6 +128,34 @@ class _Inbox:
         self.put(_End())
 
 
+class _Bell:
+    """Wakes a thread, from any process. Rings that were not heard yet are one: nobody waits to ring."""
+
+    def __init__(self, context: SpawnContext) -> None:
+        self._ear, self._clapper = context.Pipe(duplex=False)
+        self._rung = context.RawValue(ctypes.c_bool)
+
+    def ring(self) -> None:
+        """End `wait`."""
+        if not self._rung.value:
+            self._rung.value = True
+            with contextlib.suppress(OSError):  # nobody listens any more
+                self._clapper.send_bytes(b"")
+
+    def wait(self, seconds: float) -> bool:
+        """Wait for a ring since the last call of this; return whether there was one."""
+        if not self._ear.poll(max(0.0, seconds)):
+            return False
+        self._ear.recv_bytes()
+        self._rung.value = False  # what rings before this has written its state, which is read after it
+        return True
+
+    def close(self) -> None:
+        """Close it."""
+        self._ear.close()
+        self._clapper.close()
+
+
 class SessionRunner:
     """Runs a session at its rate, or at `INTERPRETED_RATE` while its kernels are being compiled. When it is at rest,
     ticks are few until a command or a reading of a sensor comes.
@@ -146,18 +175,19 @@ class SessionRunner:
         self.setup = setup
         self._sent = 0
         self._clock = Clock(1.0 / setup.rate, priority=setup.priority)
+        context = multiprocessing.get_context("spawn")
+        self._bell = _Bell(context)
         if own_process:
-            context = multiprocessing.get_context("spawn")
             inbox, outbox = context.Pipe(duplex=False)
             self._taken = context.RawValue(ctypes.c_longlong)
-            self._clock.spawn(_in_process, setup, inbox, self._taken)
+            self._clock.spawn(_in_process, setup, inbox, self._taken, self._bell)
             inbox.close()
             self._send: Callable[[_Message], None] = outbox.send
         else:
             self._taken = ctypes.c_longlong()
             own = _Inbox(self._taken)
             self._send = own.put
-            self._clock.start(_ticks(Session(setup), own))
+            self._clock.start(_ticks(Session(setup), own, self._bell.ring))
 
     def send(self, command: Command) -> None:
         """Send a command. Commands are carried out in their order, before the next tick."""
@@ -192,6 +222,22 @@ class SessionRunner:
         state: SessionState | None = self._clock.state
         return state
 
+    def wake(self) -> None:
+        """End `wait`."""
+        self._bell.ring()
+
+    def wait(self, seconds: float) -> bool:
+        """Wait for a state of a session at rest that has obeyed a command, or moves; or for a call of `wake` since the
+        last call of this.
+
+        Args:
+            seconds: longest time to wait.
+
+        Returns:
+            whether it was not that time that passed. For one thread.
+        """
+        return self._bell.wait(seconds)
+
     def report(self) -> TimingReport:
         """Return the timing of its ticks."""
         return self._clock.report()
@@ -203,8 +249,11 @@ class SessionRunner:
             Exception: the exception that ended the session before.
         """
         self._try(_End())
-        self._clock.join(_PATIENCE)
-        self._clock.stop()
+        try:
+            self._clock.join(_PATIENCE)
+            self._clock.stop()
+        finally:
+            self._bell.close()
 
     def __enter__(self) -> Self:
         return self
@@ -214,29 +263,37 @@ class SessionRunner:
 
 
 def _in_process(
-    setup: Setup, connection: multiprocessing.connection.Connection, taken: ctypes.c_longlong
+    setup: Setup, connection: multiprocessing.connection.Connection, taken: ctypes.c_longlong, bell: _Bell
 ) -> Callable[[Tick], SessionState | None]:
     inbox = _Inbox(taken)
     threading.Thread(target=inbox.receive, args=(connection,), name="cinegen commands", daemon=True).start()
     with warnings.catch_warnings():  # issued when the setup was made
         warnings.simplefilter("ignore", CinegenWarning)
         session = Session(setup)
-    return _ticks(session, inbox)
+    return _ticks(session, inbox, bell.ring)
 
 
-def _ticks(session: Session, inbox: _Inbox) -> Callable[[Tick], SessionState | None]:
-    """Return the function that the clock calls."""
+def _ticks(session: Session, inbox: _Inbox, ring: Callable[[], None]) -> Callable[[Tick], SessionState | None]:
+    """Return the function that the clock calls; `ring` is called when the state of a session at rest is news."""
     session.wake = inbox.wake
-    due, rested, last = 0, False, 0.0
+    due, rested, last, is_news = 0, False, 0.0, False
+
+    def rest(is_news: bool) -> None:
+        if is_news:
+            ring()
+        inbox.wait(1.0 / AT_REST)
 
     def tick(tick: Tick) -> SessionState | None:
-        nonlocal due, rested, last
+        nonlocal due, rested, last, is_news
+        if is_news:  # the state of the tick before
+            ring()
         session.dt = tick.clock.period
         if rested:
             session.pass_time(max(0.0, tick.time - last - session.dt))
-        last = tick.time
+        last, is_news = tick.time, False
         began = time.perf_counter()
         while (command := inbox.take()) is not None:
+            is_news = rested
             if isinstance(command, _End):
                 session.close()
                 tick.clock.stop()
@@ -251,10 +308,12 @@ def _ticks(session: Session, inbox: _Inbox) -> Callable[[Tick], SessionState | N
                 break
         session.tick()
         tick.clock.period = _next_period(session.setup.rate, session.dt)
+        is_news |= rested and not session.at_rest
         rested = session.at_rest
         if rested:
-            tick.clock.rest(partial(inbox.wait, 1.0 / AT_REST))
-        if not rested and tick.number < due:
+            tick.clock.rest(partial(rest, is_news))
+            is_news = False
+        elif tick.number < due and not is_news:
             return None
         due = tick.number + max(1, round(1.0 / (FRAMES * session.dt)))
         return session.state()

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from fractions import Fraction
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -46,8 +47,9 @@ def triangles(text: str) -> Array:
         raise RaffError(f"'{SCHEME}://{shown}' is no solid: one of {', '.join(_MAKERS)} with its numbers") from None
 
 
+@lru_cache(64)
 def stl_of(text: str) -> bytes:
-    """Return a solid as binary STL.
+    """Return a solid as binary STL. (Many links have the same.)
 
     Raises:
         RaffError: there is no such solid.

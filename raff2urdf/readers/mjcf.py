@@ -19,8 +19,10 @@ import re
 import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from copy import deepcopy
 from functools import partial
 from itertools import zip_longest
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -71,17 +73,20 @@ def read(path: Path, ignore: Collection[str] = (), text: str | None = None) -> M
 
     Raises:
         RaffError: MuJoCo can't read it, for the reasons that it gives: all that can be found, but only the first in a
-            file that includes others; or equality constraints have no counterpart.
+            file that attaches others; or equality constraints have no counterpart.
         MissingExtraError: MuJoCo is not installed.
     """
     with needs("mjcf", f"{path}: MJCF files"):
         import mujoco
-    _check_includes(path, text)
-    try:
-        return _read(mujoco, path, ignore, text)
-    except _MujocoError as error:
-        why = str(error)
-    raise RaffError(_problems(mujoco, path, ignore, read_text(path) if text is None else text, why))
+    roots, problems = _files(path, text)
+    if problems:
+        why = ""
+    else:
+        try:
+            return _read(mujoco, path, ignore, text)
+        except _MujocoError as error:
+            why = str(error)
+    raise RaffError([*problems, *_problems(mujoco, path, ignore, roots, why)])
 
 
 class _MujocoError(Exception):
@@ -92,32 +97,46 @@ _MOST = 100
 """Problems that are looked for."""
 
 
-def _problems(mujoco: Any, path: Path, ignore: Collection[str], text: str, why: str) -> list[Problem]:
-    """Return the problems of a file that MuJoCo can't read, for this reason first, in the order of their lines."""
-    root = parse_xml(text, str(path))
-    faulty, found = FaultyMjcf(parse_xml(text, str(path))), list[tuple[int, Problem]]()
+def _problems(
+    mujoco: Any, path: Path, ignore: Collection[str], roots: Mapping[Path, Any], why: str
+) -> Iterator[Problem]:
+    """Yield the problems of files for which MuJoCo can't read the first, in the order of their lines.
 
-    def say(why: str, line: int) -> None:
-        place = f"{path}:{line}" if line else str(path)
-        found.append((line, Problem(f"{place}: MuJoCo can't read it: {why}{_remedy(why, root)}")))
+    Args:
+        mujoco: the package.
+        path: of the first file.
+        ignore: as for `read`.
+        roots: first elements of the files, by their paths.
+        why: the reason that MuJoCo gives first, if it was asked.
+    """
+    files = [*map(str, roots)]
+    faulty, problems = FaultyMjcf(path, roots), list[tuple[int, float, Problem]]()
+    names = deepcopy(faulty.root)
 
-    for _ in range(_MOST if next(root.iter("include", "attach"), None) is None else 0):
+    def say(why: str, file: str = str(path), line: int = 0) -> None:
+        place = f"{file}:{line}" if line else file
+        said = Problem(f"{place}: MuJoCo can't read it: {why}{_remedy(why, names)}")
+        problems.append((files.index(file), line or math.inf, said))
+
+    for missing in faulty.not_included:
+        say(*missing)
+    for _ in range(_MOST if next(names.iter("attach"), None) is None else 0):
         try:
             _read(mujoco, path, ignore, faulty.text())
             break
         except _MujocoError as error:
             fault = faulty.leave_out(str(error))
             if fault is None:
-                say(re.sub(r",? ?(Element '[^']*', )?line \d+$", "", str(error)), 0)
+                say(re.sub(r",? ?(Element '[^']*', )?line \d+$", "", str(error)))
                 break
             if fault[0]:
                 say(*fault)
         except RaffError as error:  # what MuJoCo reads, but has no counterpart
-            found += [(0, problem) for problem in error.problems]
+            problems += [(0, math.inf, problem) for problem in error.problems]
             break
-    if not found:
-        say(why, 0)
-    return [problem for _, problem in sorted(found, key=lambda one: one[0] or math.inf)]
+    if why and not problems:
+        say(why)
+    return (problem for _, _, problem in sorted(problems, key=itemgetter(0, 1)))
 
 
 def _read(mujoco: Any, path: Path, ignore: Collection[str], text: str | None) -> MjcfRobot:
@@ -198,7 +217,11 @@ def _remedy(why: str, root: Any) -> str:
         return ""
     word = found[2]
     if "keyword" in why:
-        return did_you_mean(_TYPES.get(word, word), ("hinge", "slide", "ball", "free"))
+        return (
+            ""
+            if "Element 'joint'" not in why
+            else did_you_mean(_TYPES.get(word, word), ("hinge", "slide", "ball", "free"))
+        )
     if "default class" in why:
         near = did_you_mean(word, [str(one.get("class")) for one in root.iter("default") if one.get("class")])
         return near if near.endswith("?") else f'{near}: add <default class="{word}"/> to <default>'
@@ -222,26 +245,43 @@ def _warn_of_radians(spec: Any, name: str) -> None:
             return
 
 
-def _check_includes(path: Path, text: str | None) -> None:
-    """Check the files that a file includes or attaches, before MuJoCo reads them: they must be near it.
+def _files(path: Path, text: str | None) -> tuple[dict[Path, Any], list[Problem]]:
+    """Read a file, and the files that it includes or attaches, which must be near it, before MuJoCo does.
+
+    Returns:
+        the first elements of the files that can be read, by their paths, and the problems of the others.
 
     Raises:
-        RaffError: one is no regular file, or leads out of the folders that may be read; or it is no XML.
+        RaffError: the file itself can't be read.
     """
     folder, pending, met = path.absolute().parent, [path], {path.absolute()}
+    roots, problems = dict[Path, Any](), list[Problem]()
     while pending:
-        inner = pending.pop()
-        root = parse_xml(read_text(inner) if text is None or inner is not path else text, str(inner))
+        inner = pending.pop(0)
+        try:
+            root = parse_xml(read_text(inner) if text is None or roots else text, str(inner))
+        except RaffError as error:
+            if not roots:
+                raise
+            problems += error.problems
+            continue
+        roots[inner] = root
         places = [folder, *(folder / e.get("assetdir") for e in root.iter("compiler") if e.get("assetdir"))]
         for element in root.iter("include", "model"):
-            for file in (place / element.get("file", "") for place in places):
-                if file.exists() and not file.is_dir() and file.absolute() not in met:
-                    label = f"{inner}:{element.sourceline}: the file '{element.get('file')}'"
+            for file in (place / element.get("file", "") for place in (*places, inner.parent)):
+                if not file.exists() or file.is_dir() or file.absolute() in met:
+                    continue
+                met.add(file.absolute())
+                label = f"{inner}:{element.sourceline}: the file '{element.get('file')}'"
+                try:
                     if not file.is_file():
                         raise RaffError(f"{label} is not a regular file")
                     check_mesh(file, folder, label)
-                    met.add(file.absolute())
-                    pending += [file] if file.suffix.lower() in ("", ".xml", ".mjcf", ".urdf") else []
+                except RaffError as error:
+                    problems += error.problems
+                    continue
+                pending += [file] if file.suffix.lower() in ("", ".xml", ".mjcf", ".urdf") else []
+    return roots, problems
 
 
 def _remove_flexes(spec: Any, name: str, ignore: Collection[str]) -> list[str]:

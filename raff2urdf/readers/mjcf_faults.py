@@ -3,47 +3,80 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from lxml import etree
 
+from raff2urdf.shipped import similar_file
+
 
 class FaultyMjcf:
-    """An MJCF without includes from which faults are left out, one after another.
+    """An MJCF with the files that it includes, from which faults are left out, one after another.
 
     Args:
-        root: its first element; changed.
+        path: of the file.
+        roots: first elements of the files, by their paths; changed.
+
+    Attributes:
+        root: first element of the file, with the content of the others.
+        not_included: what is wrong with an element that includes none of the files, the file of it, and its line.
     """
 
-    def __init__(self, root: Any) -> None:
-        self._root, self._gone = root, set[str]()
-        self._at: dict[int, Any] = {}
+    def __init__(self, path: Path, roots: Mapping[Path, Any]) -> None:
+        self.root, self.not_included, self._gone = roots[path], list[tuple[str, str, int]](), set[str]()
+        self._at, self._is_whole, self._misspelled = dict[int, Any](), True, set[Any]()
+        self._file = {element: str(file) for file, root in roots.items() for element in root.iter("*")}
+        known = {file.absolute(): root for file, root in roots.items()}
+        left = {file: root for file, root in known.items() if root is not self.root}
+        while (include := next(self.root.iter("include"), None)) is not None:
+            name, within = include.get("file", ""), self._file[include]
+            places = [path.absolute().parent / name, Path(within).absolute().parent / name]
+            file = next((place for place in places if place.is_file()), None)
+            if file in left:
+                for element in list(left.pop(file)):
+                    include.addprevious(element)
+            elif file in known:
+                self.not_included.append((f"the file '{name}' is already included", within, include.sourceline))
+            else:
+                self._is_whole = False
+                if file is None:  # what is wrong with one that exists is known
+                    self.not_included.append(
+                        (f"there is no file '{name}'{similar_file(places[0])}", within, include.sourceline)
+                    )
+            include.getparent().remove(include)
 
     def text(self) -> str:
         """Return the text of what is left, with each element on a line of its own: MuJoCo names lines."""
-        for element in self._root.iter("*"):
+        for element in self.root.iter("*"):
             element.text, element.tail = "\n" if len(element) else None, "\n"
-        text = str(etree.tostring(self._root, encoding="unicode"))
+        text = str(etree.tostring(self.root, encoding="unicode"))
         lines = [element.sourceline for element in etree.fromstring(text).iter("*")]
-        self._at = dict(zip(lines, self._root.iter("*"), strict=True))
+        self._at = dict(zip(lines, self.root.iter("*"), strict=True))
         return text
 
-    def leave_out(self, why: str) -> tuple[str, int] | None:
+    def leave_out(self, why: str) -> tuple[str, str, int] | None:
         """Leave out what an error of MuJoCo about `text` is about.
 
         Returns:
-            the error with the line in the file, and that line, 0 if it is unknown; an empty text for an error that only
-            follows from what was left out before. None if it names nothing that can be left out.
+            the error with the line in its file, that file, and that line, 0 if it is unknown; an empty text for an
+            error that only follows from what was left out before. None if it names nothing that can be left out.
         """
         line = re.search(r"\bline (\d+)", why)
-        element = self._at.get(int(line[1])) if line else self._root.find("keyframe")
+        element = self._at.get(int(line[1])) if line else self.root.find("keyframe")
         words = {*re.findall("'([^']*)'", re.sub("Element (name )?'[^']*'", "", why))}
         follows = bool(self._gone & words) or (bool(self._gone) and line is None)
+        follows |= not self._is_whole and re.search("unknown|not found|missing", why) is not None
+        follows |= element in self._misspelled and "must be positive" in why
         if element is None or not self._cut(element, why, words):
             return None
-        if follows:
-            return "", 0
-        return (re.sub(r"\bline \d+", f"line {element.sourceline}", why), element.sourceline) if line else (why, 0)
+        file = self._file[element]
+        if "unrecognized attribute" in why:
+            self._misspelled.add(element)
+        if follows or line is None:
+            return "" if follows else why, file, 0
+        return re.sub(r"\bline \d+", f"line {element.sourceline}", why), file, element.sourceline
 
     def _cut(self, element: Any, why: str, words: set[str]) -> bool:
         """Leave out the attribute that an error quotes, or else what a body has too much, or the element."""

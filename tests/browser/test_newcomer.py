@@ -167,6 +167,23 @@ def test_a_hand_shows_once_how_to_drag_and_moves_nothing(cockpit, tab):
     assert still.evaluate("localStorage.getItem('cinegen.hints')") is None
 
 
+def test_the_hand_drags_a_ghost_of_what_is_at_the_end_while_the_robot_moves(cockpit, tab):
+    """Not the whole screw of a SCARA; its place is the moving robot's, a bit aside."""
+    page = tab(cockpit("scara", follow="circle"), reduced_motion="no-preference")
+    assert becomes(page, "document.getElementById('hand') !== null")
+    height, away = page.evaluate("""() => {
+      const { Box3, Vector3 } = MeshCat.THREE, { view, hello: { robots: [{ name, end, length }] } } = cockpit;
+      const ghost = view.stage.children.find((one) => one.name === "hand");
+      const local = ghost.clone();
+      local.position.set(0, 0, 0);
+      local.quaternion.identity();
+      const away = view.pose(name, "link5").position.distanceTo(ghost.position);
+      return [new Box3().setFromObject(local).getSize(new Vector3()).z / length, away / length];
+    }""")
+    assert height < 0.3
+    assert away < 0.2
+
+
 @pytest.fixture
 def arm(cockpit, tab):
     one = cockpit("arm7", follow=None)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 import umsgpack
@@ -64,3 +66,9 @@ def test_every_part_is_drawn_where_it_is(robot):
     drawn = {path.split("/")[4] for path, kind, _ in sent if kind == "set_object" and "/:delta/" in path}
     assert {":base", ":link1", ":link8", ":link14", ":platform"} <= drawn
     assert any("loop link5-link11" in path for path, _, _ in sent)
+
+
+@pytest.mark.parametrize("button", ["undo", "redo"])
+def test_what_can_not_be_undone_yet_looks_so_before_the_first_report(root, button):
+    text = (root / "cinegen/cockpit/static/index.html").read_text()
+    assert re.search(rf'<button id="{button}"[^>]* disabled ', text)

@@ -5,13 +5,19 @@ from __future__ import annotations
 import sysconfig
 from pathlib import Path
 
+import coal
 import numpy as np
+import pinocchio as pin
 import pytest
 import trimesh
 import umsgpack
 
 import cinegen
 from cinegen.cockpit import Page, RobotScene
+from cinegen.cockpit.surfaces import merged, surface_of
+from cinegen.collision.convex_hull import hull
+from cinegen.collision.shapes import SHAPES as KINDS
+from cinegen.collision.triangle_mesh import tree_of
 
 URDF = """<robot name="r"><link name="base"><visual><geometry>{}</geometry>{}</visual></link></robot>"""
 COLOUR = '<material name="m"><color rgba="{}"/></material>'
@@ -139,3 +145,28 @@ def test_a_robot_of_many_shapes_is_drawn_with_one_mesh_for_each_opacity_of_a_lin
     corners, colours = surface(glass, 200 * 4.0 / 3.0 * np.pi * 0.2**3)
     assert np.linalg.norm(corners, axis=1) == pytest.approx(0.2)
     assert (colours == [0.0, 0.0, 1.0]).all()
+
+
+@pytest.mark.parametrize("kind", [*(KINDS.keys() - {coal.Halfspace, coal.Plane}), coal.Ellipsoid])
+def test_every_kind_of_shape_is_drawn_as_a_closed_surface_alone_or_merged(kind):
+    """A kind that is added to the table too, and one that is not in it: as its bounding box."""
+    cube = trimesh.creation.box((2.0, 2.0, 2.0))
+    made = {
+        coal.Box: lambda: coal.Box(0.2, 0.4, 0.6),
+        coal.Sphere: lambda: coal.Sphere(0.2),
+        coal.Convex: lambda: hull(cube.vertices).shape,
+        coal.BVHModelOBBRSS: lambda: tree_of(cube.vertices, cube.faces),
+        coal.Ellipsoid: lambda: coal.Ellipsoid(0.1, 0.2, 0.3),
+    }
+    solid = pin.GeometryObject("", 0, pin.SE3.Identity(), made.get(kind, lambda: kind(0.1, 0.5))())
+    volume = {coal.BVHModelOBBRSS: 8.0, coal.Ellipsoid: 0.2 * 0.4 * 0.6}.get(kind) or solid.geometry.computeVolume()
+    for corners, faces in (surface_of(solid), merged_surface(solid)):
+        surface = trimesh.Trimesh(corners, faces)
+        surface.merge_vertices(merge_norm=True)
+        assert surface.is_watertight
+        assert surface.volume == pytest.approx(volume, rel=0.08)
+
+
+def merged_surface(solid):
+    (mesh,) = merged([(solid, pin.SE3.Identity())])
+    return mesh.geometry.vertices, mesh.geometry.faces

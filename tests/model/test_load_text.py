@@ -78,7 +78,7 @@ def test_a_file_that_a_text_names_is_missing(folder):
     missing = f"there is no file {folder}/bax.stl: a text names files from the folder that"
     with pytest.warns(cinegen.CinegenWarning, match=missing):
         _ = arm.collision
-    with pytest.raises(LoadError, match=r"<text>: MuJoCo can't read it: .*parts\.xml"):
+    with pytest.raises(LoadError, match=r"<text>:2: MuJoCo can't read it: .* 'parts.xml': did you mean '.*part.xml'"):
         cinegen.load(MJCF.replace("part", "parts"))
     (folder.parent.parent / "outside.xml").write_text(PART)
     with pytest.raises(LoadError, match=r"<text>:2: the file '\.\./\.\./outside.xml' leads out"):

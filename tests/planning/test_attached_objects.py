@@ -89,7 +89,7 @@ def test_what_is_attached_is_written_and_read_again(arm):
     ("attached", "message"),
     [
         ({"node": "hand"}, "attached 1 'bar': node 'hand' is not a node of"),
-        ({"touches": ["finger"]}, "touches 'finger' is neither a node of"),
+        ({"touches": ["finger"]}, "touches 'finger' is not a node of"),
         ({"name": "wall"}, "name 'wall' is used by another object or node"),
         ({"kind": "half_space", "normal": [0, 0, 1], "size": None}, "'half_space' is unbounded: it can't be attached"),
         ({"weight": 3}, "unknown key 'weight'"),

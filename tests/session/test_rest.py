@@ -90,6 +90,24 @@ def test_a_command_is_carried_out_before_the_next_tick_at_rest(robot, monkeypatc
         assert becomes(lambda: np.abs(runner.state.robots["arm"].q - q).max() > 0.1)
 
 
+@pytest.mark.parametrize("own_process", [False, True])
+def test_who_waits_at_rest_is_woken_when_the_state_has_the_answer(robot, own_process):
+    """To a command that moves nothing, and by the first state of a motion; once for many."""
+    with SessionRunner(arrange({"arm": robot("planar_3r")}), own_process) as runner:
+        for command in (c.LockJoint("arm", "joint2", True), c.MoveJoint("arm", "joint1", 0.3)):
+            assert becomes(lambda: runner.state is not None and runner.state.at_rest)
+            while runner.wait(0.0):
+                pass
+            answered = runner.state.answered
+            runner.send(command)
+            assert runner.wait(60.0)
+            assert runner.state.answered > answered
+        assert not runner.state.at_rest
+        runner.wake()
+        runner.wake()
+        assert runner.wait(0.0)
+
+
 def test_ticks_are_few_at_rest_and_time_goes_on(robot):
     with SessionRunner(arrange({"arm": robot("planar_3r")})) as runner:
         assert becomes(lambda: runner.state is not None and runner.state.at_rest)

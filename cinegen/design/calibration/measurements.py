@@ -28,14 +28,16 @@ import csv
 import io
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from cinegen.arrays import Array, ArrayLike
 from cinegen.design.errors import DesignError
+from cinegen.errors import read_all
 from cinegen.model.mechanism import Mechanism
 from cinegen.model.plausible import ImplausibleError, check_joint, check_lengths
 from raff2urdf.errors import did_you_mean
@@ -192,38 +194,21 @@ class Measurements:
         if not rows:
             raise DesignError(f"{source}: the file is empty; its first line names the columns")
         (line, header), *body = rows
-        columns = _columns(header, mechanism, f"{source}, line {line}")
-        values, sigmas, labels, lines = list[list[float]](), list[list[float]](), list[str](), list[int]()
-        spread = [math.nan] * len(columns)
-        for line, cells in body:
-            where = f"{source}, line {line}"
-            if len(cells) > len(header) and not any(cells[len(header) :]):
-                cells = cells[: len(header)]
-            if len(cells) != len(header):
-                commas = ": write decimal points, not commas" if len(cells) > len(header) else ""
-                raise DesignError(f"{where}: {len(cells)} cells, but the header has {len(header)} columns{commas}")
-            numbers = [_number(c, one, unit, where) for c, (one, unit) in zip(cells[1:], columns, strict=True)]
-            if cells[0].lower() == "sigma":
-                for number, (one, _) in zip(numbers, columns, strict=True):
-                    if number < 0.0 or (number == 0.0 and one.kind != "joint"):
-                        raise DesignError(f"{where}, column {one.name}: a standard deviation is above 0")
-                spread = numbers
-                continue
-            for number, sigma, (one, _) in zip(numbers, spread, columns, strict=True):
-                if math.isfinite(number) and not math.isfinite(sigma) and one.kind != "joint":
-                    raise DesignError(
-                        f"{where}, column {one.name}: no sigma is given: write a line 'sigma,...' above, with the "
-                        f"standard deviation of its errors in this column"
-                    )
-            values.append(numbers)
-            sigmas.append([0.0 if one.kind == "joint" and not math.isfinite(s) else s
-                           for s, (one, _) in zip(spread, columns, strict=True)])  # fmt: skip
-            labels.append(cells[0] or str(len(values)))
-            lines.append(line)
-        if not values:
+        columns = dict[str, _Column]()
+        lines = _Lines(source, len(header), columns)
+        where = f"{source}, line {line}"
+        reads = {
+            "header": partial(_check_header, header, where),
+            "columns": partial(_read_columns, header, mechanism, where, columns),
+        }
+        read_all(reads | {str(line): partial(lines.read, line, cells) for line, cells in body}, DesignError)
+        if not lines.labels:
             raise DesignError(f"{source}: no poses: each line below the header is one")
-        found = cls(tuple(one for one, _ in columns), np.array(values), np.array(sigmas), tuple(labels), source)
-        found._check_plausible(mechanism, lines, [bool(unit) for _, unit in columns])
+        quantities = tuple(one for one, _ in columns.values())
+        found = cls(quantities, np.array(lines.values), np.array(lines.sigmas), tuple(lines.labels), source)
+        has_units = [bool(unit) for _, unit in columns.values()]
+        checks = (partial(found._check_plausible, mechanism, lines.numbers, *of) for of in enumerate(has_units))
+        read_all((("", check) for check in checks), DesignError)
         return found
 
     def text(self, unit_of_length: str = "mm", unit_of_angle: str = "deg", digits: int = 10) -> str:
@@ -251,18 +236,86 @@ class Measurements:
         """Return the position of a number, for messages."""
         return f"pose {self.labels[pose]}, {self.quantities[column].name}"
 
-    def _check_plausible(self, mechanism: Mechanism, lines: Sequence[int], has_units: Sequence[bool]) -> None:
-        """Refuse numbers that only fit in another unit."""
-        for k, one in enumerate(self.quantities):
-            for line, value in zip(lines, self.values[:, k], strict=True):
-                try:
-                    if one.kind == "joint" and math.isfinite(value):
-                        check_joint(mechanism, one.of, [value])
-                    elif one.dimension is LENGTH and math.isfinite(value) and not one.device:
-                        check_lengths(mechanism, one.name, [value])
-                except ImplausibleError as error:
-                    written = "" if has_units[k] else f" (the header gives no unit: write {one.name} [{_other(one)}])"
-                    raise DesignError(f"{self.source}, line {line}, column {one.name}: {error}{written}") from None
+    def _check_plausible(self, mechanism: Mechanism, lines: Sequence[int], column: int, has_unit: bool) -> None:
+        """Refuse the first number of a column that only fits in another unit."""
+        one = self.quantities[column]
+        for line, value in zip(lines, self.values[:, column], strict=True):
+            try:
+                if one.kind == "joint" and math.isfinite(value):
+                    check_joint(mechanism, one.of, [value])
+                elif one.dimension is LENGTH and math.isfinite(value) and not one.device:
+                    check_lengths(mechanism, one.name, [value])
+            except ImplausibleError as error:
+                written = "" if has_unit else f" (the header gives no unit: write {one.name} [{_other(one)}])"
+                raise DesignError(f"{self.source}, line {line}, column {one.name}: {error}{written}") from None
+
+
+_Column = tuple[MeasuredQuantity, str]
+"""A quantity, and the unit of its column, "" where none is given."""
+
+
+class _Lines:
+    """Lines below the header, as they are read.
+
+    Args:
+        source: name of the file.
+        width: number of cells in the header.
+        columns: those that could be read, by the numbers of their cells.
+
+    Attributes:
+        values: readings of each line; NaN where nothing was measured.
+        sigmas: their standard deviations.
+        labels: names of the poses.
+        numbers: of the lines in the file.
+    """
+
+    def __init__(self, source: str, width: int, columns: Mapping[str, _Column]) -> None:
+        self.values, self.sigmas = list[list[float]](), list[list[float]]()
+        self.labels, self.numbers = list[str](), list[int]()
+        self._source, self._width, self._columns = source, width, columns
+        self._spread: dict[str, float] = {}
+
+    def read(self, line: int, cells: list[str]) -> None:
+        """Read a line.
+
+        Raises:
+            DesignError: names the columns, and what is wrong there.
+        """
+        where = f"{self._source}, line {line}"
+        cells = cells[: self._width] if not any(cells[self._width :]) else cells
+        if len(cells) != self._width:
+            commas = ": write decimal points, not commas" if len(cells) > self._width else ""
+            raise DesignError(f"{where}: {len(cells)} cells, but the header has {self._width} columns{commas}")
+        is_sigma, numbers = cells[0].lower() == "sigma", dict[str, float]()
+        read = self._sigma if is_sigma else self._reading
+        try:
+            read_all({at: partial(read, at, cells[int(at)], where) for at in self._columns}, DesignError, numbers)
+        finally:
+            if is_sigma:
+                self._spread = dict.fromkeys(self._columns, 1.0) | numbers  # of one that can't be read it is given
+        if not is_sigma:
+            self.values.append([*numbers.values()])
+            self.sigmas.append([self._spread.get(at, 0.0) for at in self._columns])
+            self.labels.append(cells[0] or str(len(self.values)))
+            self.numbers.append(line)
+
+    def _sigma(self, at: str, cell: str, where: str) -> float:
+        one, unit = self._columns[at]
+        number = _number(cell, one, unit, where)
+        if number < 0.0 or (number == 0.0 and one.kind != "joint"):
+            raise DesignError(f"{where}, column {one.name}: a standard deviation is above 0")
+        return 0.0 if one.kind == "joint" and math.isnan(number) else number
+
+    def _reading(self, at: str, cell: str, where: str) -> float:
+        one, unit = self._columns[at]
+        number = _number(cell, one, unit, where)
+        if math.isfinite(number) and one.kind != "joint" and not math.isfinite(self._spread.get(at, math.nan)):
+            self._spread[at] = 1.0  # the same is wrong with the lines below
+            raise DesignError(
+                f"{where}, column {one.name}: no sigma is given: write a line 'sigma,...' above, with the "
+                f"standard deviation of its errors in this column"
+            )
+        return number
 
 
 def _rows(text: str) -> list[tuple[int, list[str]]]:
@@ -278,13 +331,21 @@ def _rows(text: str) -> list[tuple[int, list[str]]]:
     return found
 
 
-def _columns(header: Sequence[str], mechanism: Mechanism, where: str) -> list[tuple[MeasuredQuantity, str]]:
-    """Return the quantities of the columns behind the first one, and their units, "" where none is given."""
+def _check_header(header: Sequence[str], where: str) -> None:
     if header[0].lower() != "pose":
         raise DesignError(f"{where}: the first column is 'pose', the names of the poses, not '{header[0]}'")
-    columns = list[tuple[MeasuredQuantity, str]]()
-    for number, text in enumerate(header[1:], 2):
-        at = f"{where}, column {number}"
+    if not header[1:]:
+        raise DesignError(f"{where}: no column but the poses' names")
+
+
+def _read_columns(header: Sequence[str], mechanism: Mechanism, where: str, columns: dict[str, _Column]) -> None:
+    """Read the columns behind the first one, by the numbers of their cells.
+
+    Raises:
+        DesignError: names the columns that can't be read.
+    """
+
+    def column(text: str, at: str) -> _Column:
         found = _HEADER.fullmatch(text)
         if found is None or not found["what"]:
             raise DesignError(f"{at}: '{text}': write a quantity and its unit, such as joint1 [deg]")
@@ -297,12 +358,12 @@ def _columns(header: Sequence[str], mechanism: Mechanism, where: str) -> list[tu
             raise DesignError(f"{at}: {one.name}: {text}") from None
         except DesignError as error:
             raise DesignError(f"{at}: {error}") from None
-        if one.name in (other.name for other, _ in columns):
+        if one.name in (other.name for other, _ in columns.values()):
             raise DesignError(f"{at}: {one.name} has two columns: a second measurement is another line")
-        columns.append((one, unit))
-    if not columns:
-        raise DesignError(f"{where}: no column but the poses' names")
-    return columns
+        return one, unit
+
+    cells = enumerate(header[1:], 1)
+    read_all(((str(k), partial(column, text, f"{where}, column {k + 1}")) for k, text in cells), DesignError, columns)
 
 
 def _number(cell: str, one: MeasuredQuantity, unit: str, where: str) -> float:

@@ -31,7 +31,7 @@ import pinocchio as pin
 
 from cinegen.arrays import Array
 from cinegen.collision.errors import SceneError
-from cinegen.collision.scene_table import SceneTable, read_all
+from cinegen.collision.scene_table import SceneTable
 from cinegen.design.errors import DesignError
 from cinegen.design.synthesis.quantities import QUANTITIES
 from cinegen.design.synthesis.region import AXES, Reach
@@ -46,6 +46,7 @@ from cinegen.design.synthesis.task import (
     Precision,
     SynthesisTask,
 )
+from cinegen.errors import read_all
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.files import read_bytes
 from raff2urdf.quantities import ANGLE, LENGTH, MASS, NUMBER, Dimension, QuantityError, parse, parse_range
@@ -90,7 +91,7 @@ def _task(table: SceneTable, values: Mapping[str, Any]) -> SynthesisTask | Preci
     kinds = [key for key in ("path", "guidance", "function") if key in table]
     if kinds:
         own = {"points": lambda: _precision(table, kinds), "rest": lambda: None if kinds[1:] else table.finish()}
-        given = read_all({**common, "starts": lambda: _count(table, "starts", 200), **own})
+        given = read_all({**common, "starts": lambda: _count(table, "starts", 200), **own}, SceneError)
         points, rows, joints = given["points"]
         return Precision(given["parameters"], points, given["ties"], given["node"], rows, joints, given["starts"])
     reads = {
@@ -105,7 +106,7 @@ def _task(table: SceneTable, values: Mapping[str, Any]) -> SynthesisTask | Preci
         "errors": lambda: _errors(table.table("tolerances")) if "tolerances" in table else DesignErrors(),
         "rest": table.finish,
     }
-    settings = read_all(reads)
+    settings = read_all(reads, SceneError)
     del settings["rest"]
     settings |= settings.pop("searched") | settings.pop("constraints")
     found = SynthesisTask(**settings, written=dict(values))
@@ -116,12 +117,12 @@ def _task(table: SceneTable, values: Mapping[str, Any]) -> SynthesisTask | Preci
 def _parameters(table: SceneTable) -> dict[str, str]:
     if not [*table]:
         raise table.error("a parameter", 'is missing: write for example "link2.d" = "150..400mm"')
-    return read_all({name: partial(table.text, name) for name in table})
+    return read_all({name: partial(table.text, name) for name in table}, SceneError)
 
 
 def _objectives(table: SceneTable) -> tuple[DesignObjective, ...]:
     given = {str(i): partial(_objective, one) for i, one in enumerate(table.tables("objective"))}
-    objectives = tuple(read_all(given).values())
+    objectives = tuple(read_all(given, SceneError).values())
     if not objectives:
         raise table.error("objective", "is missing: write [[objective]], several of them for a Pareto front")
     if len(set(objectives)) < len(objectives):
@@ -166,11 +167,11 @@ def _constraints(table: SceneTable) -> dict[str, Any]:
         "joint_limits": lambda: table.flag("joint_limits") if "joint_limits" in table else True,
         "singular_values": lambda: _singular_values(table),
         "size": lambda: _bounded_size(table.table("size")),
-        "most": lambda: read_all(bounds),
+        "most": lambda: read_all(bounds, SceneError),
         "clearance": lambda: _clearance(table),
     }
     given = {key: read for key, read in reads.items() if key in table or key in ("joint_limits", "most")}
-    found = read_all({**given, "rest": table.finish})
+    found = read_all({**given, "rest": table.finish}, SceneError)
     del found["rest"]
     return found
 
@@ -212,7 +213,8 @@ def _load(table: SceneTable) -> DesignLoad:
                 table.vector("gravity", 3, dimension=NUMBER) if "gravity" in table else np.array(GRAVITY)
             ),
             "rest": table.finish,
-        }
+        },
+        SceneError,
     )
     return DesignLoad(found["payload"], tuple(found["wrench"].tolist()), tuple(found["gravity"].tolist()))
 
@@ -221,7 +223,7 @@ def _errors(table: SceneTable) -> DesignErrors:
     found = {}
     for key in ("sigma", "play", "encoder"):
         own = table.table(key) if key in table else SceneTable({}, table.where)
-        found[key] = tuple(read_all({name: partial(own.text, name) for name in own}).items())
+        found[key] = tuple(read_all({name: partial(own.text, name) for name in own}, SceneError).items())
     table.finish()
     if not any(found.values()):
         raise table.error("sigma", 'is missing: write sigma = { "link*.d" = "0.05mm" }, play or encoder')
@@ -266,7 +268,7 @@ def _reach(table: SceneTable) -> Reach:
         return Reach(AXES, given[:, :3].min(0), given[:, :3].max(0), targets, 0.0, True, True)
     table.know("axes")
     axes = tuple(axis for axis in AXES if axis in table)
-    ends = list(read_all({axis: partial(_range, table, axis, LENGTH) for axis in axes}).values())
+    ends = list(read_all({axis: partial(_range, table, axis, LENGTH) for axis in axes}, SceneError).values())
     if not axes:
         raise table.error("x", 'is missing: write the box, for example x = "-150..150mm", or points')
     radius = table.size("radius") if "radius" in table else 0.0

@@ -4,10 +4,13 @@ import re
 
 import pytest
 
+import cinegen
 import raff2urdf
 from cinegen.collision import SceneError, load_scene
+from cinegen.design.calibration.measurements import Measurements
 from cinegen.design.errors import DesignError
 from cinegen.design.synthesis.task_file import load_task
+from cinegen.mission import MissionError, MissionRecorder, Player, Recording, RobotSample
 from raff2urdf import RaffError
 
 URDF = """<robot name="a"><link name="base"/><link name="arm"/>
@@ -79,15 +82,32 @@ wrench = [1, 2]
 SCENE = """robot = "planar_3r"
 safety = -1
 up = [0, 0, 0]
-goal = { point = [0.5, 0.2] }
+gaol = 3
+node = "tol"
+allowed_collisions = [["lnk1", "lnk2"]]
+locked = ["a", "b"]
+path = { upright = 1, line = [0, 0] }
+start = { joints = { jiont1 = 1, joint2 = "x" } }
+goal = { point = 5, tolerance = [-1, 0, 0], cone = 1 }
+attached = [{ kind = "bux", node = "tol" }]
+weights = { elbow = 1, joint1 = 1000 }
 [[obstacle]]
 kind = "spere"
 [[obstacle]]
 kind = "sphere"
-point = [1, 1, 1]
+point = [1]
 radius = 0.1
 radus = 1
 colur = 2
+[[obstacle]]
+kind = "cylinder"
+radus = 1
+length = -1
+[[obstacle]]
+kind = "mesh"
+rpy = 0
+scale = 0
+file = "none.stl"
 """
 
 
@@ -118,8 +138,40 @@ def test_a_scene(tmp_path):
     with pytest.raises(SceneError) as found:
         load_scene(path)
     said = str(found.value).splitlines()
-    wanted = ("safety must not be", "up must be", "'spere'", "'radus'", "'colur'")
-    assert [part in line for part, line in zip(wanted, said, strict=True)] == [True] * 5
+    wanted = (
+        "safety must not be", "up must be", "'spere'", "obstacle 2: point must", "'radus'", "'colur'",
+        "obstacle 3: radius is missing: is 'radus'", "obstacle 3: length", "obstacle 4: rpy", "obstacle 4: scale",
+        "obstacle 4: file", "unknown key 'gaol'",
+        "node 'tol' is not a node", "'lnk1' is not a node", "'lnk2' is not a node", "upright must", "line must",
+        "'jiont1' is not a joint", "joint2 is wrong", "goal: point must", "goal: tolerance must", "cone needs rpy",
+        "locked 'a' is not", "locked 'b' is not", "attached 1: node 'tol'", "attached 1: kind 'bux'",
+        "weights: 'elbow' is not", "weights: joint1 must be a weight",
+    )  # fmt: skip
+    assert all(part in line for part, line in zip(wanted, said[:20], strict=False)), str(found.value)
+    assert said[20:] == [f"and {len(wanted) - 20} more"]
+    lines = found.value.lines
+    assert [part in line for part, line in zip(wanted, lines, strict=True)] == [True] * len(wanted)
+
+
+@pytest.mark.parametrize(
+    ("changed", "wanted"),
+    [
+        ("robot = 'no.raff'\nsafety = -1\nnode = 'x'\ngoal = {}", ("safety", "no.raff' does not exist")),
+        (
+            "mobile = { radius = 0.1 }\nlocked = ['a']\nnode = 'x'\ngoal = { point = 1 }\n[path]\n[[attached]]",
+            ("node 'x'", "path is for robots", "goal: point", "locked 'a'", "attached is for robots"),
+        ),
+        ("robot = 'planar_3r'\n[start.joints]\na = 1\n[goal.joints]\nb = 2\njoint1 = 'x'",
+         ("start: joints: 'a'", "goal: joints: 'b'", "goal: joints: joint1")),
+    ],
+)  # fmt: skip
+def test_other_scenes(tmp_path, changed, wanted):
+    path = tmp_path / "a.toml"
+    path.write_text(changed, encoding="utf-8")
+    with pytest.raises(SceneError) as found:
+        load_scene(path)
+    said = str(found.value).splitlines()
+    assert [part in line for part, line in zip(wanted, said, strict=True)] == [True] * len(wanted), said
 
 
 def test_an_mjcf(tmp_path):
@@ -138,6 +190,46 @@ def test_an_mjcf(tmp_path):
     assert all(re.search(part, line) for (_, part), line in zip(wanted, said, strict=True))
 
 
+def test_an_mjcf_that_includes_others(tmp_path):
+    """Files are included by files that are included; names are those of all files."""
+    (tmp_path / "parts").mkdir()
+    files = {
+        "a.xml": """<mujoco><compiler angle="gradian"/>
+            <include file="gone.xml"/>
+            <worldbody><body name="a" pox="1"><joint name="one"/><geom size="0.1"/>
+                <include file="parts/arm.xml"/></body></worldbody>
+            <include file="drives.xml"/>
+            <include file="a.xml"/></mujoco>""",
+        "parts/arm.xml": """<mujocoinclude><body name="b"><joint name="two" axis="0 0 0"/><geom size="0.1"/>
+            <joint name="one"/>
+            <include file="hand.xml"/></body></mujocoinclude>""",
+        "parts/hand.xml": '<mujocoinclude>\n<geom sizy="1"/></mujocoinclude>',
+        "drives.xml": '<mujocoinclude><actuator>\n<motor joint="twi"/></actuator></mujocoinclude>',
+    }
+    wanted = [
+        ("a.xml:1", "'gradian'"), ("a.xml:2", "there is no file 'gone.xml'"), ("a.xml:3", "'pox'"),
+        ("a.xml:6", "'a.xml' is already included"),
+        ("parts/arm.xml:1", "axis too small"), ("parts/arm.xml:2", "repeated name 'one'"),
+        ("drives.xml:2", "'twi' .*: did you mean 'two'"), ("parts/hand.xml:2", "'sizy'"),
+    ]  # fmt: skip
+    for missing in ("gone.xml", "broken.xml", ""):
+        head = f'<include file="{missing}"/>' if missing else ""
+        for name, text in files.items():
+            (tmp_path / name).write_text(text.replace('<include file="gone.xml"/>', head), encoding="utf-8")
+        (tmp_path / "broken.xml").write_text("<mujocoinclude>\n<a></mujocoinclude>", encoding="utf-8")
+        with pytest.raises(RaffError) as found:
+            raff2urdf.to_raff(tmp_path / "a.xml", tmp_path / "a.raff")
+        said = [line.removeprefix(f"{tmp_path}/") for line in str(found.value).splitlines()]
+        parts = [
+            (place, part)
+            for place, part in wanted
+            if (missing == "gone.xml" or "gone" not in part) and (not missing or "twi" not in part)  # a name of it?
+        ]
+        parts = [*([("broken.xml:2", "invalid XML")] if missing == "broken.xml" else []), *parts]
+        assert [line.partition(": ")[0] for line in said] == [place for place, _ in parts]
+        assert all(re.search(part, line) for (_, part), line in zip(parts, said, strict=True))
+
+
 def test_what_has_no_counterpart_in_an_mjcf(tmp_path):
     path = tmp_path / "a.xml"
     path.write_text(UNLIKE, encoding="utf-8")
@@ -145,6 +237,64 @@ def test_what_has_no_counterpart_in_an_mjcf(tmp_path):
         raff2urdf.to_raff(path, tmp_path / "a.raff")
     wanted = ("'first' constrains the spatial", "'third' constrains the spatial")
     assert [part in line for part, line in zip(wanted, str(found.value).splitlines(), strict=True)] == [True] * 2
+
+
+def test_measurements():
+    """What can't be read of a line or a column is no reason for another message."""
+    text = """pos, joint1 [deg], joint3 [mm], tol.x [mm], tool.y [mm], tool.x [mm], tool.y [mm], tool.rz [deg]
+        sigma, , , , 0.05, x, 0.1,
+        1, 12.5, 30, 4, 5, 6, 7, 1
+        2, 14.0, 35, 4, 5.x, 6, 7, 1
+        3, 14.0, 35
+        sigma, -1, , , 0, 1, 1, 0.1
+        4, 1 parsec, 35, 4, 5, six, 7, 2
+        """
+    wanted = (
+        "line 1: the first column is 'pose'", "line 1, column 3: joint3", "line 1, column 4: 'tol.x'",
+        "line 1, column 7: tool.y has two", "line 2, column tool.x: 'x'", "line 3, column tool.rz: no sigma",
+        "line 4, column tool.y: '5.x'", "line 5: 3 cells", "line 6, column joint1: a standard deviation",
+        "line 6, column tool.y: a standard deviation", "line 7, column joint1: '1 parsec'",
+        "line 7, column tool.x: 'six'",
+    )  # fmt: skip
+    mechanism = cinegen.load("five_bar")
+    with pytest.raises(DesignError) as found:
+        Measurements.loads(text, mechanism)
+    said = str(found.value).splitlines()
+    assert [part in line for part, line in zip(wanted, said, strict=True)] == [True] * len(wanted), said
+    units = "pose, joint1, tool.x, tool.y\nsigma, , 1, 1\n1, 1rad, 400, 0.1\n2, 1rad, 410, 0.1\n3, 1rad, 410, 300"
+    with pytest.raises(DesignError) as found:
+        Measurements.loads(units, mechanism)
+    said = str(found.value).splitlines()
+    parts = ("line 3, column tool.x", "line 5, column tool.y")  # of each column the first
+    assert [part in line for part, line in zip(parts, said, strict=True)] == [True, True]
+
+
+def test_a_mission(tmp_path):
+    path = tmp_path / "a.jsonl"
+    arms = {"one": cinegen.load("planar_3r"), "two": cinegen.load("five_bar")}
+    with MissionRecorder(path, arms) as recorder:
+        for time in range(8):
+            recorder.write(float(time), {name: RobotSample(arm.q_home, f"{time}") for name, arm in arms.items()})
+    lines = path.read_text().splitlines()
+    lines[0] = lines[0].replace("revolute", "revolite")
+    lines[2] = lines[2].replace('"one"', '"none"')
+    lines[3] = lines[3].replace('"q":[', '"q":[0,')
+    lines[4] = '{"t":0,"robots":{},"obstacles":{"box":[0,0,0,0,0,0,1]}}'
+    lines[6] = lines[6][:20]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    with pytest.raises(MissionError) as found:
+        Recording.load(path)
+    said = str(found.value).splitlines()
+    wanted = (
+        ":3: robot 'none'", ":4: Expected `array` of length 3 - at `$.robots.one.q`", ":4: Expected `array` of length",
+        ":5: obstacle 'box'", ":5: Expected a time after", ":7: ",
+    )  # fmt: skip
+    assert [part in line for part, line in zip(wanted, said, strict=True)] == [True] * len(wanted), said
+    path.write_text(lines[0] + "\n", encoding="utf-8")
+    with pytest.raises(MissionError) as found:
+        Player(Recording.load(path))
+    said = str(found.value).splitlines()
+    assert [name in line for name, line in zip(("'one' was changed", "'two' was changed"), said, strict=True)]
 
 
 def test_a_task_of_a_synthesis(tmp_path):

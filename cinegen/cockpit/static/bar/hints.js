@@ -2,9 +2,9 @@
 // after the first drag, pins after the second, rotations when a part is selected. If nothing happens for some seconds, a ghost of
 // the robot's end is dragged by a hand; this only draws, nothing is sent.
 //
-// For tests: #hint; .label.hint; #hand while it is shown.
+// For tests: #hint; .label.hint; #hand while it is shown, and "hand" on the stage.
 
-import { Group, Mesh, Vector3 } from "three";
+import { Box3, Group, Mesh, Vector3 } from "three";
 import { byId, make, memory, sign, write } from "../base/dom.js";
 import { frames } from "../base/frames.js";
 import { copyOf } from "../aids/ghost.js";
@@ -34,7 +34,7 @@ export class Hints {
   #timer; // of the hint that is shown
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   #idle;
-  /** @type {{ began: number, hand: HTMLElement, group: Group } | null} */
+  /** @type {{ began: number, hand: HTMLElement, group: Group, drawn: string } | null} */
   #show = null;
 
   /**
@@ -50,7 +50,7 @@ export class Hints {
     session.on("select", (part) => part !== null && this.#tell("rotate"));
     for (const event of /** @type {const} */ (["hello", "control"])) session.on(event, () => this.#first());
     view.before(() => {
-      if (this.#waits) this.#where.copy(lowest(view));
+      if (this.#waits) this.#where.copy(below(view));
     });
     frames.each((now) => this.#move(now));
     for (const event of ["pointerdown", "pointermove", "wheel", "keydown"]) window.addEventListener(event, () => this.#rest(), { capture: true, passive: true });
@@ -124,17 +124,20 @@ export class Hints {
     if (!this.#waits) return;
     if (this.view.headset !== null || document.documentElement.dataset.view !== "ready") return void this.#rest();
     this.#learn("hand");
-    const [{ name, end, byName }] = this.session.robots;
+    const [{ name, end, byName, length }] = this.session.robots;
     const hand = make("span", { id: "hand" }, sign("hand"));
-    const group = new Group();
+    const group = Object.assign(new Group(), { name: "hand" });
     const bare = this.view.group(name, end).children.every((child) => child.name === "triad");
     const drawn = (bare && byName.get(end)?.parent) || end; // a frame on a link
     copyOf(this.view.group(name, drawn), group, paint(theme.accent, { opacity: 0.3, through: false }));
     this.view.pose(name, drawn, group.position, group.quaternion);
-    group.userData.from = group.position.clone();
+    group.updateMatrix();
+    const point = this.#end(new Vector3()).clone().applyMatrix4(group.matrix.clone().invert());
+    const far = group.children.filter((mesh) => new Box3().setFromObject(mesh).distanceToPoint(point) > FAR * length);
+    if (far.length < group.children.length) group.remove(...far); // of a long part, only what is at its end
     this.labels.layer.append(hand);
     this.view.stage.add(group);
-    this.#show = { began: performance.now(), hand, group };
+    this.#show = { began: performance.now(), hand, group, drawn };
   }
 
   #stop() {
@@ -146,7 +149,7 @@ export class Hints {
   /** @param {number} now */
   #move(now) {
     if (this.#show === null) return;
-    const { began, hand, group } = this.#show;
+    const { began, hand, group, drawn } = this.#show;
     const share = Math.max(0, now - began) / TAKES;
     if (share > 1) {
       this.#stop();
@@ -155,7 +158,8 @@ export class Hints {
     }
     const [robot] = this.session.robots;
     const way = new Vector3(0.8, 0.6, 0).applyQuaternion(this.view.cameraOrientation()).multiplyScalar(FAR * robot.length * Math.sin(Math.PI * share) ** 2);
-    group.position.copy(group.userData.from).add(way);
+    this.view.pose(robot.name, drawn, group.position, group.quaternion); // it may move
+    group.position.add(way);
     const at = this.view.pixels(this.#end(new Vector3()).clone().add(way));
     if (at !== null) hand.style.transform = `translate(${at.x}px, ${at.y}px)`;
     hand.style.opacity = String(Math.min(1, 6 * share, 6 * (1 - share)));
@@ -164,24 +168,24 @@ export class Hints {
 }
 
 /**
- * Return the corner of a part's box that is seen lowest, in the world: below it, a hint covers no part.
+ * Return a point of the world that is seen in the middle below all parts: a hint there covers none.
  *
  * @param {import("../view/view.js").View} view
  */
-function lowest({ root, camera }) {
-  const [corner, seen, where] = [new Vector3(), new Vector3(), new Vector3()];
-  let least = Infinity;
+function below({ root, camera }) {
+  const seen = new Box3();
+  const [corner, lowest] = [new Vector3(), new Vector3(0, Infinity, 0)];
   root.updateWorldMatrix(false, true);
   root.traverse((part) => {
     if (!(part instanceof Mesh)) return;
     if (part.geometry.boundingBox === null) part.geometry.computeBoundingBox();
     const ends = [part.geometry.boundingBox.min, part.geometry.boundingBox.max];
     for (let i = 0; i < 8; i += 1) {
-      corner.set(ends[i & 1].x, ends[(i >> 1) & 1].y, ends[i >> 2].z).applyMatrix4(part.matrixWorld);
-      if (!(seen.copy(corner).project(camera).y < least)) continue;
-      least = seen.y;
-      where.copy(corner);
+      corner.set(ends[i & 1].x, ends[(i >> 1) & 1].y, ends[i >> 2].z).applyMatrix4(part.matrixWorld).project(camera);
+      seen.expandByPoint(corner);
+      if (corner.y < lowest.y) lowest.copy(corner);
     }
   });
-  return root.worldToLocal(where);
+  lowest.x = (seen.min.x + seen.max.x) / 2;
+  return root.worldToLocal(lowest.unproject(camera));
 }

@@ -65,7 +65,7 @@ export class Labels {
     return this.#shown;
   }
 
-  /** Beside their points, within the pane, one below the other where they would overlap. */
+  /** Beside their points, a hint in the middle of its, within the pane, one below the other where they would overlap. */
   #place() {
     if (this.view.headset !== null) return; // it shows them in the scene
     const { clientWidth: wide, clientHeight: high } = this.view.pane;
@@ -77,7 +77,7 @@ export class Labels {
       label.element.hidden = pixels === null;
       if (pixels === null) continue;
       label.wide ||= label.element.offsetWidth; // it was not laid out before
-      let x = pixels.x + ASIDE;
+      let x = pixels.x + (key === "hint" ? -label.wide / 2 : ASIDE);
       if (x + label.wide > wide - 4) x = pixels.x - ASIDE - label.wide;
       x = Math.max(4, Math.min(wide - label.wide - 4, x));
       let y = Math.max(4, Math.min(high - row - 4, pixels.y - row / 2));
