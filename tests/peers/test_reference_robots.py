@@ -8,7 +8,8 @@ import pytest
 from variants import slow
 
 import raff2urdf
-from cinegen.cli import main, validate
+from cinegen.cli import main
+from cinegen.cli.robots import validate
 from cinegen.model import validation
 from raff2urdf import readers
 from raff2urdf.conversion import translate

@@ -12,15 +12,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from cinegen.cli.design.tolerance import ENCODER, PLAY, SIGMA, amounts
 from cinegen.cli.files import check_outputs, print_result, unchecked_links, write_figure
 from cinegen.cli.numbers import UNITS, dimension_of, interval_of, named, point
 from cinegen.cli.numbers import quantity as number
 from cinegen.cli.options import FILE, JSON, PLOT, SCHEDULER, VIEW, ShownRobotOptions, exclude, output_option
-from cinegen.cli.payloads import GRAVITY, PAYLOADS, WRENCHES, carried, gravity_of, wrenches
 from cinegen.cli.progress import Progress
 from cinegen.cli.region import region
 from cinegen.cli.served_page import PageOptions
-from cinegen.cli.tolerance import ENCODER, PLAY, SIGMA, amounts
+from cinegen.cli.study.payloads import GRAVITY, PAYLOADS, WRENCHES, carried, gravity_of, wrenches
 from cinegen.errors import CinegenError, UnknownNameError
 from raff2urdf.command_line import UsageError, flag, no_effect, option
 from raff2urdf.files import STANDARD, output_path

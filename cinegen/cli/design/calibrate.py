@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from cinegen.cli.design.tolerance import amounts
 from cinegen.cli.files import check_outputs, count, print_result, write, write_figure
 from cinegen.cli.options import FILE, JSON, PLOT, ROBOT, force_option, output_option
 from cinegen.cli.progress import Progress
-from cinegen.cli.tolerance import amounts
 from raff2urdf.command_line import flag, option
 from raff2urdf.errors import first_of
 from raff2urdf.files import stem_of

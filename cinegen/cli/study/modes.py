@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from cinegen.cli.files import check_outputs, count, print_result, write_figure
-from cinegen.cli.ik import TYPED, claim_text, limits_text, missed_text, pose_task, pose_text, self_motion_lines
+from cinegen.cli.motion.ik import TYPED, claim_text, limits_text, missed_text, pose_task, pose_text, self_motion_lines
 from cinegen.cli.numbers import UNITS, parts, values
 from cinegen.cli.options import FILE, JSON, NODE, PLOT, VIEW, ShownRobotOptions, exclude
 from cinegen.cli.progress import Progress

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import typer
 
-from cinegen.cli.drive import serve
+from cinegen.cli.motion.drive import serve
 from cinegen.cli.served_page import PAGE, PageOptions
 from cinegen.errors import CinegenError
 from raff2urdf.command_line import flag, no_effect

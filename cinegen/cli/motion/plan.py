@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import typer
 
 from cinegen.cli.files import check_outputs, count, disabled_pairs, print_result, unchecked_links, write_figure
-from cinegen.cli.mode_change import change_advice, change_document, change_lines, goal_text, mode_index
+from cinegen.cli.motion.mode_change import change_advice, change_document, change_lines, goal_text, mode_index
 from cinegen.cli.options import (
     JSON,
     PLOT,

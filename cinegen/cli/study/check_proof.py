@@ -9,7 +9,7 @@ import typer
 from cinegen.cli.files import print_result
 from cinegen.cli.options import JSON
 from cinegen.cli.progress import Progress
-from cinegen.cli.prove import lines
+from cinegen.cli.study.prove import lines
 
 _CERTIFICATE = typer.Argument(..., metavar="FILE", help="certificate that cinegen prove wrote, .json")
 
