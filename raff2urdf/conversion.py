@@ -172,7 +172,7 @@ def examine(
     try:
         return analyse(document, robot, loops, exact)
     except NearlyRedundantError:
-        healer = import_module("cinegen.model.healed")  # raff2urdf does without Pinocchio otherwise
+        healer = import_module("cinegen.model.healing.healed")  # raff2urdf does without Pinocchio otherwise
     analysis: Analysis = healer.healed(document, robot, folder, loops)
     return analysis
 

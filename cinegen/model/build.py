@@ -15,11 +15,11 @@ from cinegen.errors import LoadError, warn
 from cinegen.joints import supporting_columns
 from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
 from cinegen.model.frozen import blocking, locked
+from cinegen.model.healing.near_redundant import in_plane, made_exact
 from cinegen.model.home import find_home, follow, near_successive
 from cinegen.model.limits import Limits
 from cinegen.model.mechanism import Mechanism
 from cinegen.model.mechanism_model import MechanismSource
-from cinegen.model.near_redundant import in_plane, made_exact
 from cinegen.model.spherical import SphericalJoints
 from cinegen.model.urdf import completed, kinematics, simple
 from cinegen.tolerances import AT_LIMIT

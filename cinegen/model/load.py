@@ -80,7 +80,7 @@ def load(
         ignore: loops and couplings to be left out, by name or by element, such as "pin" or "loop_joint"; or files next
             to a URDF, such as "robot.yaml".
         relax: what is done with loops that are nearly redundant, because numbers are rounded. None: their geometry is
-            healed, by changes as small as rounding (`cinegen.model.healing`); where that fails, they are closed by
+            healed, by changes as small as rounding (`cinegen.model.healing.heal`); where that fails, they are closed by
             weaker joints. True: weaker joints are tried first; they may add to mobility. One warning reports what was
             done. False: they stay as written; then they can't be closed, or hardly move.
         srdf: an SRDF, which names pairs of links that are not checked against each other, and the home of a URDF

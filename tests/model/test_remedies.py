@@ -37,7 +37,7 @@ import raff2urdf.cli
 import raff2urdf.urdf2raff.cli
 from cinegen.model import ForwardKinematics, Mechanism
 from cinegen.model.build import build
-from cinegen.model.heal_file import heal_file
+from cinegen.model.healing.heal_file import heal_file
 from cinegen.model.motion_limits import motion_limits
 from cinegen.model.plausible import check_joint, check_lengths, check_revolution, check_speed
 from raff2urdf import RaffError
@@ -811,7 +811,7 @@ UNEXPANDED = urdf(AB, BC).replace(
 
 def unhealed(path: Path) -> object:
     """Heal a file as if no number might change by so much as is needed."""
-    with mock.patch("cinegen.model.heal_file.LARGEST_CHANGE", 1e-9):
+    with mock.patch("cinegen.model.healing.heal_file.LARGEST_CHANGE", 1e-9):
         return heal_file(path)
 
 

@@ -31,7 +31,7 @@ def run(
     become parallel, perpendicular or intersecting as they are meant to be, and all loops close. Each changed number is
     listed. Only these differ in OUT, which has the format of FILE.
     """
-    from cinegen.model.heal_file import heal_file
+    from cinegen.model.healing.heal_file import heal_file
     from cinegen.typed_json import as_json
     from raff2urdf.readers.sidecar import constraints_of
     from raff2urdf.shipped import find_robot

@@ -56,7 +56,7 @@ def relations(system: ClosedLoops) -> list[Relation]:
 
 def errors(system: ClosedLoops, wanted: list[Relation], twists: int) -> tuple[Array, Array]:
     """Return by how much relations are not satisfied, and the derivative (rows, 6 twists) by the geometry; see
-    `cinegen.model.healing.by_geometry`."""
+    `cinegen.model.healing.heal.by_geometry`."""
     values, rows = [np.zeros(0)], [np.zeros((0, 6 * twists))]
     bodies = _axes(system)
     for body, i, k, what in wanted:

@@ -18,9 +18,9 @@ from cinegen.joints import axis
 from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.loops.clusters import subsystems
 from cinegen.model.build import written_loops
-from cinegen.model.healing import LARGEST_CHANGE, heal, in_bodies
+from cinegen.model.healing.heal import LARGEST_CHANGE, heal, in_bodies
+from cinegen.model.healing.near_redundant import loop_gaps
 from cinegen.model.load import load_with
-from cinegen.model.near_redundant import loop_gaps
 from raff2urdf import closure, readers
 from raff2urdf.constraints import HASH
 from raff2urdf.conversion import describe

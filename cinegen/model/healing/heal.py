@@ -25,7 +25,7 @@ import pinocchio as pin
 
 from cinegen.arrays import Array
 from cinegen.loops.closed_loops import ClosedLoops
-from cinegen.model.intended import Relation, errors, relations
+from cinegen.model.healing.intended import Relation, errors, relations
 from raff2urdf.near_redundancy import NearRedundancy, settle
 from raff2urdf.residual import loop_residual
 

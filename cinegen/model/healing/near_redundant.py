@@ -14,7 +14,7 @@ from cinegen.arrays import Array
 from cinegen.errors import warn
 from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.loops.clusters import subsystems
-from cinegen.model.healing import LARGEST_CHANGE, heal, in_bodies, moved
+from cinegen.model.healing.heal import LARGEST_CHANGE, heal, in_bodies, moved
 from raff2urdf import closure
 from raff2urdf.near_redundancy import NearRedundancy, near_redundancy
 from raff2urdf.placement import roll_pitch_yaw, translation
