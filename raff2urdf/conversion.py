@@ -24,7 +24,7 @@ from raff2urdf.raff.reader import parse, read
 from raff2urdf.raff.sizes import check_sizes
 from raff2urdf.readers.actuation import RAFF, advice
 from raff2urdf.readers.urdf import hash_of
-from raff2urdf.readers.urdf import parse as parse_urdf
+from raff2urdf.readers.urdf_file import parse as parse_urdf
 from raff2urdf.shipped import find_robot
 from raff2urdf.writers import WriteOptions, files
 

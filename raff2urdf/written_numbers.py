@@ -19,7 +19,7 @@ from raff2urdf.errors import RaffError
 from raff2urdf.files import read_bytes
 from raff2urdf.raff.document import UNITS_PER_METRE
 from raff2urdf.readers import holds_xml
-from raff2urdf.readers.sidecar import constraints_of
+from raff2urdf.readers.loops.sidecar import constraints_of
 from raff2urdf.readers.xml_file import read_text
 from raff2urdf.residual import skew
 

@@ -32,7 +32,8 @@ from raff2urdf.raff import texts
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.readers.actuation import advice, replaced, syntax_of
 from raff2urdf.readers.srdf import Srdf
-from raff2urdf.readers.urdf import UNLIMITED, parse
+from raff2urdf.readers.urdf import UNLIMITED
+from raff2urdf.readers.urdf_file import parse
 from raff2urdf.slips import Fault
 
 

@@ -33,11 +33,11 @@ from raff2urdf.raff import drawn as raff_drawn
 from raff2urdf.raff import texts
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.readers import drawn as urdf_drawn
-from raff2urdf.readers.declaration import IgnoreList
+from raff2urdf.readers.loops.declaration import IgnoreList
+from raff2urdf.readers.loops.sidecar import constraints_of
 from raff2urdf.readers.options import ReadOptions
-from raff2urdf.readers.sidecar import constraints_of
 from raff2urdf.readers.srdf import Srdf, read_srdf, srdf_of
-from raff2urdf.readers.urdf import parse
+from raff2urdf.readers.urdf_file import parse
 from raff2urdf.readers.xml_file import read_text
 from raff2urdf.shipped import find_robot
 from raff2urdf.slips import Fault
@@ -65,7 +65,7 @@ def load(
 
     Args:
         path: a RAFF file, URDF or xacro, SDF or MJCF, or the name of a shipped robot, such as "delta4". Loops and
-            couplings of a URDF are read in all dialects of `raff2urdf.readers.dialects`, also from files next to it:
+            couplings of a URDF are read in all dialects of `raff2urdf.readers.loops`, also from files next to it:
             `<stem>.constraints.json`, `robot.yaml`, `loop_closures.yaml`. Or a `yourdfpy.URDF`, which has links, joints
             and `<mimic>`, but no loops: nothing else that its file declares. Errors name lines of its XML. Or the text
             of a RAFF file, URDF, SDF or MJCF: a string that begins with `<` or has several lines; meshes are searched

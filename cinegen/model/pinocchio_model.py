@@ -13,7 +13,7 @@ from cinegen.errors import LoadError, UnknownNameError
 from cinegen.joints import axis, translations
 from raff2urdf.constraints import Constraints, loop_entry
 from raff2urdf.coupling import Coupling, coupling_entry
-from raff2urdf.readers.successive import ROTATIONS
+from raff2urdf.readers.loops.successive import ROTATIONS
 from raff2urdf.readers.uncounted import note_of
 from raff2urdf.readers.urdf import UNLIMITED
 

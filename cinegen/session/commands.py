@@ -15,7 +15,7 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from cinegen.ik.described import AnyDescription
+from cinegen.ik.tasks.described import AnyDescription
 from cinegen.session.message_types import (
     CommandFrame,
     Coordinate,

@@ -7,8 +7,8 @@ from typing import TypeVar
 
 import msgspec
 
-from cinegen.ik.described import unknown_name
 from cinegen.ik.joints import names_of
+from cinegen.ik.tasks.described import unknown_name
 from cinegen.model import Mechanism
 from cinegen.session.commands import AddTask, ChangeSensor, Command, LockJoint
 from cinegen.session.message_types import LONGEST, CommandError, TypedMessage

@@ -14,7 +14,8 @@ from raff2urdf.arrays import Array
 from raff2urdf.placement import from_origin, joint_motion
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.raff.writer import number
-from raff2urdf.readers.urdf import axis, ends, joints, parse, root_first, three
+from raff2urdf.readers.urdf import axis, ends, joints, root_first, three
+from raff2urdf.readers.urdf_file import parse
 from raff2urdf.slips import DrawnLoop, DrawnPart, Fault, slips
 
 _XYZ, _RPY = ("x", "y", "z"), ("roll", "pitch", "yaw")

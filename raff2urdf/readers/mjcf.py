@@ -40,7 +40,7 @@ from raff2urdf.joint_dynamics import JointDynamics
 from raff2urdf.placement import from_quaternion, inverse, roll_pitch_yaw, translation
 from raff2urdf.quantities import typed_in_radians
 from raff2urdf.readers import uncounted
-from raff2urdf.readers.declaration import leave_out
+from raff2urdf.readers.loops.declaration import leave_out
 from raff2urdf.readers.mjcf_faults import FaultyMjcf
 from raff2urdf.readers.urdf import LARGEST
 from raff2urdf.readers.urdf_builder import UNBOUNDED, Shape, UrdfBuilder, material, shapes

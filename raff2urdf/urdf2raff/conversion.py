@@ -14,7 +14,8 @@ from raff2urdf.files import check_new, is_stream, write_all
 from raff2urdf.raff.check import check
 from raff2urdf.raff.writer import dumps
 from raff2urdf.readers.options import ReadOptions
-from raff2urdf.readers.urdf import joints, lacks_limits, listed, parse
+from raff2urdf.readers.urdf import joints, lacks_limits, listed
+from raff2urdf.readers.urdf_file import parse
 from raff2urdf.urdf2raff.graphics import GraphicsExport, units_of
 from raff2urdf.urdf2raff.robot import RaffImport, import_tree
 

@@ -40,8 +40,8 @@ from raff2urdf.raff.document import (
     SensorConstraint,
 )
 from raff2urdf.raff.kleinfinger import Kleinfinger
-from raff2urdf.readers import successive
-from raff2urdf.readers.declaration import leave_out
+from raff2urdf.readers.loops import successive
+from raff2urdf.readers.loops.declaration import leave_out
 from raff2urdf.readers.urdf import (
     default_value,
     effort,

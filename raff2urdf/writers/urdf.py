@@ -29,8 +29,8 @@ from raff2urdf.graphics.skeleton import MARK, SkeletonDrawing
 from raff2urdf.raff.document import Document, JointType, RaffLink, RaffNode, RaffPart, RaffRobot
 from raff2urdf.raff.kleinfinger import transform
 from raff2urdf.raff.masses import RaffMasses
-from raff2urdf.readers.declared_loops import note
-from raff2urdf.readers.sidecar import ENDING
+from raff2urdf.readers.loops.declared_loops import note
+from raff2urdf.readers.loops.sidecar import ENDING
 from raff2urdf.readers.urdf import UNLIMITED, hash_of
 from raff2urdf.readers.xml_file import NAMESPACE
 from raff2urdf.tree import BASE_JOINT, WORLD, effort, joint_dynamics, kleinfinger, limits, moved, velocity

@@ -48,7 +48,7 @@ from raff2urdf.quantities import ANGLE, LENGTH, parse_range
 from raff2urdf.quantities import parse as parse_quantity
 from raff2urdf.raff.document import Document
 from raff2urdf.readers.options import ReadOptions
-from raff2urdf.readers.urdf import parse as parse_urdf
+from raff2urdf.readers.urdf_file import parse as parse_urdf
 from raff2urdf.readers.xacro_file import expanded
 
 Values = dict[str, Any]

@@ -14,7 +14,7 @@ from leading import run
 import cinegen
 from cinegen.collision import load_scene
 from cinegen.ik import State
-from cinegen.ik.kinds import KINDS
+from cinegen.ik.tasks.kinds import KINDS
 from cinegen.mission import BasePose, Recording
 from cinegen.session import CommandError, Session, arrange, decode_command, scene_setup
 from cinegen.session import commands as c

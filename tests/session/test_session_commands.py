@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cinegen.ik.described import AxisAlong
+from cinegen.ik.tasks.described import AxisAlong
 from cinegen.session import Command, CommandError, decode_command
 from cinegen.session import commands as c
 from cinegen.session.message_types import LONGEST

@@ -33,7 +33,7 @@ def run(
     """
     from cinegen.model.healing.heal_file import heal_file
     from cinegen.typed_json import as_json
-    from raff2urdf.readers.sidecar import constraints_of
+    from raff2urdf.readers.loops.sidecar import constraints_of
     from raff2urdf.shipped import find_robot
 
     file = find_robot(file)

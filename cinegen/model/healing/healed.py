@@ -14,7 +14,8 @@ from raff2urdf.analysis import Analysis, loop_kind
 from raff2urdf.conversion import describe
 from raff2urdf.errors import RaffWarning
 from raff2urdf.raff.document import Document, RaffRobot
-from raff2urdf.readers.urdf import joints, origin, parse
+from raff2urdf.readers.urdf import joints, origin
+from raff2urdf.readers.urdf_file import parse
 
 
 def healed(document: Document, robot: RaffRobot, folder: Path, loops: Mapping[str, str] | None) -> Analysis:

@@ -20,7 +20,8 @@ from raff2urdf.near_redundancy import NearRedundancy, near_redundancy
 from raff2urdf.placement import roll_pitch_yaw, translation
 from raff2urdf.play import EXACT, play, text
 from raff2urdf.raff.document import LoopKind
-from raff2urdf.readers.urdf import joints, origin, parse
+from raff2urdf.readers.urdf import joints, origin
+from raff2urdf.readers.urdf_file import parse
 from raff2urdf.residual import ROWS
 
 

@@ -29,14 +29,16 @@ from raff2urdf.graphics.names import find
 from raff2urdf.inertia import Inertia
 from raff2urdf.joint_dynamics import JointDynamics
 from raff2urdf.placement import inverse, with_z
-from raff2urdf.readers import closing_frames, uncounted
-from raff2urdf.readers.declaration import label_of, leave_out, local, tag_of
-from raff2urdf.readers.declared_loops import LOOP_LIKE, named_in, own_words
-from raff2urdf.readers.loop_joint import LoopJoint
+from raff2urdf.readers import uncounted
+from raff2urdf.readers.loops import closing_frames
+from raff2urdf.readers.loops.declaration import label_of, leave_out, local, tag_of
+from raff2urdf.readers.loops.declared_loops import LOOP_LIKE, named_in, own_words
+from raff2urdf.readers.loops.loop_joint import LoopJoint
 from raff2urdf.readers.sdf.included import robot_of
 from raff2urdf.readers.sdf.model import GEARBOX, LOOP_KINDS, SdfAxis, SdfJoint, SdfModel, SdfModelReader, pose
-from raff2urdf.readers.urdf import LARGEST, SHAPES, SIZE, check_friction, negative_mass, numbers, parse
+from raff2urdf.readers.urdf import LARGEST, SIZE, check_friction, negative_mass, numbers
 from raff2urdf.readers.urdf_builder import GRAVITY, Shape, UrdfBuilder, material, shapes
+from raff2urdf.readers.urdf_file import SHAPES, parse
 from raff2urdf.readers.urdf_tree import UrdfTree
 from raff2urdf.readers.xml_file import NAMESPACE, error_at, parse_xml
 from raff2urdf.tree import BASE_JOINT, WORLD

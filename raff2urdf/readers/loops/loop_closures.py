@@ -26,8 +26,8 @@ from raff2urdf.arrays import Array
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.files import note
 from raff2urdf.placement import inverse, translation
-from raff2urdf.readers.declaration import Declaration
-from raff2urdf.readers.loop_joint import LoopJoint
+from raff2urdf.readers.loops.declaration import Declaration
+from raff2urdf.readers.loops.loop_joint import LoopJoint
 from raff2urdf.readers.urdf import LARGEST, SIZE
 from raff2urdf.readers.urdf_tree import UrdfTree, along
 from raff2urdf.readers.yaml_file import values_of

@@ -18,7 +18,8 @@ import numpy as np
 from lxml import etree
 
 from raff2urdf.placement import with_z
-from raff2urdf.readers.urdf import MOMENTS, MovingJoint, axis, effort, joints, limits, links, parse, remove, velocity
+from raff2urdf.readers.urdf import MOMENTS, MovingJoint, axis, effort, joints, limits, links, remove, velocity
+from raff2urdf.readers.urdf_file import parse
 from raff2urdf.readers.xml_file import error_at
 
 Step = tuple[str, str, Sequence[float]]

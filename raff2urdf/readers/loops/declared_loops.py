@@ -17,9 +17,9 @@ from typing import Any
 from lxml import etree
 
 from raff2urdf.escape import one_line, shell_word, xml_comment
-from raff2urdf.readers.closing_joints import Connections, joined_links
-from raff2urdf.readers.declaration import Declaration, label_of, listed, local, tag_of
-from raff2urdf.readers.sidecar import constraints_of
+from raff2urdf.readers.loops.closing_joints import Connections, joined_links
+from raff2urdf.readers.loops.declaration import Declaration, label_of, listed, local, tag_of
+from raff2urdf.readers.loops.sidecar import constraints_of
 from raff2urdf.readers.urdf import IGNORE, joints, links
 
 NOTE = "raff2urdf constraints:"

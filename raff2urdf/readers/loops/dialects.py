@@ -17,12 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from raff2urdf.constraints import Constraints
 from raff2urdf.errors import RaffError, warn
 from raff2urdf.escape import shell_word, unique_name
-from raff2urdf.files import note
-from raff2urdf.readers import (
-    Description,
+from raff2urdf.readers import Description
+from raff2urdf.readers.loops import (
     closing_frames,
     closing_joints,
     declared_loops,
@@ -30,15 +28,15 @@ from raff2urdf.readers import (
     joint_couplings,
     loop_closures,
     loop_elements,
-    robot_yaml,
     roots,
-    sidecar,
     successive,
 )
-from raff2urdf.readers.declaration import CouplingEntry, Declaration, IgnoreList, listed
-from raff2urdf.readers.loop_joint import LoopJoint, implies
-from raff2urdf.readers.urdf import default_value, ends, joints, limits, parse, xacro_hint
+from raff2urdf.readers.loops.adjacent_files import AdjacentFiles
+from raff2urdf.readers.loops.declaration import CouplingEntry, Declaration, IgnoreList, listed
+from raff2urdf.readers.loops.loop_joint import LoopJoint, implies
+from raff2urdf.readers.urdf import default_value, ends, joints, limits
 from raff2urdf.readers.urdf import listed as urdf_joints
+from raff2urdf.readers.urdf_file import parse, xacro_hint
 from raff2urdf.readers.urdf_tree import UrdfTree, text_of
 from raff2urdf.readers.xml_file import parse_xml
 
@@ -59,7 +57,7 @@ def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool, is_file:
     """
     name = str(path)
     text, root, declared, free, notes = _declarations(text, name, ignore, ignore_loops)
-    files = _Files(path, text, ignore, ignore_loops, is_file)
+    files = AdjacentFiles(path, text, ignore, ignore_loops, is_file)
     if ignore_loops:
         return _without_loops(files, declared, free, notes, name)
     left_out, kept = list[Declaration](), list[Declaration]()
@@ -116,7 +114,7 @@ def _declarations(
 
 
 def _without_loops(
-    files: _Files, declared: Sequence[Declaration], free: Sequence[str], notes: Sequence[str], name: str
+    files: AdjacentFiles, declared: Sequence[Declaration], free: Sequence[str], notes: Sequence[str], name: str
 ) -> Description:
     """Return a robot without its loops and couplings."""
     if free:
@@ -173,65 +171,6 @@ def _warn_of_reversed(free: Sequence[str], declared: Sequence[Declaration], name
             warn(f"{name}:{joint.line}: {why}: {remedy}")
 
 
-class _Files:
-    """The files next to a URDF.
-
-    Attributes:
-        text: of the URDF, with joints replaced if a file asks for it.
-        values: contents of a constraints file; None without any.
-        dialect: of those; empty without any.
-        checked: loops of robot.yaml, which must be among those of the values.
-        left_out: files that were ignored.
-    """
-
-    def __init__(self, path: Path, text: str, ignore: IgnoreList, ignore_loops: bool, is_file: bool) -> None:
-        self.text, self.dialect = text, ""
-        self.left_out: tuple[str, ...] = ()
-        self.values: Constraints | None = None
-        self.checked: list[Mapping[str, Any]] = []
-        near = ((sidecar.constraints_of(path), sidecar), (robot_yaml.sidecar_of(path), robot_yaml))
-        for own, reader in near if is_file else ():
-            if own is None:
-                continue
-            note(own)
-            if not own.exists():
-                continue
-            if ignore.takes(own.name):
-                self.left_out += (own.name,)
-                continue
-            self.text, self.values = reader.loops_of(path, text) or (text, None)
-            self.dialect = own.name if own.name == "robot.yaml" else "".join(own.suffixes[-2:]) or own.name
-            break
-        embedded = None if ignore.takes("raff:robot") else sidecar.embedded(path, text)
-        if embedded is not None and not self.dialect.endswith(".json"):
-            self.checked = self.values["loops"] if self.values is not None else []
-            self.text, self.values, self.dialect = text, embedded, "raff:robot"
-        if self.values is not None and not ignore_loops and self.dialect.endswith(("raff:robot", ".json")):
-            holder = self.dialect if embedded is not None else sidecar.constraints_of(path).name
-            sidecar.check_hash(self.values, holder, path, parse(self.text, str(path)))
-        tree = UrdfTree(parse(self.text, str(path)), str(path))
-        own_closures = loop_closures.sidecar_of(path, tree) if is_file else None
-        if own_closures is not None and ignore.takes(own_closures.name):
-            self.left_out += (own_closures.name,)
-            own_closures = None
-        self._closures = own_closures
-        self._read: loop_closures.LoopClosures | None = None
-        if self.values is None and own_closures is None and not self.left_out:
-            found = sidecar.misplaced(path, text) if is_file else None
-            if found and not ignore_loops and not ignore.takes(found.file):
-                raise RaffError(found.refusal(path))
-            if found:
-                self.left_out += (f"the loops of {found.file}",)
-        elif ignore_loops and own_closures is not None:
-            self.left_out += (f"the loops of {own_closures.name}",)
-
-    def closures(self, tree: UrdfTree) -> loop_closures.LoopClosures | None:
-        """Return the contents of `loop_closures.yaml`; None without it."""
-        if self._closures is not None and self._read is None:
-            self._read = loop_closures.read(self._closures, tree)
-        return self._read
-
-
 class _Composed:
     """Loops and couplings of several dialects, each once.
 
@@ -241,7 +180,7 @@ class _Composed:
         notes: about what was read.
     """
 
-    def __init__(self, tree: UrdfTree, files: _Files, passive: list[str]) -> None:
+    def __init__(self, tree: UrdfTree, files: AdjacentFiles, passive: list[str]) -> None:
         self._tree, self._files, self._passive = tree, files, passive
         self._cuts: list[tuple[Declaration, LoopJoint]] = []
         self._equations: list[tuple[Declaration, CouplingEntry]] = []

@@ -16,8 +16,8 @@ import numpy as np
 from raff2urdf.arrays import Array
 from raff2urdf.escape import shell_word
 from raff2urdf.placement import from_origin
-from raff2urdf.readers.declaration import Declaration
-from raff2urdf.readers.loop_joint import LoopJoint
+from raff2urdf.readers.loops.declaration import Declaration
+from raff2urdf.readers.loops.loop_joint import LoopJoint
 from raff2urdf.readers.urdf import links, three
 from raff2urdf.readers.urdf_tree import UrdfTree
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from raff2urdf.errors import RaffError, did_you_mean, first_of
 from raff2urdf.escape import shell_word
-from raff2urdf.readers.loop_joint import LoopJoint
+from raff2urdf.readers.loops.loop_joint import LoopJoint
 from raff2urdf.readers.urdf_tree import UrdfTree
 
 CouplingEntry = dict[str, Any]

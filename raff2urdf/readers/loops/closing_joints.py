@@ -18,12 +18,13 @@ import numpy as np
 
 from raff2urdf.arrays import Array
 from raff2urdf.placement import from_origin, inverse
-from raff2urdf.readers import successive
-from raff2urdf.readers.declaration import Declaration, label_of, local, tag_of
-from raff2urdf.readers.loop_elements import kind_of
-from raff2urdf.readers.loop_joint import LoopJoint
+from raff2urdf.readers.loops import successive
+from raff2urdf.readers.loops.declaration import Declaration, label_of, local, tag_of
+from raff2urdf.readers.loops.loop_elements import kind_of
+from raff2urdf.readers.loops.loop_joint import LoopJoint
 from raff2urdf.readers.screw import lead
-from raff2urdf.readers.urdf import by_name, ends, joints, limits, links, numbers, origin, remove
+from raff2urdf.readers.urdf import ends, joints, limits, links, numbers, origin, remove
+from raff2urdf.readers.urdf_file import by_name
 from raff2urdf.readers.urdf_tree import UrdfTree, along
 from raff2urdf.readers.xml_file import error_at
 

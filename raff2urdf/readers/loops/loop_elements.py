@@ -19,9 +19,9 @@ import numpy as np
 from raff2urdf.arrays import Array
 from raff2urdf.errors import did_you_mean
 from raff2urdf.placement import translation
-from raff2urdf.readers.declaration import Declaration, label_of, local, tag_of
-from raff2urdf.readers.joint_couplings import COUPLING
-from raff2urdf.readers.loop_joint import KINDS, LoopJoint
+from raff2urdf.readers.loops.declaration import Declaration, label_of, local, tag_of
+from raff2urdf.readers.loops.joint_couplings import COUPLING
+from raff2urdf.readers.loops.loop_joint import KINDS, LoopJoint
 from raff2urdf.readers.urdf import origin, three
 from raff2urdf.readers.urdf_tree import UrdfTree, along
 

@@ -17,7 +17,7 @@ from typing import Any
 
 from raff2urdf.coupling import coupling_entry
 from raff2urdf.errors import did_you_mean
-from raff2urdf.readers.declaration import CouplingEntry, Declaration, label_of
+from raff2urdf.readers.loops.declaration import CouplingEntry, Declaration, label_of
 from raff2urdf.readers.urdf import joints, number, numbers
 from raff2urdf.readers.urdf_tree import UrdfTree
 

@@ -23,9 +23,10 @@ from lxml import etree
 from raff2urdf.constraints import Constraints, loop_entry
 from raff2urdf.errors import RaffError, did_you_mean, warn
 from raff2urdf.files import note
-from raff2urdf.readers import successive
-from raff2urdf.readers.sidecar import content_of, plain
-from raff2urdf.readers.urdf import ends, joints, parse, root_first
+from raff2urdf.readers.loops import successive
+from raff2urdf.readers.loops.sidecar import content_of, plain
+from raff2urdf.readers.urdf import ends, joints, root_first
+from raff2urdf.readers.urdf_file import parse
 from raff2urdf.readers.yaml_file import nodes_of
 
 _KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type")

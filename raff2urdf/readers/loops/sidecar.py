@@ -14,8 +14,9 @@ from raff2urdf.constraints import HASH, Constraints, load, loads
 from raff2urdf.constraints_check import UrdfSummary
 from raff2urdf.errors import RaffError, warn
 from raff2urdf.escape import shell_word
-from raff2urdf.readers.successive import moving
-from raff2urdf.readers.urdf import IGNORE, hash_of, parse, root_first
+from raff2urdf.readers.loops.successive import moving
+from raff2urdf.readers.urdf import IGNORE, hash_of, root_first
+from raff2urdf.readers.urdf_file import parse
 from raff2urdf.readers.xml_file import own_element
 
 ENDING = ".constraints.json"

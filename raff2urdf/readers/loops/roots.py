@@ -14,8 +14,8 @@ from lxml import etree
 
 from raff2urdf.errors import RaffError
 from raff2urdf.placement import inverse, roll_pitch_yaw
-from raff2urdf.readers import successive
-from raff2urdf.readers.loop_joint import LoopJoint
+from raff2urdf.readers.loops import successive
+from raff2urdf.readers.loops.loop_joint import LoopJoint
 from raff2urdf.readers.urdf import ends, joints, links
 from raff2urdf.readers.urdf_tree import UrdfTree
 from raff2urdf.readers.xml_file import error_at

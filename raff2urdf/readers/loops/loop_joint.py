@@ -27,7 +27,7 @@ import numpy as np
 from raff2urdf.arrays import Array
 from raff2urdf.constraints import loop_entry
 from raff2urdf.placement import inverse, rotation, translation, with_z
-from raff2urdf.readers.successive import Step
+from raff2urdf.readers.loops.successive import Step
 from raff2urdf.readers.urdf_tree import UrdfTree, along
 
 KINDS = {
