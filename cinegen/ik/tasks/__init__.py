@@ -1,1 +1,1 @@
-"""Kinds of tasks besides frames: their attributes and their base."""
+"""Tasks: frames on nodes, other kinds, and tasks of other packages."""

@@ -11,7 +11,7 @@ import numpy as np
 from cinegen.arrays import Array
 from cinegen.errors import CinegenError
 from cinegen.ik.state import State
-from cinegen.ik.task_kinds.fields import FIELDS
+from cinegen.ik.tasks.fields import FIELDS
 
 
 @dataclass(eq=False, repr=False)

@@ -1,7 +1,7 @@
 """Tasks as plain data, for messages, sessions and recordings.
 
-Each kind of `cinegen.ik.kinds` has a Struct here, with the parameters of its constructor as fields: a kind that is
-added there is one of messages, files and their documentation, too. Poses are x y z (m) and a quaternion x y z w.
+Each kind of `cinegen.ik.tasks.kinds` has a Struct here, with the parameters of its constructor as fields: a kind that
+is added there is one of messages, files and their documentation, too. Poses are x y z (m) and a quaternion x y z w.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from msgspec import Struct
 from cinegen.errors import CinegenError
 from cinegen.ik.barrier import Range
 from cinegen.ik.given_task import Task
-from cinegen.ik.kinds import KINDS, Pointing
 from cinegen.ik.state import State
-from cinegen.ik.task_kinds.fields import FIELDS
+from cinegen.ik.tasks.fields import FIELDS
+from cinegen.ik.tasks.kinds import KINDS, Pointing
 
 _IN_WORLD = {"position": True, "point": True, "through": True, "centre": True, "direction": False, "normal": False}
 """Fields in the world, unless a node carries them: whether they are points, or directions."""

@@ -12,7 +12,7 @@ from msgspec import Meta
 
 from cinegen.arrays import Array
 from cinegen.ik.given_task import checked_weight
-from cinegen.ik.task_values import checked_priority
+from cinegen.ik.tasks.values import checked_priority
 from cinegen.typed_json import Vector7
 
 Vector: TypeAlias = Any

@@ -16,8 +16,8 @@ import pinocchio as pin
 from cinegen.arrays import Array
 from cinegen.errors import CinegenError
 from cinegen.ik.state import State
-from cinegen.ik.task_kinds.base import Kind, across, placed, turned
-from cinegen.ik.task_kinds.fields import ORIGIN, Vector, Z
+from cinegen.ik.tasks.base import Kind, across, placed, turned
+from cinegen.ik.tasks.fields import ORIGIN, Vector, Z
 from raff2urdf.residual import log, log_derivative, skew, swing
 
 

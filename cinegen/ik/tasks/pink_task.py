@@ -12,7 +12,7 @@ import pinocchio as pin
 from cinegen.arrays import Array
 from cinegen.errors import CinegenError
 from cinegen.ik.state import State
-from cinegen.ik.task_values import checked_priority
+from cinegen.ik.tasks.values import checked_priority
 from raff2urdf.extras import needs
 
 _POSE = ("m", "m", "m", "rad", "rad", "rad")

@@ -68,7 +68,7 @@ class PathSampler:
         tasks: Kept = (),
     ) -> None:  # fmt: skip
         with needs("sampling", "sampling planners"):
-            from cinegen.planning.ompl_trees import Trees
+            from cinegen.planning.sampling.ompl_trees import Trees
         self._scene, self._clearance, mechanism = scene, clearance, scene.mechanism
         space = self._space = SamplingSpace(scene, clearance)
         project = self._project = projection(scene, tasks)
