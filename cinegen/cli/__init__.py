@@ -10,8 +10,8 @@ from importlib import import_module
 
 from cinegen.cli.numbers import NumberLists
 from cinegen.errors import CinegenError
-from raff2urdf import output
-from raff2urdf.command_line import VERSION, expand, new_app, print_error, run_app
+from raff2urdf.command import output
+from raff2urdf.command.command_line import VERSION, expand, new_app, print_error, run_app
 from raff2urdf.errors import RaffError
 
 COMMANDS = (
@@ -38,7 +38,7 @@ def _options(version: bool = VERSION) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; return its exit code: 0, 1 or 2, or as `raff2urdf.output.run` returns."""
+    """Run the command; return its exit code: 0, 1 or 2, or as `raff2urdf.command.output.run` returns."""
     return output.run("cinegen", lambda: copy_context().run(_main, arguments))
 
 

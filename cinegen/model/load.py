@@ -23,16 +23,17 @@ from cinegen.model.mechanism import Mechanism
 from cinegen.model.plausible import doubts
 from cinegen.model.urdf import completed, simple, with_fixed_base
 from raff2urdf import closure, readers
-from raff2urdf.analysis import loop_kind, loop_kinds
 from raff2urdf.constraints import without_loops
 from raff2urdf.coupling import Coupling
 from raff2urdf.errors import RaffError
-from raff2urdf.json_lines import line_of
+from raff2urdf.loops.analysis import loop_kind, loop_kinds
+from raff2urdf.loops.slips import Fault
 from raff2urdf.placement import rotation
 from raff2urdf.raff import drawn as raff_drawn
 from raff2urdf.raff import texts
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.readers import drawn as urdf_drawn
+from raff2urdf.readers.json_lines import line_of
 from raff2urdf.readers.loops.declaration import IgnoreList
 from raff2urdf.readers.loops.sidecar import constraints_of
 from raff2urdf.readers.options import ReadOptions
@@ -40,7 +41,6 @@ from raff2urdf.readers.srdf import Srdf, read_srdf, srdf_of
 from raff2urdf.readers.urdf_file import parse
 from raff2urdf.readers.xml_file import read_text
 from raff2urdf.shipped import find_robot
-from raff2urdf.slips import Fault
 
 if TYPE_CHECKING:  # takes half a second
     from yourdfpy import URDF
@@ -216,7 +216,7 @@ def _load_xml(source: Path | URDF, text: str | None, settings: _Settings) -> Mec
         elif isinstance(source, Path):
             parsed, folder = readers.read(path, robot, ignore_loops, ignore, reading), path.parent
         else:
-            from raff2urdf.urdf_object import ExactUrdf
+            from raff2urdf.writers.urdf_object import ExactUrdf
 
             written = ExactUrdf(source.robot, source._filename_handler)
             parsed = readers.read_xml(written.text(), str(path), None, ignore_loops, ignore, reading)

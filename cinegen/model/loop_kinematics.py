@@ -16,7 +16,7 @@ from cinegen.loops.clusters import subsystems
 from cinegen.model.jacobian import COMPONENTS, ExtendedJacobian
 from cinegen.model.mechanism_model import MechanismModel
 from raff2urdf import closure
-from raff2urdf.open_loops import shown_gaps
+from raff2urdf.loops.open_loops import shown_gaps
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

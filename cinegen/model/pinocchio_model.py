@@ -43,7 +43,7 @@ def describe_model(
     """
     from yourdfpy import Robot
 
-    from raff2urdf.urdf_object import ExactUrdf
+    from raff2urdf.writers.urdf_object import ExactUrdf
 
     nodes = _nodes(model)
     links, joints = _bodies(model, nodes), [_joint(model, j, nodes) for j in range(1, model.njoints)]

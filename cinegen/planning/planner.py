@@ -35,7 +35,7 @@ from cinegen.planning.path_constraints import Kept, projection
 from cinegen.planning.sampling.path_sampler import RRT_CONNECT, PathSampler
 from cinegen.planning.sampling.shortcuts import path_length
 from cinegen.planning.search import DIRECT, FieldFunction, Search
-from raff2urdf.extras import install
+from raff2urdf.command.extras import install
 
 STEPS = 3000
 """Largest number of steps of an attempt."""

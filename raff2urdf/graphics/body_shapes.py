@@ -32,7 +32,7 @@ class Shape(NamedTuple):
 
     Attributes:
         kind: box, cylinder, sphere or mesh.
-        sizes: as `raff2urdf.urdf_object.geometry` takes them, m.
+        sizes: as `raff2urdf.writers.urdf_object.geometry` takes them, m.
         placement: (4, 4).
         colour: red, green, blue.
         recipe: of a mesh, see `raff2urdf.graphics.solids`.

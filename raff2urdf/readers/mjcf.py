@@ -31,9 +31,9 @@ from numpy.polynomial import Polynomial
 from yourdfpy import Visual
 
 from raff2urdf.arrays import Array
+from raff2urdf.command.extras import needs
 from raff2urdf.constraints import Constraints
 from raff2urdf.errors import Problem, RaffError, did_you_mean, run_all, warn
-from raff2urdf.extras import needs
 from raff2urdf.graphics.names import check_mesh, find
 from raff2urdf.inertia import Inertia
 from raff2urdf.joint_dynamics import JointDynamics

@@ -17,13 +17,13 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from raff2urdf.analysis import loop_kind
 from raff2urdf.arrays import Array
 from raff2urdf.constraints import Constraints
 from raff2urdf.coupling import Coupling, coupling_of
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.inertia import Inertia
 from raff2urdf.joint_dynamics import JointDynamics
+from raff2urdf.loops.analysis import loop_kind
 from raff2urdf.placement import inverse
 from raff2urdf.raff.document import (
     Document,

@@ -34,7 +34,7 @@ from raff2urdf.readers.loops.sidecar import ENDING
 from raff2urdf.readers.urdf import UNLIMITED, hash_of
 from raff2urdf.readers.xml_file import NAMESPACE
 from raff2urdf.tree import BASE_JOINT, WORLD, effort, joint_dynamics, kleinfinger, limits, moved, velocity
-from raff2urdf.urdf_object import ExactUrdf, geometry, inertial, material_of
+from raff2urdf.writers.urdf_object import ExactUrdf, geometry, inertial, material_of
 from raff2urdf.writers.xml_text import text_of
 
 if TYPE_CHECKING:

@@ -78,7 +78,7 @@ REPLACED = (
 )  # fmt: skip
 """What is called in no library, or needs more than anything."""
 PROGRAMS = {"cinegen": cinegen.cli, "raff2urdf": raff2urdf.cli, "urdf2raff": raff2urdf.urdf2raff.cli}
-MODULES = ("cinegen.cli", "raff2urdf.cli", "raff2urdf.urdf2raff.cli", "raff2urdf.read_flags")
+MODULES = ("cinegen.cli", "raff2urdf.cli", "raff2urdf.urdf2raff.cli", "raff2urdf.command.read_flags")
 BY_INPUT = {"cinegen singular": ["--units"], "cinegen compare": ["--units"], "cinegen map": ["--yes", "--units"]}
 """Options whose effect is in the library's texts, or in a question about large maps."""
 LEFT_OUT = {"--help", "--version", "--install-completion", "--show-completion", "--grammar"}

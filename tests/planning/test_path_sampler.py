@@ -21,7 +21,7 @@ from cinegen.collision.clearance import Clearance
 from cinegen.planning import Planner, PlanStatus, plan
 from cinegen.planning.clear_motion import clear_motion
 from cinegen.planning.sampling.path_sampler import PathSampler
-from raff2urdf.extras import MissingExtraError
+from raff2urdf.command.extras import MissingExtraError
 
 
 def is_at_goal(scene, q):

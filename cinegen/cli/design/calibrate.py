@@ -13,7 +13,7 @@ from cinegen.cli.design.tolerance import amounts
 from cinegen.cli.files import check_outputs, count, print_result, write, write_figure
 from cinegen.cli.options import FILE, JSON, PLOT, ROBOT, force_option, output_option
 from cinegen.cli.progress import Progress
-from raff2urdf.command_line import flag, option
+from raff2urdf.command.command_line import flag, option
 from raff2urdf.errors import first_of
 from raff2urdf.files import stem_of
 from raff2urdf.quantities import LENGTH

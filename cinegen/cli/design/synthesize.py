@@ -9,7 +9,7 @@ import typer
 from cinegen.cli.files import check_outputs, print_result, write
 from cinegen.cli.options import FILE, JSON, ROBOT, SCHEDULER, force_option, output_option
 from cinegen.cli.progress import Progress
-from raff2urdf.command_line import option
+from raff2urdf.command.command_line import option
 from raff2urdf.files import output_path, stem_of
 
 

@@ -12,7 +12,7 @@ from cinegen.cli.files import check_outputs, print_result, write_figure
 from cinegen.cli.numbers import AT, configuration_at, named, parts
 from cinegen.cli.options import FILE, JSON, NODE, PLOT, ROBOT, force_option
 from cinegen.errors import CinegenError
-from raff2urdf.command_line import UsageError, option
+from raff2urdf.command.command_line import UsageError, option
 from raff2urdf.errors import first_of
 from raff2urdf.files import stem_of
 

@@ -11,7 +11,7 @@ import typer
 from cinegen.cli.files import check_outputs
 from cinegen.cli.options import exclude, force_option, output_option
 from cinegen.cli.study.payloads import GRAVITY, PAYLOADS, carried, gravity_of
-from raff2urdf.command_line import check_ending, flag, no_effect, option, quantity_option
+from raff2urdf.command.command_line import check_ending, flag, no_effect, option, quantity_option
 from raff2urdf.files import output_path, stem_of
 from raff2urdf.quantities import FREQUENCY, NUMBER
 

@@ -9,7 +9,7 @@ from typing import Literal
 from cinegen.cli.files import check_outputs
 from cinegen.cli.options import FILE, RobotOptions, force_option
 from cinegen.errors import CinegenError
-from raff2urdf.command_line import FOLDER, UsageError, option, quantity_option
+from raff2urdf.command.command_line import FOLDER, UsageError, option, quantity_option
 from raff2urdf.files import write_all
 from raff2urdf.quantities import FREQUENCY
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from cinegen.cli.files import check_outputs, write
 from cinegen.cli.options import BASE, FILES, RobotOptions, force_option, output_option
-from raff2urdf.command_line import UsageError, option
+from raff2urdf.command.command_line import UsageError, option
 from raff2urdf.files import stem_of
 
 

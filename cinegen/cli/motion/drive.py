@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 from cinegen.cli.files import check_outputs, count, disabled_pairs, unchecked_links
 from cinegen.cli.options import BASE, FILES, SELF_CLEARANCE, ShownRobotOptions
 from cinegen.cli.served_page import PageOptions, write_snapshot
-from raff2urdf.command_line import UsageError, no_effect, option, quantity_option
+from raff2urdf.command.command_line import UsageError, no_effect, option, quantity_option
 from raff2urdf.files import stem_of
 from raff2urdf.quantities import FREQUENCY, LENGTH, shown
 

@@ -12,7 +12,7 @@ from cinegen.cli.numbers import UNITS, locked_joints, parts, values
 from cinegen.cli.options import FILE, JSON, NODE, ShownRobotOptions
 from cinegen.cli.progress import Progress
 from cinegen.errors import CinegenError, UnknownNameError
-from raff2urdf.command_line import flag, option
+from raff2urdf.command.command_line import flag, option
 from raff2urdf.quantities import ANGLE, LENGTH, shown, shown_scale
 
 if TYPE_CHECKING:

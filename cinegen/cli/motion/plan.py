@@ -26,7 +26,7 @@ from cinegen.cli.options import (
 )
 from cinegen.cli.progress import Progress
 from cinegen.cli.served_page import PageOptions
-from raff2urdf.command_line import option
+from raff2urdf.command.command_line import option
 from raff2urdf.files import output_path, stem_of, write_all
 from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, shown, shown_scale
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from cinegen.cli.exports.export import RECORDING, SPEED
 from cinegen.cli.served_page import PageOptions
-from raff2urdf.command_line import no_effect
+from raff2urdf.command.command_line import no_effect
 from raff2urdf.files import stem_of
 
 

@@ -7,10 +7,10 @@ from contextlib import nullcontext, redirect_stdout
 from pathlib import Path
 
 from cinegen.cli.options import FILES, IGNORE, IGNORE_LOOPS, JSON, STOP_AFTER
-from raff2urdf.command_line import no_effect, option, quantity_option
-from raff2urdf.output import unescaped, write_at_once
+from raff2urdf.command.command_line import no_effect, option, quantity_option
+from raff2urdf.command.output import unescaped, write_at_once
+from raff2urdf.command.read_flags import ReadFlags
 from raff2urdf.quantities import TIME
-from raff2urdf.read_flags import ReadFlags
 
 
 def run(

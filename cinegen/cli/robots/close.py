@@ -8,8 +8,8 @@ from pathlib import Path
 from cinegen.cli.files import read
 from cinegen.cli.options import FILE, RobotOptions
 from cinegen.errors import CinegenError
-from raff2urdf.command_line import option
-from raff2urdf.output import until_stopped, write_at_once
+from raff2urdf.command.command_line import option
+from raff2urdf.command.output import until_stopped, write_at_once
 
 
 def run(

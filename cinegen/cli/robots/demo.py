@@ -11,7 +11,7 @@ import typer
 from cinegen.cli.motion.drive import serve
 from cinegen.cli.served_page import PAGE, PageOptions
 from cinegen.errors import CinegenError
-from raff2urdf.command_line import flag, no_effect
+from raff2urdf.command.command_line import flag, no_effect
 from raff2urdf.errors import did_you_mean
 from raff2urdf.shipped import description, folder, reference_robots, robots, scenes
 

@@ -10,9 +10,9 @@ import typer
 from cinegen.cli.files import check_outputs, print_result, write
 from cinegen.cli.options import FILE, JSON, force_option
 from cinegen.errors import CinegenError
-from raff2urdf.command_line import option
+from raff2urdf.command.command_line import option
+from raff2urdf.command.read_flags import ReadFlags
 from raff2urdf.files import STANDARD, output_path, signed
-from raff2urdf.read_flags import ReadFlags
 
 OUT = typer.Argument(..., metavar="OUT", help="healed file, in the same format; - for standard output")
 

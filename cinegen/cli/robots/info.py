@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from cinegen.cli.files import count, print_result
 from cinegen.cli.options import FILE, JSON, ShownRobotOptions
 from cinegen.errors import warn
-from raff2urdf.command_line import flag
+from raff2urdf.command.command_line import flag
 from raff2urdf.errors import first_of
 from raff2urdf.quantities import ANGLE, LENGTH, shown, shown_scale
 

@@ -9,8 +9,8 @@ import typer
 from cinegen.cli.files import print_result
 from cinegen.cli.options import JSON
 from cinegen.errors import CinegenError
+from raff2urdf.command.extras import MissingExtraError, install
 from raff2urdf.errors import RaffError, did_you_mean
-from raff2urdf.extras import MissingExtraError, install
 from raff2urdf.shipped import reference_robots
 
 _COLUMNS = ("frames", "jacobians", "masses", "home")

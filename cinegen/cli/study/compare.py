@@ -9,7 +9,7 @@ import typer
 
 from cinegen.cli.files import check_outputs, print_result, write_figure
 from cinegen.cli.options import JSON, PLOT, UNITS, force_option
-from raff2urdf.command_line import option
+from raff2urdf.command.command_line import option
 
 _MAP = typer.Argument(..., metavar="MAP", help="folder of a map, .zarr")
 

@@ -11,7 +11,7 @@ from cinegen.cli.numbers import AT, configuration_at, named, quantity
 from cinegen.cli.options import FILE, JSON, NODE, RobotOptions, exclude
 from cinegen.cli.study.payloads import GRAVITY, PAYLOADS, WRENCHES, carried, gravity_of, wrenches
 from cinegen.errors import CinegenError
-from raff2urdf.command_line import flag, no_effect, option
+from raff2urdf.command.command_line import flag, no_effect, option
 from raff2urdf.quantities import ACCELERATION, ANGULAR_ACCELERATION, ANGULAR_SPEED, SPEED, Dimension
 
 if TYPE_CHECKING:

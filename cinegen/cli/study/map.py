@@ -22,7 +22,7 @@ from cinegen.cli.region import region
 from cinegen.cli.served_page import PageOptions
 from cinegen.cli.study.payloads import GRAVITY, PAYLOADS, WRENCHES, carried, gravity_of, wrenches
 from cinegen.errors import CinegenError, UnknownNameError
-from raff2urdf.command_line import UsageError, flag, no_effect, option
+from raff2urdf.command.command_line import UsageError, flag, no_effect, option
 from raff2urdf.files import STANDARD, output_path
 from raff2urdf.quantities import ANGULAR_STIFFNESS, LENGTH, NUMBER, STIFFNESS, shown, shown_unit
 

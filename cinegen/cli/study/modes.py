@@ -14,7 +14,7 @@ from cinegen.cli.options import FILE, JSON, NODE, PLOT, VIEW, ShownRobotOptions,
 from cinegen.cli.progress import Progress
 from cinegen.cli.served_page import PageOptions
 from cinegen.errors import CinegenError, UnknownNameError
-from raff2urdf.command_line import option
+from raff2urdf.command.command_line import option
 from raff2urdf.quantities import LENGTH, shown_scale
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from cinegen.cli.numbers import parts, point, quantity
-from raff2urdf.command_line import UsageError, option
+from raff2urdf.command.command_line import UsageError, option
 from raff2urdf.quantities import ACCELERATION, FORCE, MASS, TORQUE, parse_list, refused_as
 
 if TYPE_CHECKING:

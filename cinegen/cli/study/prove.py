@@ -10,7 +10,7 @@ from cinegen.cli.files import check_outputs, print_result, write
 from cinegen.cli.numbers import UNITS, interval_of, named, values
 from cinegen.cli.options import FILE, JSON, RobotOptions, force_option
 from cinegen.cli.progress import Progress
-from raff2urdf.command_line import flag, option
+from raff2urdf.command.command_line import flag, option
 from raff2urdf.files import output_path
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from cinegen.cli.numbers import AT, POSE_EXAMPLE, UNITS, configuration_at, inter
 from cinegen.cli.options import FILE, JSON, PICTURES, ShownRobotOptions, force_option, output_option
 from cinegen.cli.progress import Progress
 from cinegen.errors import CinegenError
-from raff2urdf.command_line import UsageError, no_effect, option
+from raff2urdf.command.command_line import UsageError, no_effect, option
 from raff2urdf.files import GENERATED, output_path
 
 if TYPE_CHECKING:

@@ -85,7 +85,7 @@ class TaskControl(ObjectiveControl):
         """Add a task: a frame on a node follows a target pose. Set `task.target` or `task.twist` to move it.
 
         Args:
-            node: name of a base, link or frame; or, alone, a task of another kind (`cinegen.ik.tasks.kinds`), any object
+            node: name of a base, link or frame; or alone a task of another kind (`cinegen.ik.tasks.kinds`), any object
                 that follows the protocol `Task`, or a `Range`.
             target: pose in the world; the present pose unless given.
             translation: number of constrained translations, 0 to 3; see `FrameTask.translation`.

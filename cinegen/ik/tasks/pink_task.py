@@ -13,7 +13,7 @@ from cinegen.arrays import Array
 from cinegen.errors import CinegenError
 from cinegen.ik.state import State
 from cinegen.ik.tasks.values import checked_priority
-from raff2urdf.extras import needs
+from raff2urdf.command.extras import needs
 
 _POSE = ("m", "m", "m", "rad", "rad", "rad")
 _UNITS: dict[str, Sequence[str] | str] = {

@@ -26,7 +26,7 @@ import pinocchio as pin
 from cinegen.arrays import Array
 from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.model.healing.intended import Relation, errors, relations
-from raff2urdf.near_redundancy import NearRedundancy, settle
+from raff2urdf.loops.near_redundancy import NearRedundancy, settle
 from raff2urdf.residual import loop_residual
 
 LARGEST_CHANGE = 5e-3

@@ -26,14 +26,14 @@ from raff2urdf.constraints import HASH
 from raff2urdf.conversion import describe
 from raff2urdf.errors import RaffError
 from raff2urdf.files import STANDARD
-from raff2urdf.near_redundancy import NearRedundancy, near_redundancy
+from raff2urdf.loops.near_redundancy import NearRedundancy, near_redundancy
 from raff2urdf.raff.reader import parse, read
 from raff2urdf.readers.loops import robot_yaml
 from raff2urdf.readers.loops.sidecar import constraints_of
 from raff2urdf.readers.options import ReadOptions
 from raff2urdf.readers.urdf import hash_of
 from raff2urdf.readers.urdf_file import parse as parse_urdf
-from raff2urdf.written_numbers import Adjustable, WrittenNumber, adjustables, rewritten
+from raff2urdf.readers.written_numbers import Adjustable, WrittenNumber, adjustables, rewritten
 
 _DIFFERENCE = 1e-7  # rad or lengths: change of a number by which its effect is found
 _NO_EFFECT = 1e-6  # of a twist by a change of that size, relative to it

@@ -1,4 +1,4 @@
-"""Remedies for nearly redundant loops (`raff2urdf.near_redundancy`): a healed geometry, or weaker joints."""
+"""Remedies for nearly redundant loops (`raff2urdf.loops.near_redundancy`): a healed geometry, or weaker joints."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.loops.clusters import subsystems
 from cinegen.model.healing.heal import LARGEST_CHANGE, heal, in_bodies, moved
 from raff2urdf import closure
-from raff2urdf.near_redundancy import NearRedundancy, near_redundancy
+from raff2urdf.loops.near_redundancy import NearRedundancy, near_redundancy
+from raff2urdf.loops.play import EXACT, play, text
 from raff2urdf.placement import roll_pitch_yaw, translation
-from raff2urdf.play import EXACT, play, text
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.readers.urdf import joints, origin
 from raff2urdf.readers.urdf_file import parse
@@ -96,8 +96,8 @@ def made_exact(
 
 
 def in_plane(constraints: Mapping[str, Any], system: ClosedLoops, q: Array, name: str) -> Mapping[str, Any] | None:
-    """Return constraints in which pins with play are closed in the plane (`raff2urdf.play`), with one warning; None if
-    there are none.
+    """Return constraints in which pins with play are closed in the plane (`raff2urdf.loops.play`), with one warning; None
+    if there are none.
 
     Args:
         constraints: the loops.

@@ -17,7 +17,7 @@ from cinegen.errors import ClosureError
 from cinegen.planning.clear_motion import clear_motion
 from cinegen.planning.goal_configurations import TOLERANCE
 from cinegen.planning.path_constraints import Kept, equations_of, projection
-from raff2urdf.extras import needs
+from raff2urdf.command.extras import needs
 
 RRT_CONNECT, LBKPIECE = "RRT-Connect", "LBKPIECE"
 _TURN = 30.0  # tests of motions: in a turn of each method

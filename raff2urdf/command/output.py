@@ -102,11 +102,11 @@ def _unexpected(error: Exception) -> str:
         place = f"{error.filename}: " if error.filename is not None else ""
         return f"{place}{error.strerror or error}"
     frames = traceback.extract_tb(error.__traceback__)
-    packages = Path(__file__).parent, Path(__file__).parents[1] / "cinegen"
-    own = [frame for frame in frames if any(map(Path(frame.filename).is_relative_to, packages))] or frames
+    packages = Path(__file__).parents[1], Path(__file__).parents[2] / "cinegen"
+    ours = [frame for frame in frames if any(map(Path(frame.filename).is_relative_to, packages))] or frames
     text = " ".join(f"{type(error).__name__}: {error}".split())
     return (
-        f"internal error, please report it: {text[:500]} ({Path(own[-1].filename).name}:{own[-1].lineno}; "
+        f"internal error, please report it: {text[:500]} ({Path(ours[-1].filename).name}:{ours[-1].lineno}; "
         f"{TRACEBACK}=1 shows the traceback)"
     )
 

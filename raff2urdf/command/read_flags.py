@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from raff2urdf.command_line import UsageError, flag, option
+from raff2urdf.command.command_line import UsageError, flag, option
 from raff2urdf.errors import RaffError
 
 if TYPE_CHECKING:  # it imports lxml, which help does not need

@@ -22,9 +22,9 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.exceptions import TyperException
 
+from raff2urdf.command.output import STOPPED, unescaped
 from raff2urdf.errors import near_names
 from raff2urdf.escape import terminal
-from raff2urdf.output import STOPPED, unescaped
 from raff2urdf.quantities import Dimension, QuantityError, parse
 
 
@@ -79,7 +79,7 @@ def option(
         help: what it does, with the unit of a number.
         default: shown in the help unless it is empty.
         names: such as `-o`, `--output`; `--parameter` unless given.
-        needs: options without which it has no effect, see `raff2urdf.command_line.Rules`.
+        needs: options without which it has no effect, see `raff2urdf.command.command_line.Rules`.
         unless: options with which it has no effect.
         endings: of the file that it writes.
         settings: those of `typer.Option`.
@@ -334,7 +334,7 @@ def quantity_option(
         names: such as `-o`, `--output`; `--parameter` unless given.
         least: smallest valid value.
         most: largest valid value.
-        needs: options without which it has no effect, see `raff2urdf.command_line.Rules`.
+        needs: options without which it has no effect, see `raff2urdf.command.command_line.Rules`.
         unless: options with which it has no effect.
         settings: those of `typer.Option`.
     """

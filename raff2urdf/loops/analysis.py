@@ -11,19 +11,19 @@ import numpy as np
 from raff2urdf.arrays import Array
 from raff2urdf.closure import CLOSED, close, close_from_afar, closed_walk, gaps, generic_rank
 from raff2urdf.errors import NearlyRedundantError, Problem, RaffClosureError, RaffError, did_you_mean
-from raff2urdf.home import Beyond, close_within, moved_within, outside
-from raff2urdf.idle import Edge, motions, spins
-from raff2urdf.near_redundancy import near_redundancy
-from raff2urdf.open_loops import why_open
-from raff2urdf.play import play, steps_of
-from raff2urdf.play import text as play_text
+from raff2urdf.loops.home import Beyond, close_within, moved_within, outside
+from raff2urdf.loops.idle import Edge, motions, spins
+from raff2urdf.loops.near_redundancy import near_redundancy
+from raff2urdf.loops.open_loops import why_open
+from raff2urdf.loops.play import play, steps_of
+from raff2urdf.loops.play import text as play_text
+from raff2urdf.loops.selection import Candidate, determined
+from raff2urdf.loops.slips import Fault
 from raff2urdf.raff import texts
 from raff2urdf.raff.compound import expanded
 from raff2urdf.raff.document import Document, JointType, LoopKind, RaffLink, RaffRobot
 from raff2urdf.raff.drawn import slips_of
 from raff2urdf.raff.sizes import check_sizes
-from raff2urdf.selection import Candidate, determined
-from raff2urdf.slips import Fault
 from raff2urdf.tree import Cluster, clusters, coupling_of, edges, effort, length_of, limits, velocity
 from raff2urdf.tree import home as home_of
 
@@ -114,7 +114,7 @@ def analyse(
         document: that holds the robot.
         robot: the robot.
         loops: kinds (rigid, prismatic, revolute, ball) that replace the file's, by the loop's name.
-        exact: take all loops as written. Otherwise pins with play (`raff2urdf.play`) are closed in the plane.
+        exact: take all loops as written. Otherwise pins with play (`raff2urdf.loops.play`) are closed in the plane.
 
     Raises:
         RaffClosureError: the loops can't be closed.
@@ -258,7 +258,7 @@ def _determined(
     everywhere: Sequence[Sequence[Edge]],
     actuated: Mapping[str, bool | None],
 ) -> set[str]:
-    """Return the joints that the others determine, see `raff2urdf.selection`.
+    """Return the joints that the others determine, see `raff2urdf.loops.selection`.
 
     Args:
         document: that holds the robot.

@@ -12,9 +12,9 @@ from raff2urdf.arrays import Array
 from raff2urdf.closure import CLOSED, Closing, KindedLoops, close_from_afar, gaps, rank, residuals
 from raff2urdf.errors import first_of
 from raff2urdf.escape import shell_word
-from raff2urdf.near_redundancy import LARGEST_GAP, near_redundancy
+from raff2urdf.loops.near_redundancy import LARGEST_GAP, near_redundancy
+from raff2urdf.loops.play import constant_gaps
 from raff2urdf.placement import rotation, translation
-from raff2urdf.play import constant_gaps
 from raff2urdf.raff import texts
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.residual import ROWS, swing

@@ -47,8 +47,8 @@ def determined(jacobians: Sequence[Array], candidates: Sequence[Candidate], comp
     open, the joints that remain are independent at all configurations given, as far as possible.
 
     Args:
-        jacobians: of the loops, (rows, nv) each, with a row for each idle motion (`raff2urdf.idle`), which no joint
-            needs to drive; the generic rank is reached at the last one.
+        jacobians: of the loops, (rows, nv) each, with a row for each idle motion (`raff2urdf.loops.idle`), which no
+            joint needs to drive; the generic rank is reached at the last one.
         candidates: the joints, in file order.
         compound: columns of joints that are not one number, which can't be actuated.
     """
