@@ -96,8 +96,8 @@ def made_exact(
 
 
 def in_plane(constraints: Mapping[str, Any], system: ClosedLoops, q: Array, name: str) -> Mapping[str, Any] | None:
-    """Return constraints in which pins with play are closed in the plane (`raff2urdf.loops.play`), with one warning; None
-    if there are none.
+    """Return constraints in which pins with play are closed in the plane (`raff2urdf.loops.play`), with one warning;
+    None if there are none.
 
     Args:
         constraints: the loops.
