@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing.context import SpawnContext
-from typing import Self
+from typing import Any, Self
 
 from cinegen.errors import CinegenError, CinegenWarning
 from cinegen.jit.starting import COMPILATION
@@ -298,12 +298,7 @@ def _ticks(session: Session, inbox: _Inbox, ring: Callable[[], None]) -> Callabl
                 session.close()
                 tick.clock.stop()
                 return None
-            if isinstance(command, OtherRobots):
-                session.exchange(command)
-            elif isinstance(command, _Refusal):
-                session.refuse(command.edition, command.why)
-            elif not isinstance(command, _Exchange):
-                session.obey(command)
+            _carry_out(session, command)
             if time.perf_counter() - began > _LONGEST:
                 break
         session.tick()
@@ -319,6 +314,16 @@ def _ticks(session: Session, inbox: _Inbox, ring: Callable[[], None]) -> Callabl
         return session.state()
 
     return tick
+
+
+def _carry_out(session: Session, command: Any) -> None:
+    """Let a session carry out a command of any kind but the end."""
+    if isinstance(command, OtherRobots):
+        session.exchange(command)
+    elif isinstance(command, _Refusal):
+        session.refuse(command.edition, command.why)
+    elif not isinstance(command, _Exchange):
+        session.obey(command)
 
 
 def _next_period(rate: float, dt: float) -> float:

@@ -59,23 +59,8 @@ def run(program: str, command: Callable[[], int]) -> int:
     """
     _open_closed()
     output, errors = _Stream(sys.stdout), _Stream(sys.stderr)
-    code = 0
-    end: SystemExit | None = None
     with contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors), _stoppable():
-        try:
-            code = command()
-        except SystemExit as error:
-            end = error
-        except KeyboardInterrupt:
-            code = STOPPED
-        except OutputLostError:
-            code = 0 if output.failure else NO_READER
-        except Exception as error:
-            if not _stopping:  # else some library made it of the signal's exception
-                if os.environ.get(TRACEBACK):
-                    raise
-                code = 1 if isinstance(error, (OSError, MemoryError)) else DEFECT
-                sys.stderr.write(f"{program}: {_unexpected(error)}\n")
+        code, end = _outcome(program, command, output)
         if _stopping:
             code, end = 128 + _stopping[-1], None
         if code == STOPPED:
@@ -92,6 +77,25 @@ def run(program: str, command: Callable[[], int]) -> int:
     if output.failure is None:
         return code
     return code or (NO_READER if isinstance(output.failure, BrokenPipeError) else 1)
+
+
+def _outcome(program: str, command: Callable[[], int], output: _Stream) -> tuple[int, SystemExit | None]:
+    """Return the exit code of a command, or the SystemExit that it raised; report other errors."""
+    try:
+        return command(), None
+    except SystemExit as error:
+        return 0, error
+    except KeyboardInterrupt:
+        return STOPPED, None
+    except OutputLostError:
+        return 0 if output.failure else NO_READER, None
+    except Exception as error:
+        if _stopping:  # some library made it of the signal's exception
+            return 0, None
+        if os.environ.get(TRACEBACK):
+            raise
+        sys.stderr.write(f"{program}: {_unexpected(error)}\n")
+        return 1 if isinstance(error, (OSError, MemoryError)) else DEFECT, None
 
 
 def _unexpected(error: Exception) -> str:

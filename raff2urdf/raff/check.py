@@ -257,7 +257,8 @@ def _coupling_problems(document: Document, robot: RaffRobot) -> Iterator[Problem
             yield problem(texts.NAME_OF_COUPLING, coupling, "name", name=coupling.name)
         if coupling.name in loops:
             yield problem(texts.NAME_OF_LOOP, coupling, "name", name=coupling.name)
-        ends = [("follower", coupling.follower)] + [(f"drive {i}", one.link) for i, one in enumerate(coupling.drives)]
+        drives = [(f"drive {i}", drive.link) for i, drive in enumerate(coupling.drives)]
+        ends = [("follower", coupling.follower), *drives]
         for i, (word, number) in enumerate(ends):
             if number in compound:
                 yield problem(texts.COUPLES_COMPOUND, coupling, word, number=number, compound=compound[number])
@@ -265,19 +266,23 @@ def _coupling_problems(document: Document, robot: RaffRobot) -> Iterator[Problem
                 yield problem(texts.COUPLES_NOTHING, coupling, word, number=number, known=known)
             elif number in (other for _, other in ends[:i]):
                 yield problem(texts.COUPLED_TWICE, coupling, word, number=number, known=known)
-        for i, drive in enumerate(coupling.drives):
-            if drive.link not in moving or coupling.follower not in moving:
-                continue
-            at = (coupling, f"drive {i}")
-            own, other = (moving[number].type for number in (coupling.follower, drive.link))
-            ends_of = {"follower": coupling.follower, "link": drive.link, "own": own.name.lower()}
-            word = drive.kind.name.lower()
-            if drive.kind is DriveKind.RATIO and own is not other:
-                yield problem(texts.RATIO_OF_TWO_TYPES, *at, **ends_of, other=other.name.lower())
-            if drive.kind in (DriveKind.LEAD, DriveKind.RADIUS) and own is other:
-                yield problem(texts.SCREW_OF_ONE_TYPE, *at, **ends_of, word=word)
-            if not any(drive.numbers):
-                yield problem(texts.DRIVES_BY_0, *at, **ends_of, word=word)
+        yield from _drive_problems(document, coupling, moving)
+
+
+def _drive_problems(document: Document, coupling: RaffCoupling, moving: Mapping[int, RaffLink]) -> Iterator[Problem]:
+    """Yield what is wrong with the drives of a coupling between links that move."""
+    for i, drive in enumerate(coupling.drives):
+        if drive.link not in moving or coupling.follower not in moving:
+            continue
+        at, word = (coupling, f"drive {i}"), drive.kind.name.lower()
+        follows, drives = (moving[number].type for number in (coupling.follower, drive.link))
+        ends_of = {"follower": coupling.follower, "link": drive.link, "own": follows.name.lower()}
+        if drive.kind is DriveKind.RATIO and follows is not drives:
+            yield document.problem(texts.RATIO_OF_TWO_TYPES, *at, **ends_of, other=drives.name.lower())
+        if drive.kind in (DriveKind.LEAD, DriveKind.RADIUS) and follows is drives:
+            yield document.problem(texts.SCREW_OF_ONE_TYPE, *at, **ends_of, word=word)
+        if not any(drive.numbers):
+            yield document.problem(texts.DRIVES_BY_0, *at, **ends_of, word=word)
 
 
 def _unit_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:

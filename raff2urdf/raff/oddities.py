@@ -45,19 +45,23 @@ def oddities(document: Document, robot: RaffRobot) -> Iterator[Problem]:
     for link in robot.links:
         yield from _variables_outside_limits(document, link)
         yield from _useless_efforts(document, link)
-        if link.type is JointType.FIXED and not link.compound:
-            for word in OF_JOINT:
-                if getattr(link, word):
-                    yield problem(texts.FIXED_HAS, link, word, number=link.number, word=word)
-        elif link.limits:
-            home = link.parameters.theta if link.type is JointType.REVOLUTE else link.parameters.r
-            degrees = _degrees(link) if link.type is JointType.REVOLUTE else None
-            if not link.limits[0] <= home <= link.limits[1]:
-                yield problem(_outside(f"link {link.number}", home, link.limits, degrees), link, "limits")
-            elif degrees is not None:
-                yield problem(
-                    texts.LIMITS_IN_RADIANS, link, "limits", what=f"link {link.number}", degrees=" ".join(degrees)
-                )
+        yield from _odd_joint(document, link)
+
+
+def _odd_joint(document: Document, link: RaffLink) -> Iterator[Problem]:
+    """Yield warnings about what a link without a joint has, and about limits that home exceeds or that are radians."""
+    if link.type is JointType.FIXED and not link.compound:
+        for word in OF_JOINT:
+            if getattr(link, word):
+                yield document.problem(texts.FIXED_HAS, link, word, number=link.number, word=word)
+    elif link.limits:
+        what = f"link {link.number}"
+        home = link.parameters.theta if link.type is JointType.REVOLUTE else link.parameters.r
+        degrees = _degrees(link) if link.type is JointType.REVOLUTE else None
+        if not link.limits[0] <= home <= link.limits[1]:
+            yield document.problem(_outside(what, home, link.limits, degrees), link, "limits")
+        elif degrees is not None:
+            yield document.problem(texts.LIMITS_IN_RADIANS, link, "limits", what=what, degrees=" ".join(degrees))
 
 
 LONGEST = 100.0

@@ -52,6 +52,12 @@ def _too_large(document: Document, robot: RaffRobot) -> Iterator[Problem]:
         for word, value in joint_dynamics(document, link)._asdict().items():
             if not value <= LARGEST:
                 yield problem(texts.DYNAMICS_TOO_LARGE, link, word, word=word, joint=link.joint)
+    yield from _large_couplings(document, robot)
+
+
+def _large_couplings(document: Document, robot: RaffRobot) -> Iterator[Problem]:
+    """Yield a problem for each coefficient and constant of a coupling that is too large, or too small."""
+    problem = partial(document.problem, largest=LARGEST)
     for i, coupling in enumerate(robot.couplings):
         equation, follower = coupling_of(document, robot, i), coupling.follower
         terms = list(equation.terms.values())[1:]

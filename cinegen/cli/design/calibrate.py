@@ -102,78 +102,83 @@ def _words(texts: list[str]) -> list[str]:
 # --- what is printed --------------------------------------------------------------------------------------------------
 
 
-def _text(found: Calibration, name: str, most: int | None) -> str:
+def _text(result: Calibration, name: str, most: int | None) -> str:
     """Return the report, in mm and degrees."""
-    import numpy as np
-
-    readings = int(found.kept.sum())
+    readings = int(result.kept.sum())
     lines = [
-        f"{name}: {len(found.combinations)} combinations of {len(found.names)} parameters are "
-        f"estimated from {readings} readings in {len(found.observation.measurements)} poses"
+        f"{name}: {len(result.combinations)} combinations of {len(result.names)} parameters are "
+        f"estimated from {readings} readings in {len(result.observation.measurements)} poses"
     ]
-    fit = f"chi-square {found.chi2:.4g} for {found.degrees_of_freedom} degrees of freedom"
-    lines.append(
-        f"  {fit} (1 each if the sigmas are right: {found.fit:.2f})" if found.degrees_of_freedom > 0 else f"  {fit}"
-    )
-    weak = found.subspace.rank - len(found.combinations)
+    fit = f"chi-square {result.chi2:.4g} for {result.degrees_of_freedom} degrees of freedom"
+    right = f" (1 each if the sigmas are right: {result.fit:.2f})" if result.degrees_of_freedom > 0 else ""
+    lines.append(f"  {fit}{right}")
+    weak = result.subspace.rank - len(result.combinations)
     if weak:
         lines.append(f"  {weak} more could be told apart, but not to 100 expected errors: they stay nominal")
-    if found.held_out:
-        lines += ["", f"  cross-validation, {found.folds} parts: root mean square errors of poses that were not used"]
-        for one in found.held_out:
-            kind = "lengths" if one.dimension is LENGTH else "angles"
-            before, after, kept, noise = (
-                _shown(x, "m" if one.dimension is LENGTH else "rad")
-                for x in (one.before, one.after, one.kept, one.noise)
-            )
-            calibrated = f"{after:>14} calibrated" + f" ({kept} without outliers)" * bool(found.outliers)
-            lines.append(f"    {kind:<10}{before:>14} as described{calibrated}{noise:>14} noise of the readings")
-    frames = found.observation.frames
-    if len(frames):
+    lines += _held_out(result)
+    if len(result.observation.frames):
         lines += ["", "  devices in the world, targets on their nodes"]
-        lines += [f"    {_pose(of, pose)}" for of, pose in found.frames.items()]
-    changed = [k for k in range(len(found.names) - len(frames)) if found.separate[k]]
-    significance = np.abs(found.values - found.nominal) / np.maximum(found.sigmas, 1e-300)
-    changed.sort(key=lambda k: -float(significance[k]))
-    if changed:
-        lines += ["", f"  {count(changed, 'parameter')} known by themselves, the most significant changes first"]
-        lines += [
-            f"    {found.names[k]:<18}{_shown(found.nominal[k], found.unit(found.names[k])):>16}"
-            f"{_shown(found.values[k] - found.nominal[k], found.unit(found.names[k]), '+'):>16} +- "
-            f"{_shown(found.sigmas[k], found.unit(found.names[k]))}"
-            for k in changed[:most]
-        ]
-        lines += _more(changed, most)
-    if found.dependencies:
+        lines += [f"    {_pose(of, pose)}" for of, pose in result.frames.items()]
+    lines += _changes(result, most)
+    if result.dependencies:
         lines += ["", "  can't be told apart by these measurements (their smallest changes that fit are used)"]
-        for dependency in found.dependencies[:most]:
+        for dependency in result.dependencies[:most]:
             lines += textwrap.wrap(dependency.text, 108, initial_indent="    ", subsequent_indent="      ")
-        lines += _more(found.dependencies, most)
+        lines += _more(result.dependencies, most)
     for names, text in (
-        (found.without_effect, "change no reading"),
-        (found.opening, "would open loops of an over-constrained mechanism, and stay nominal"),
+        (result.without_effect, "change no reading"),
+        (result.opening, "would open loops of an over-constrained mechanism, and stay nominal"),
     ):
         if names:
-            listed = first_of(names, most or len(names))
-            lines += [
-                "",
-                *textwrap.wrap(
-                    f"{count(names, 'parameter')} {text}: {listed}", 110, initial_indent="  ", subsequent_indent="  "
-                ),
-            ]
-    if found.outliers:
-        lines += ["", f"  {count(found.outliers, 'outlier')} left out"]
-        ordered = sorted(found.outliers, key=lambda one: -one.sigmas)
-        units = [
-            "m" if found.observation.measurements.quantities[one.column].dimension is LENGTH else "rad"
-            for one in ordered
-        ]
-        lines += [
-            f"    {one.where}: {_shown(one.residual, unit, '+')}, {one.sigmas:.3g} sigma"
-            for one, unit in list(zip(ordered, units, strict=True))[:most]
-        ]
-        lines += _more(ordered, most)
-    return "\n".join(lines)
+            listed = f"{count(names, 'parameter')} {text}: {first_of(names, most or len(names))}"
+            lines += ["", *textwrap.wrap(listed, 110, initial_indent="  ", subsequent_indent="  ")]
+    return "\n".join([*lines, *_outliers(result, most)])
+
+
+def _held_out(result: Calibration) -> list[str]:
+    """Return lines about poses that were not used, if there was a cross-validation."""
+    if not result.held_out:
+        return []
+    lines = ["", f"  cross-validation, {result.folds} parts: root mean square errors of poses that were not used"]
+    for part in result.held_out:
+        is_length = part.dimension is LENGTH
+        errors = (part.before, part.after, part.kept, part.noise)
+        before, after, kept, noise = (_shown(error, "m" if is_length else "rad") for error in errors)
+        calibrated = f"{after:>14} calibrated" + f" ({kept} without outliers)" * bool(result.outliers)
+        kind = "lengths" if is_length else "angles"
+        lines.append(f"    {kind:<10}{before:>14} as described{calibrated}{noise:>14} noise of the readings")
+    return lines
+
+
+def _changes(result: Calibration, most: int | None) -> list[str]:
+    """Return lines about the parameters that are known by themselves, the most significant changes first."""
+    import numpy as np
+
+    changed = [k for k in range(len(result.names) - len(result.observation.frames)) if result.separate[k]]
+    significance = np.abs(result.values - result.nominal) / np.maximum(result.sigmas, 1e-300)
+    changed.sort(key=lambda k: -float(significance[k]))
+    if not changed:
+        return []
+    lines = ["", f"  {count(changed, 'parameter')} known by themselves, the most significant changes first"]
+    for k in changed[:most]:
+        name, unit = result.names[k], result.unit(result.names[k])
+        change = _shown(result.values[k] - result.nominal[k], unit, "+")
+        nominal, sigma = _shown(result.nominal[k], unit), _shown(result.sigmas[k], unit)
+        lines.append(f"    {name:<18}{nominal:>16}{change:>16} +- {sigma}")
+    return lines + _more(changed, most)
+
+
+def _outliers(result: Calibration, most: int | None) -> list[str]:
+    """Return lines about the readings that are left out."""
+    if not result.outliers:
+        return []
+    lines = ["", f"  {count(result.outliers, 'outlier')} left out"]
+    ordered = sorted(result.outliers, key=lambda outlier: -outlier.sigmas)
+    quantities = result.observation.measurements.quantities
+    for outlier in ordered[:most]:
+        residual = _shown(outlier.residual, "m" if quantities[outlier.column].dimension is LENGTH else "rad", "+")
+        lines.append(f"    {outlier.where}: {residual}, {outlier.sigmas:.3g} sigma")
+    return lines + _more(ordered, most)
 
 
 def _proposed(proposal: Proposal, poses: Path | None) -> str:

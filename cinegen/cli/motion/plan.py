@@ -86,31 +86,43 @@ def run(
     check_outputs(plot, plot_joints, force=page.force, json=json)
     check_outputs(recording, force=page.force, json=json, remakeable=False)
     loaded = robot.load_scene(scene, self_clearance)
-    locked = lock.replace(",", " ").split() if lock else []
     if not json:
         print("\n".join(_task(loaded, goal_text(mode, loaded) if modes else None)), flush=True)
-    change: ModeChange | None = None
-    with Progress() as progress:
-        from cinegen.planning import change_mode, plan
-
-        if modes:
-            change = change_mode(loaded, mode=mode, singular=singular, seconds=timeout, report=progress.text)
-            path = change.plan
-        else:
-            path = plan(loaded, locked=locked, seconds=timeout, planner=planner, field=field, report=progress.text)
+    settings: dict[str, Any] = {
+        "locked": lock.replace(",", " ").split() if lock else (),
+        "planner": planner,
+        "field": field,
+    }
+    if modes:
+        settings = {"mode": mode, "singular": singular}
+    path, change = _planned(loaded, bool(modes), {**settings, "seconds": timeout})
     if json:
         document = _document(path) | ({"mode_change": change_document(change)} if change is not None else {})
         print_result({"file": str(scene), "planner": None if modes else planner, **document}, None, json)
+    elif change is not None:
+        _print([*change_lines(change), *_result(path)[1:]], change_advice(change, singular, timeout))
     else:
-        lines = _result(path) if change is None else [*change_lines(change), *_result(path)[1:]]
-        advice = "" if path else _advice(path, field, timeout)
-        advice = advice if change is None else change_advice(change, singular, timeout)
-        print("\n".join(["", *lines, "", *textwrap.wrap(advice, _WIDTH)]).rstrip(), flush=True)
+        _print(_result(path), "" if path else _advice(path, field, timeout))
     moves = bool((path.path[1:] != path.path[0]).any())
     _write(path, moves, plot, plot_joints, recording, json)
     if view:
         _view(path, page) if moves else print("there is no path to show")
     return 0 if path else 1
+
+
+def _planned(scene: Scene, changes_mode: bool, settings: dict[str, Any]) -> tuple[Plan, ModeChange | None]:
+    """Return the plan to a goal, or to another assembly mode and the change of that, and show the progress."""
+    from cinegen.planning import change_mode, plan
+
+    with Progress() as progress:
+        if not changes_mode:
+            return plan(scene, **settings, report=progress.text), None
+        change = change_mode(scene, **settings, report=progress.text)
+        return change.plan, change
+
+
+def _print(lines: list[str], advice: str) -> None:
+    print("\n".join(["", *lines, "", *textwrap.wrap(advice, _WIDTH)]).rstrip(), flush=True)
 
 
 def _write(
