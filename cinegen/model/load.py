@@ -295,13 +295,9 @@ def _made(
 
 
 def _load_model(
-    model: pin.Model,
-    loops: Any,
-    couplings: Sequence[Coupling],
-    actuated: Sequence[str] | None,
-    relax: bool | None,
+    model: pin.Model, loops: Any, couplings: Sequence[Coupling], actuated: Sequence[str] | None, relax: bool | None,
     fixed_base: bool,
-) -> Mechanism:
+) -> Mechanism:  # fmt: skip
     """Load a model that a program has built."""
     from cinegen.model.pinocchio_model import describe_model
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import tempfile
 import textwrap
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -13,6 +11,7 @@ import typer
 
 from cinegen.cli.files import check_outputs, count, disabled_pairs, print_result, unchecked_links, write_figure
 from cinegen.cli.motion.mode_change import change_advice, change_document, change_lines, goal_text, mode_index
+from cinegen.cli.motion.plan_recording import record_path, show_path
 from cinegen.cli.options import (
     JSON,
     PLOT,
@@ -27,7 +26,7 @@ from cinegen.cli.options import (
 from cinegen.cli.progress import Progress
 from cinegen.cli.served_page import PageOptions
 from raff2urdf.command.command_line import option
-from raff2urdf.files import output_path, stem_of, write_all
+from raff2urdf.files import output_path, stem_of
 from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, shown, shown_scale
 
 if TYPE_CHECKING:
@@ -35,8 +34,6 @@ if TYPE_CHECKING:
     from cinegen.collision import Scene
     from cinegen.planning import ModeChange, Plan
 
-_LISTED = 4  # attempts over the motion in the page
-_SHOWN = 4.0  # s: a shorter motion is shown slower
 _WIDTH = 100  # columns
 
 
@@ -88,13 +85,10 @@ def run(
     loaded = robot.load_scene(scene, self_clearance)
     if not json:
         print("\n".join(_task(loaded, goal_text(mode, loaded) if modes else None)), flush=True)
-    settings: dict[str, Any] = {
-        "locked": lock.replace(",", " ").split() if lock else (),
-        "planner": planner,
-        "field": field,
-    }
-    if modes:
-        settings = {"mode": mode, "singular": singular}
+    settings: dict[str, Any] = {"mode": mode, "singular": singular}
+    if not modes:
+        joints = lock.replace(",", " ").split() if lock else ()
+        settings = {"locked": joints, "planner": planner, "field": field}
     path, change = _planned(loaded, bool(modes), {**settings, "seconds": timeout})
     if json:
         document = _document(path) | ({"mode_change": change_document(change)} if change is not None else {})
@@ -106,7 +100,7 @@ def run(
     moves = bool((path.path[1:] != path.path[0]).any())
     _write(path, moves, plot, plot_joints, recording, json)
     if view:
-        _view(path, page) if moves else print("there is no path to show")
+        show_path(path, page) if moves else print("there is no path to show")
     return 0 if path else 1
 
 
@@ -140,7 +134,7 @@ def _write(
     elif plot_joints and not quiet:
         print(f"there is no path: {plot_joints} is not written")
     if recording:
-        message = _record(path, recording) if moves else f"there is no path: {recording} is not written"
+        message = record_path(path, recording) if moves else f"there is no path: {recording} is not written"
         if not quiet:
             print(message)
 
@@ -358,61 +352,3 @@ def _document(plan: Plan) -> dict[str, Any]:
         path=[mechanism.values(q) for q in plan.path],
         **({"base": plan.path[:, :7]} if mechanism.floating else {}),
     )  # fmt: skip
-
-
-# --- recordings --------------------------------------------------------------------------------------------------
-
-
-def _record(plan: Plan, path: Path) -> str:
-    """Record the robot alone, as exports expect, when all of it is known; return a message.
-
-    Raises:
-        MissionError: the file can't be written.
-        OutputLostError: the reader of standard output has gone.
-    """
-    from cinegen.line_file import reason
-    from cinegen.mission import MissionError
-    from cinegen.mission.results import record_plan
-    from cinegen.session import scene_setup
-
-    setup = scene_setup(plan.scene)
-    name = next(iter(setup.robots))
-    with tempfile.TemporaryDirectory(prefix="cinegen-") as folder:
-        complete = Path(folder) / "plan.jsonl"
-        motion = record_plan(plan, complete, name, setup.robots[name])
-        try:
-            write_all({path: complete.read_bytes()})
-        except OSError as error:
-            raise MissionError(f"{path}: can't be written: {reason(error)}") from None
-    text = f"recorded: {path}, {motion.times[-1]:.1f} s" + ("" if plan else ", up to where the path ends")
-    text += "; it stops at each step of the path, to keep the clearance" if motion.follows else ""
-    return text + (f"\nassumed: {motion.limits}" if str(motion.limits) else "")
-
-
-def _view(plan: Plan, page: PageOptions) -> None:
-    """Show the path in the page, among its obstacles."""
-    from cinegen.mission.results import record_plan
-    from cinegen.session import replay_setup, scene_setup
-
-    setup = scene_setup(plan.scene)
-    with tempfile.TemporaryDirectory(prefix="cinegen-") as folder:
-        recording = Path(folder) / f"{plan.scene.name}.jsonl"
-        ((name, mechanism),) = setup.robots.items()
-        motion = record_plan(plan, recording, name, mechanism, setup.obstacles)
-        replayed = replay_setup(recording, min(1.0, max(0.01, float(motion.times[-1]) / _SHOWN)))
-        page.show(replace(replayed, attached=setup.attached, caption=_caption(plan)), plan.scene.name)
-
-
-def _caption(plan: Plan) -> str:
-    """Return which attempt the motion is that is shown, and how the others ended."""
-
-    from cinegen.planning import PlanStatus
-
-    lines = []
-    for number, attempt in enumerate(plan.attempts, 1):
-        stopped = attempt.status is not PlanStatus.REACHED and attempt.blocked_by
-        by = f": '{attempt.blocked_by[0][0]}' is at '{attempt.blocked_by[0][1]}'" if stopped else ""
-        lines.append(f"attempt {number}, {attempt.strategy}: {attempt.status.value}{by}")
-    if len(lines) > _LISTED:
-        lines[_LISTED - 2 : -1] = [f"{len(lines) - _LISTED + 1} more attempts did not reach the goal"]
-    return "\n".join(lines)
