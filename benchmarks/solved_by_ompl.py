@@ -54,8 +54,8 @@ from cinegen.ik.local_ik import LocalIK
 from cinegen.model import Mechanism
 from cinegen.planning import plan
 from cinegen.planning.locked_joints import with_joints_locked
-from cinegen.planning.ompl_trees import Trees
-from cinegen.planning.path_sampler import SamplingSpace
+from cinegen.planning.sampling.ompl_trees import Trees
+from cinegen.planning.sampling.path_sampler import SamplingSpace
 
 Array = np.ndarray
 Entry = dict[str, Any]

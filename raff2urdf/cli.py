@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, TextIO
 
 import typer
 
-from raff2urdf.command_line import (
+from raff2urdf.command.command_line import (
     VERSION,
     Command,
     UsageError,
@@ -24,16 +24,16 @@ from raff2urdf.command_line import (
     quantity_option,
     run_app,
 )
+from raff2urdf.command.output import run
+from raff2urdf.command.read_flags import loop_kinds_of
 from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.files import is_stream, output_path
-from raff2urdf.output import run
 from raff2urdf.quantities import DENSITY as DENSITY_DIMENSION
-from raff2urdf.read_flags import loop_kinds_of
 from raff2urdf.writers import DENSITY, FORMATS
 
 if TYPE_CHECKING:
-    from raff2urdf.analysis import Analysis
     from raff2urdf.conversion import Conversion
+    from raff2urdf.loops.analysis import Analysis
 
 app = new_app()
 

@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from raff2urdf.analysis import Analysis, declared_actuated, loop_kinds
 from raff2urdf.arrays import ArrayLike
 from raff2urdf.constraints_check import UrdfSummary, contradictions, problems, shown
 from raff2urdf.coupling import coupling_entry
 from raff2urdf.errors import RaffError
-from raff2urdf.json_lines import line_of, repeated_key
+from raff2urdf.loops.analysis import Analysis, declared_actuated, loop_kinds
 from raff2urdf.raff.compound import expanded, spherical_joints
 from raff2urdf.raff.document import Document, JointType, RaffRobot
+from raff2urdf.readers.json_lines import line_of, repeated_key
 from raff2urdf.readers.xml_file import read_text
 from raff2urdf.tree import BASE_JOINT, coupling_of, home, joint_dynamics
 

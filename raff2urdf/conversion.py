@@ -12,23 +12,24 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from raff2urdf.analysis import Analysis, analyse, loop_kinds
 from raff2urdf.constraints import Constraints, check_values, constraints, for_urdf
 from raff2urdf.errors import NearlyRedundantError, RaffError, RaffWarning
 from raff2urdf.files import GENERATED, check_new, has_digest, is_stream, read_bytes, stem_of, write_all
 from raff2urdf.graphics.meshes import Graphics
-from raff2urdf.raff.check import check, check_sizes
+from raff2urdf.loops.analysis import Analysis, analyse, loop_kinds
+from raff2urdf.raff.check import check
 from raff2urdf.raff.compound import expanded
 from raff2urdf.raff.document import Document, LoopKind, RaffRobot
 from raff2urdf.raff.reader import parse, read
+from raff2urdf.raff.sizes import check_sizes
 from raff2urdf.readers.actuation import RAFF, advice
 from raff2urdf.readers.urdf import hash_of
-from raff2urdf.readers.urdf import parse as parse_urdf
+from raff2urdf.readers.urdf_file import parse as parse_urdf
 from raff2urdf.shipped import find_robot
 from raff2urdf.writers import WriteOptions, files
 
 if TYPE_CHECKING:  # takes half a second
-    from raff2urdf.urdf_object import ExactUrdf
+    from raff2urdf.writers.urdf_object import ExactUrdf
 
 
 _NOT_IN_XML = re.compile("[\x00-\x1f\ud800-\udfff\ufffe\uffff]")  # characters of names of files
@@ -171,7 +172,7 @@ def examine(
     try:
         return analyse(document, robot, loops, exact)
     except NearlyRedundantError:
-        healer = import_module("cinegen.model.healed")  # raff2urdf does without Pinocchio otherwise
+        healer = import_module("cinegen.model.healing.healed")  # raff2urdf does without Pinocchio otherwise
     analysis: Analysis = healer.healed(document, robot, folder, loops)
     return analysis
 
@@ -251,8 +252,8 @@ def convert(
         file: name of the robot's own file in `out`, whose stem is that of its other files; `-` is standard output.
         overwrite: whether to replace files that were not generated, or were changed since; see
             `raff2urdf.files.check_new`.
-        exact: take all loops as written. Otherwise pins with play (`raff2urdf.play`) are closed in the plane, and
-            nearly redundant loops (`raff2urdf.near_redundancy`) healed or relaxed.
+        exact: take all loops as written. Otherwise pins with play (`raff2urdf.loops.play`) are closed in the plane, and
+            nearly redundant loops (`raff2urdf.loops.near_redundancy`) healed or relaxed.
         dialect: in which a URDF declares loops and couplings, besides its constraints file: json (none), constraint,
             urdf+, closing-frames, mimic or robot.yaml; see `raff2urdf.writers.urdf_dialects`.
 

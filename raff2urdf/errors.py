@@ -98,7 +98,7 @@ class RaffClosureError(RaffError):
 
 
 class NearlyRedundantError(RaffClosureError):
-    """Loops that rounded numbers keep from closing, or from moving: see `raff2urdf.near_redundancy`."""
+    """Loops that rounded numbers keep from closing, or from moving: see `raff2urdf.loops.near_redundancy`."""
 
 
 class RaffWarning(UserWarning):

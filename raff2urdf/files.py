@@ -26,8 +26,8 @@ from functools import cache
 from pathlib import Path
 from typing import TextIO
 
+from raff2urdf.command.output import OutputLostError
 from raff2urdf.errors import Problem, RaffError
-from raff2urdf.output import OutputLostError
 from raff2urdf.shipped import similar_file
 
 STANDARD = Path("-")

@@ -13,10 +13,10 @@ import numpy as np
 
 from raff2urdf.arrays import Array
 from raff2urdf.coupling import Coupling, coupled_scales, followed
-from raff2urdf.idle import Edge
 from raff2urdf.inertia import Inertia
 from raff2urdf.joint_dynamics import JointDynamics
-from raff2urdf.length import characteristic_length, cut_screws
+from raff2urdf.loops.idle import Edge
+from raff2urdf.loops.length import characteristic_length, cut_screws
 from raff2urdf.placement import inverse
 from raff2urdf.raff.compound import expanded, spherical_joints
 from raff2urdf.raff.document import (

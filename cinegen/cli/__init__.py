@@ -10,24 +10,26 @@ from importlib import import_module
 
 from cinegen.cli.numbers import NumberLists
 from cinegen.errors import CinegenError
-from raff2urdf import output
-from raff2urdf.command_line import VERSION, expand, new_app, print_error, run_app
+from raff2urdf.command import output
+from raff2urdf.command.command_line import VERSION, expand, new_app, print_error, run_app
 from raff2urdf.errors import RaffError
 
 COMMANDS = (
-    *("demo", "info", "ik", "modes", "singular", "forces", "synthesize", "tolerance", "calibrate", "map", "compare"),
-    *("prove", "check-proof", "plan", "drive", "replay", "export", "generate", "page", "close", "heal", "validate"),
-    *("sensors", "compile"),
+    *("robots.demo", "robots.info", "motion.ik", "study.modes", "study.singular", "study.forces", "design.synthesize"),
+    *("design.tolerance", "design.calibrate", "study.map", "study.compare", "study.prove", "study.check-proof"),
+    *("motion.plan", "motion.drive", "motion.replay", "exports.export", "exports.generate", "exports.page"),
+    *("robots.close", "robots.heal", "robots.validate", "motion.sensors", "robots.compile"),
 )
-"""Names of the commands, and of their modules, in the order of the help."""
+"""Groups and names of the commands, and of their modules, in the order of the help."""
 
 app = new_app(
     no_args_is_help=True,
     help="Kinematics of serial, tree and closed-loop mechanisms described in RAFF, URDF, SDF or MJCF.",
     epilog="cinegen help COMMAND explains one. Exit codes: 0 done; 1 bad input, or the answer is no; 2 a wrong call.",
 )
-for _name in COMMANDS:
-    app.command(_name, cls=NumberLists)(expand(import_module(f"cinegen.cli.{_name.replace('-', '_')}").run))
+for _path in COMMANDS:
+    _command = import_module(f"cinegen.cli.{_path.replace('-', '_')}").run
+    app.command(_path.partition(".")[2], cls=NumberLists)(expand(_command))
 
 
 @app.callback()
@@ -36,7 +38,7 @@ def _options(version: bool = VERSION) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; return its exit code: 0, 1 or 2, or as `raff2urdf.output.run` returns."""
+    """Run the command; return its exit code: 0, 1 or 2, or as `raff2urdf.command.output.run` returns."""
     return output.run("cinegen", lambda: copy_context().run(_main, arguments))
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cinegen.errors import CinegenError
-from raff2urdf.command_line import UsageError
+from raff2urdf.command.command_line import UsageError
 from raff2urdf.errors import first_of
 from raff2urdf.files import GENERATED, STANDARD, check_new, read_bytes, write_all
 
@@ -57,7 +57,7 @@ def check_outputs(*paths: Path | None, force: bool = False, json: bool = False, 
     if STANDARD in given:
         if json or given.count(STANDARD) > 1 or sys.stdout is sys.stderr:
             raise UsageError("only one output can go to standard output (-): name a file for the other")
-        sys.stdout = sys.stderr  # `raff2urdf.output.run` restores it
+        sys.stdout = sys.stderr  # `raff2urdf.command.output.run` restores it
     for path in given if not force else ():
         check_new(path, remakeable)
 

@@ -9,7 +9,7 @@ import re
 from typing import TYPE_CHECKING, Any
 
 from cinegen.errors import CinegenError
-from raff2urdf.command_line import Command, UsageError, option
+from raff2urdf.command.command_line import Command, UsageError, option
 from raff2urdf.quantities import (
     ACCELERATION,
     ANGLE,

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, Literal
 import typer
 
 from cinegen.errors import CinegenError
-from raff2urdf.command_line import UsageError, flag, option, quantity_option
+from raff2urdf.command.command_line import UsageError, flag, option, quantity_option
+from raff2urdf.command.extras import needs
+from raff2urdf.command.read_flags import ReadFlags, loop_kinds_of
 from raff2urdf.escape import one_line
-from raff2urdf.extras import needs
 from raff2urdf.files import stem_of
 from raff2urdf.quantities import LENGTH, show_lengths_in
-from raff2urdf.read_flags import ReadFlags, loop_kinds_of
 
 if TYPE_CHECKING:
     from cinegen.collision import Scene

@@ -6,8 +6,8 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
+from raff2urdf.command.output import unescaped
 from raff2urdf.escape import one_line
-from raff2urdf.output import unescaped
 
 if TYPE_CHECKING:
     import rich.progress

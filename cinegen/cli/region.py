@@ -6,7 +6,7 @@ import re
 from typing import TYPE_CHECKING
 
 from cinegen.cli.numbers import interval_of, parts, point, segment, values
-from raff2urdf.command_line import UsageError
+from raff2urdf.command.command_line import UsageError
 
 if TYPE_CHECKING:
     from cinegen.model import Mechanism

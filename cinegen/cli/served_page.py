@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 from cinegen.cli.files import check_outputs, write
 from cinegen.cli.options import STOP_AFTER, force_option
 from cinegen.cli.progress import Progress
-from raff2urdf.command_line import UsageError, flag, option, quantity_option
+from raff2urdf.command.command_line import UsageError, flag, option, quantity_option
+from raff2urdf.command.output import unescaped, until_stopped
 from raff2urdf.escape import one_line
-from raff2urdf.output import unescaped, until_stopped
 from raff2urdf.quantities import TIME
 
 if TYPE_CHECKING:

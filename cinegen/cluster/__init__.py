@@ -12,7 +12,7 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from cinegen.errors import CinegenError, warn
-from raff2urdf.extras import install, needs
+from raff2urdf.command.extras import install, needs
 
 if TYPE_CHECKING:
     from distributed import Client, Future

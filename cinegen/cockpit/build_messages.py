@@ -31,8 +31,8 @@ from cinegen.joints import axis, kinematic_data
 from cinegen.model import Mechanism
 from cinegen.model.description import describe_coupling, describe_joint, describe_loop
 from cinegen.session import RobotReport, SessionState, Setup, agreed_status
-from cinegen.session.commands import CommandFrame
 from cinegen.session.holding import largest_payload, why_no_forces
+from cinegen.session.message_types import CommandFrame
 from cinegen.session.state import DescribedState, PlaybackStatus, SessionInfo, TaskInfo, TaskState
 from cinegen.typed_json import Vector7
 

@@ -9,7 +9,7 @@ import ssl
 import tempfile
 from typing import NamedTuple
 
-from raff2urdf.extras import needs
+from raff2urdf.command.extras import needs
 
 _BACK = datetime.timedelta(hours=1)  # clocks of headsets may be late
 _VALID = datetime.timedelta(days=30)

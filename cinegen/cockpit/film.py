@@ -23,7 +23,7 @@ from cinegen.cockpit.page import Page
 from cinegen.cockpit.server import Server
 from cinegen.errors import CinegenError
 from cinegen.session import Reporter, RobotReport, SessionRunner, SessionState, Setup
-from raff2urdf.extras import install, needs
+from raff2urdf.command.extras import install, needs
 from raff2urdf.files import write_all
 
 FPS = 30

@@ -27,7 +27,8 @@ from cinegen.cockpit.messages import (
 )
 from cinegen.cockpit.page_state import moving_rows, page_state, shown_of
 from cinegen.session import Command, CommandError, Setup
-from cinegen.session.commands import ControlPlayback, EndDrag, EndJointMotion, SetView, check_names, decode
+from cinegen.session.commands import ControlPlayback, EndDrag, EndJointMotion, SetView
+from cinegen.session.decoding import check_names, decode
 from cinegen.typed_json import encode
 
 FRAMES = 60.0
@@ -243,14 +244,8 @@ class Hub:
                 self._refuse(client, message)
             elif isinstance(message, RequestControl):
                 self._request_control(client, message.on)
-            elif isinstance(message, RequestReactions):
-                client.wants_reactions = message.on
-            elif isinstance(message, RequestRate):
-                client.rate = message.rate or FRAMES
-            elif isinstance(message, SetUser):
-                user = client.user or UserInfo(client.number, "", 0)
-                client.user = replace(user, name=message.name, colour=message.colour)
-                self._show_again()
+            elif isinstance(message, RequestReactions | RequestRate | SetUser):
+                self._configure(client, message)
             elif not self._names_parts(client, message):
                 return
             elif isinstance(message, SetCursor):
@@ -261,6 +256,17 @@ class Hub:
                 self._command(client, message)
         except CommandError as error:
             self.drop(client, str(error))
+
+    def _configure(self, client: Client, message: RequestReactions | RequestRate | SetUser) -> None:
+        """Set what a client receives, or how its user is shown."""
+        if isinstance(message, RequestReactions):
+            client.wants_reactions = message.on
+        elif isinstance(message, RequestRate):
+            client.rate = message.rate or FRAMES
+        else:
+            user = client.user or UserInfo(client.number, "", 0)
+            client.user = replace(user, name=message.name, colour=message.colour)
+            self._show_again()
 
     def _names_parts(self, client: Client, message: SetCursor | Command) -> bool:
         """Return whether the parts exist that a message names. If not, it is late: it was sent before its client knew

@@ -12,7 +12,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.arrays import Array
-from cinegen.cockpit.messages import ArrayDescription, AxisShown, MapCell, MapDescription, QuantityShown
+from cinegen.cockpit.map_messages import ArrayDescription, AxisShown, MapCell, MapDescription, QuantityShown
 from cinegen.joints import kinematic_data
 from cinegen.session.setup import MapOverlay
 from cinegen.typed_json import encode

@@ -73,12 +73,7 @@ class ExpressionTranslation:
             case ast.Constant(value=bool() | int() | float() as value):
                 return self._threshold(value)
             case ast.Name(id=name):
-                found = self._names.get(name)
-                if isinstance(found, Ended):
-                    raise self._code.error(f"'{name}' is read after its loop")
-                if found is not None:
-                    return found
-                return self._object(self._source.__globals__.get(name, getattr(builtins, name, None)), name)
+                return self._named(name)
             case ast.Tuple(elts=elements):
                 return tuple(self._value(one) for one in elements)
             case ast.Attribute(value=owner, attr=attribute):
@@ -93,19 +88,30 @@ class ExpressionTranslation:
                 return self._junction(isinstance(op, ast.And), values)
             case ast.Compare(left=left, ops=ops, comparators=others):
                 return self._comparison(left, ops, others)
-            case ast.IfExp(test=test, body=body, orelse=orelse):
-                chosen = self._number(test)
-                if chosen.value is not None:
-                    return self._value(body if chosen.value else orelse)
-                return self._arithmetic.choice(chosen, self._unconditional(body), self._unconditional(orelse))
+            case ast.IfExp():
+                return self._choice(node)
             case ast.Call(func=called, args=arguments):
                 return self._call(self._value(called), arguments)
         raise self._code.error(f"no counterpart of {ast.unparse(node)!r}")
 
-    def _object(self, found: Any, name: str) -> Value:
-        if found is None:
+    def _named(self, name: str) -> Value:
+        value = self._names.get(name)
+        if isinstance(value, Ended):
+            raise self._code.error(f"'{name}' is read after its loop")
+        if value is not None:
+            return value
+        return self._object(self._source.__globals__.get(name, getattr(builtins, name, None)), name)
+
+    def _choice(self, node: ast.IfExp) -> Value:
+        chosen = self._number(node.test)
+        if chosen.value is not None:
+            return self._value(node.body if chosen.value else node.orelse)
+        return self._arithmetic.choice(chosen, self._unconditional(node.body), self._unconditional(node.orelse))
+
+    def _object(self, value: Any, name: str) -> Value:
+        if value is None:
             raise self._code.error(f"'{name}' is unknown")
-        return self._threshold(found, name) if isinstance(found, bool | int | float) else found
+        return self._threshold(value, name) if isinstance(value, bool | int | float) else value
 
     def _threshold(self, value: float, name: str = "") -> Number:
         """Return a constant of the kernels."""

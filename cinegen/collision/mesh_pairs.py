@@ -22,7 +22,7 @@ from cinegen.joints import kinematic_data
 from cinegen.model import Mechanism
 from cinegen.model.shapes import has_collision_shapes
 from raff2urdf.raff.document import LoopKind
-from raff2urdf.readers.urdf import parse
+from raff2urdf.readers.urdf_file import parse
 
 Pair = tuple[int, int]
 _Touching = Callable[[Array, Sequence[Pair]], set[Pair]]

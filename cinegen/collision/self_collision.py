@@ -24,7 +24,7 @@ from cinegen.joints import kinematic_data, translations
 from cinegen.model.mechanism import Mechanism
 from cinegen.model.shapes import has_collision_shapes
 from raff2urdf.raff.document import LoopKind
-from raff2urdf.readers.urdf import parse
+from raff2urdf.readers.urdf_file import parse
 
 SAMPLES = 2000
 """Configurations in which a pair must touch to be left out."""

@@ -43,35 +43,9 @@ def rewritten(document: Document, wanted: Document, robot: str) -> str:
 
 def _edits(lines: Sequence[str], old: RaffRobot, new: RaffRobot) -> Iterator[tuple[int, int, int, str]]:
     """Yield line, column and length of a text that is replaced, and the text that replaces it."""
-    path: list[list[Token]] = [[]]  # of open blocks: the words before their braces; the last has those since
-    numbers: dict[tuple[int, str], Token] = {}
-    blocks: dict[int, Token] = {}  # the opening brace of each node
-    ends: dict[int, Token] = {}  # the closing brace of its parameters
-    is_here = False
-    for token in tokens(lines):
-        head = [block[-1].text if block else "" for block in path[:-1]]
-        if token.kind == "{":
-            words = path[-1]
-            if len(path) == 1 and len(words) >= 2:
-                is_here = words[-2].text == "robot" and words[-1].string == old.name
-            path[-1] = words[-2:]
-            path.append([])
-            node = _node(path)
-            if is_here and node is not None and len(path) == 3:
-                blocks[node] = token
-        elif token.kind == "}" and len(path) > 1:
-            node = _node(path)
-            if is_here and node is not None and len(path) == 4 and head[-1] == "parameters":
-                ends[node] = token
-            path.pop()
-            path[-1] = []
-        else:
-            node = _node(path)
-            if is_here and node is not None and len(path) == 4 and head[-1] == "parameters" and path[-1]:
-                numbers.setdefault((node, path[-1][-1].text), token)
-            path[-1].append(token)
-    for key, node_ in old.nodes.items():
-        before, after = node_.parameters, new.nodes[key].parameters
+    numbers, blocks, ends = _located(lines, old.name)
+    for key, node in old.nodes.items():
+        before, after = node.parameters, new.nodes[key].parameters
         added = []
         for word in _WORDS:
             value = getattr(after, word)
@@ -89,6 +63,41 @@ def _edits(lines: Sequence[str], old: RaffRobot, new: RaffRobot) -> Iterator[tup
         elif added and key in blocks:
             token = blocks[key]
             yield token.line, token.column + 1, 0, f" parameters {{ {' '.join(added)} }}"
+
+
+def _located(
+    lines: Sequence[str], robot: str
+) -> tuple[dict[tuple[int, str], Token], dict[int, Token], dict[int, Token]]:
+    """Return the numbers of a robot's parameters, by node and word; and by node the opening brace of its block, and the
+    closing brace of its parameters."""
+    path: list[list[Token]] = [[]]  # of open blocks: the words before their braces; the last has those since
+    numbers: dict[tuple[int, str], Token] = {}
+    blocks: dict[int, Token] = {}
+    ends: dict[int, Token] = {}
+    is_inside = False
+    for token in tokens(lines):
+        head = [block[-1].text if block else "" for block in path[:-1]]
+        if token.kind == "{":
+            words = path[-1]
+            if len(path) == 1 and len(words) >= 2:
+                is_inside = words[-2].text == "robot" and words[-1].string == robot
+            path[-1] = words[-2:]
+            path.append([])
+            node = _node(path)
+            if is_inside and node is not None and len(path) == 3:
+                blocks[node] = token
+        elif token.kind == "}" and len(path) > 1:
+            node = _node(path)
+            if is_inside and node is not None and len(path) == 4 and head[-1] == "parameters":
+                ends[node] = token
+            path.pop()
+            path[-1] = []
+        else:
+            node = _node(path)
+            if is_inside and node is not None and len(path) == 4 and head[-1] == "parameters" and path[-1]:
+                numbers.setdefault((node, path[-1][-1].text), token)
+            path[-1].append(token)
+    return numbers, blocks, ends
 
 
 def _node(path: Sequence[Sequence[Token]]) -> int | None:

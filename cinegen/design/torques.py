@@ -16,9 +16,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from cinegen.arrays import Array, ArrayLike
-from cinegen.design.design import DesignEvaluation
 from cinegen.design.dimensions import LinkMass
 from cinegen.design.errors import DesignError
+from cinegen.design.evaluation import DesignEvaluation
 from cinegen.dynamics.errors import MassError
 from cinegen.model.masses import stated
 

@@ -17,8 +17,8 @@ from cinegen.errors import UnknownNameError
 from cinegen.model.load import load_with, robots
 from cinegen.sensor import NO_TWIST, Reading, Sensor, SensorError, SensorState, SensorStatus
 from raff2urdf.axes import AXES, UNCHANGED, parse_axes
+from raff2urdf.command.output import until_stopped
 from raff2urdf.escape import one_line
-from raff2urdf.output import until_stopped
 from raff2urdf.readers.options import ReadOptions
 
 Write = Callable[[str], object]

@@ -13,10 +13,10 @@ from cinegen.hexapod._kernels.placements import write_placements
 from cinegen.hexapod.elimination import SOLUTIONS, eigen_directions
 from cinegen.hexapod.legs import HexapodError, checked_lengths, checked_points, leg_lengths, nearest, refine
 from cinegen.hexapod.platform_modes import NearestPlacement, PlatformModes, SolutionCounts
+from cinegen.hexapod.tssm_geometry import PlatformCircles, check_geometry, checked_legs, dot, normal_part, points_of
 from cinegen.jit.compiled import prepare, together
 
 _FLAT = 1e-12  # of the base's size: height of points that are in one plane
-_THIN = 1e-9  # of their size: points in a line, or coincident
 _MEETS = 1e-14  # of the squared length: a squared radius above minus this is one that rounding made negative
 _LEAST = 1e-15  # ... and is increased to this, which lengthens legs that lie in a line by less than rounding
 _NEARLY_REAL = 1e-2  # | |w|^2 - 1 | of a root that rounding of the lengths may have made complex
@@ -31,26 +31,6 @@ _FIRST, _SECOND = [0, 0, 1], [1, 2, 2]  # circles of the three distances K, L, M
 
 TANGENTS = np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 2.0], [1.0, -1.0, 0.0]])
 """(3, 3) coefficients of 1, t, t^2 from those of 1, cos p, sin p, times 1 + t^2, with t = tan(p / 2)."""
-
-
-class PlatformCircles(NamedTuple):
-    """Circles on which two legs of known lengths leave the platform points, the largest first, for m sets of lengths.
-
-    Equations 7 and 8: a point is at centre + radius (cos p e + sin p f).
-
-    Attributes:
-        centre: (m, 3, 3).
-        e: (m, 3, 3) unit vectors; e = u x f, with u from the base point of the leg with the lower number to the other.
-        f: (m, 3, 3) unit vectors: `TSSM.up` as far as it is normal to u.
-        radius: (m, 3).
-        point: (m, 3) which platform point is on it.
-    """
-
-    centre: Array
-    e: Array
-    f: Array
-    radius: Array
-    point: Integers
 
 
 class _Solved(NamedTuple):
@@ -101,8 +81,8 @@ class TSSM:
             HexapodError: wrong shape, not finite, or degenerate; names the points.
         """
         self.base, self.platform = checked_points("base", base, 6), checked_points("platform", platform, 3)
-        self.legs = _checked_legs(legs)
-        _check_geometry(self.base, self.platform, self.legs)
+        self.legs = checked_legs(legs)
+        check_geometry(self.base, self.platform, self.legs)
         sigma, normals = np.linalg.svd(self.base - self.base.mean(axis=0))[1:]
         self.plane = bool(sigma[2] <= _FLAT * sigma[0])
         self.up = normals[2] * (1.0 if normals[2][np.argmax(np.abs(normals[2]))] > 0.0 else -1.0)
@@ -112,7 +92,7 @@ class TSSM:
         along = self.base[self._pairs[:, 1]] - self.base[self._pairs[:, 0]]
         self._apart = np.linalg.norm(along, axis=1)
         self._u = along / self._apart[:, None]
-        self._f = np.array([self.up if self.plane else _normal_part(self.up, u) for u in self._u])
+        self._f = np.array([self.up if self.plane else normal_part(self.up, u) for u in self._u])
         x, side = (two - one) / self.sides[0], three - one
         y = np.cross(np.cross(x, side), x)
         y /= np.linalg.norm(y)
@@ -145,7 +125,7 @@ class TSSM:
         asked = checked_lengths(lengths)
         solved = self._solve(asked[None])
         found, (real, complex_, infinite, lost) = solved.placements, solved.counts[0].tolist()
-        points = _points(self.platform, found)
+        points = points_of(self.platform, found)
         gaps = np.abs(points[:, None] - points[None]).max(axis=(2, 3), initial=0.0)
         coincident = np.asarray((gaps <= _COINCIDENT * float(asked.max())) @ solved.times, dtype=np.int64)
         moves = solved.outcomes[0] == kernel.SOLVED and self._may_move(solved.circles)
@@ -237,9 +217,9 @@ class TSSM:
         (c, e, f, r, point), i, j = circles, _FIRST, _SECOND
         d, ri, rj = c[:, i] - c[:, j], 2.0 * r[:, i], 2.0 * r[:, j]
         side = self.sides[point[:, i] + point[:, j] - 1]
-        one = 0.25 * (ri * ri + rj * rj) - side * side + _dot(d, d)
-        rows = [[one, *(-rj * _dot(d, x[:, j]) for x in (e, f))]]
-        rows += [[ri * _dot(d, x[:, i]), *(-0.5 * ri * rj * _dot(x[:, i], y[:, j]) for y in (e, f))] for x in (e, f)]
+        one = 0.25 * (ri * ri + rj * rj) - side * side + dot(d, d)
+        rows = [[one, *(-rj * dot(d, x[:, j]) for x in (e, f))]]
+        rows += [[ri * dot(d, x[:, i]), *(-0.5 * ri * rj * dot(x[:, i], y[:, j]) for y in (e, f))] for x in (e, f)]
         equations = np.moveaxis(np.array(rows), (0, 1), (2, 3))
         return np.asarray(equations / np.abs(equations).max(axis=(2, 3), keepdims=True), order="C")
 
@@ -294,7 +274,7 @@ class TSSM:
     ) -> tuple[Bools, Integers]:  # fmt: skip
         """Return which placements are kept, and how many solutions each stands for, if those that are not surely real
         but have the lengths asked for are one with others next to them."""
-        good, times, points = good.copy(), times.copy(), _points(self.platform, placements)
+        good, times, points = good.copy(), times.copy(), points_of(self.platform, placements)
         for k in np.flatnonzero(good & ~sure):
             others = np.flatnonzero(good & (of == of[k]) & (sure | (np.arange(len(good)) < k)))
             apart = np.abs(points[others] - points[k]).max(axis=(1, 2), initial=0.0)
@@ -343,11 +323,11 @@ class TSSM:
         tolerance = _NEAR * float(max(reach, radius.max(), self.sides.max()))
         # where the axis of circle k meets the sphere about the centre of circle i through it: on circle i?
         away = centre[None] - centre[:, None]
-        middle = -_dot(away, axis)
-        half = np.sqrt(np.maximum(middle**2 - _dot(away, away) + radius[:, None] ** 2, 0.0))
+        middle = -dot(away, axis)
+        half = np.sqrt(np.maximum(middle**2 - dot(away, away) + radius[:, None] ** 2, 0.0))
         there = centre[None] + (middle + np.array([half, -half]))[..., None] * axis
         off = there - centre[:, None]
-        miss = np.maximum(np.abs(np.linalg.norm(off, axis=-1) - radius[:, None]), np.abs(_dot(off, axis[:, None])))
+        miss = np.maximum(np.abs(np.linalg.norm(off, axis=-1) - radius[:, None]), np.abs(dot(off, axis[:, None])))
         on = (miss <= tolerance) & ~np.eye(3, dtype=bool)
         for i, j, k in ((0, 1, 2), (1, 0, 2), (2, 0, 1)):
             one, two = there[on[:, i, j], i, j], there[on[:, i, k], i, k]
@@ -395,50 +375,3 @@ class TSSM:
             starts = there[None]
         there[:3, 3] *= unit
         return NearestPlacement(there, self.lengths(there) - asked)
-
-
-def _dot(x: Array, y: Array) -> Array:
-    """Return scalar products (...,) of vectors (..., 3)."""
-    return np.asarray((x * y).sum(axis=-1))
-
-
-def _points(platform: Array, placements: Array) -> Array:
-    """Return the platform points (n, 3, 3) in the base frame."""
-    return np.asarray(platform @ np.swapaxes(placements[:, :3, :3], 1, 2) + placements[:, None, :3, 3])
-
-
-def _normal_part(up: Array, u: Array) -> Array:
-    """Return a unit vector normal to u, along `up` as far as possible."""
-    f = up - (up @ u) * u
-    if np.linalg.norm(f) < 1e-3:
-        other = np.eye(3)[np.argmin(np.abs(u))]
-        f = other - (other @ u) * u
-    return np.asarray(f / np.linalg.norm(f))
-
-
-def _checked_legs(given: ArrayLike) -> Integers:
-    legs = np.array(given)
-    if legs.shape != (6,) or sorted(legs.tolist()) != [0, 0, 1, 1, 2, 2]:
-        raise HexapodError(f"legs are {given!r}; give the platform point of each of six, and 0, 1 and 2 twice each")
-    legs = legs.astype(np.int64)
-    legs.setflags(write=False)
-    return legs
-
-
-def _check_geometry(base: Array, platform: Array, legs: Integers) -> None:
-    size = float(np.abs(platform - platform.mean(axis=0)).max())
-    for i, j in ((0, 1), (0, 2), (1, 2)):
-        if np.linalg.norm(platform[j] - platform[i]) <= _THIN * size:
-            raise HexapodError(f"platform points {i} and {j} are the same: move one of them")
-    if np.linalg.svd(platform - platform.mean(axis=0), compute_uv=False)[1] <= _THIN * size:
-        raise HexapodError("the platform points lie in a line, about which it can rotate: move one out of it")
-    sigma = np.linalg.svd(base - base.mean(axis=0), compute_uv=False)
-    for point in range(3):
-        first, second = np.flatnonzero(legs == point)
-        if np.linalg.norm(base[second] - base[first]) <= _THIN * sigma[0]:
-            raise HexapodError(
-                f"legs {first + 1} and {second + 1}, both to platform point {point}, begin at the same base point: "
-                "move one of them"
-            )
-    if sigma[1] <= _THIN * sigma[0]:
-        raise HexapodError("the base points lie in a line, about which the platform can rotate: move one out of it")

@@ -19,22 +19,11 @@ if TYPE_CHECKING:
     from cinegen.ik.given_task import Task as Task
     from cinegen.ik.global_ik import IKResult as IKResult
     from cinegen.ik.global_ik import inverse_kinematics as inverse_kinematics
-    from cinegen.ik.kinds import AxisAlong as AxisAlong
-    from cinegen.ik.kinds import CenterOfMass as CenterOfMass
-    from cinegen.ik.kinds import Damping as Damping
-    from cinegen.ik.kinds import JointEquality as JointEquality
-    from cinegen.ik.kinds import JointValues as JointValues
-    from cinegen.ik.kinds import LookAt as LookAt
-    from cinegen.ik.kinds import PointAtDistance as PointAtDistance
-    from cinegen.ik.kinds import PointInPlane as PointInPlane
-    from cinegen.ik.kinds import PointOnLine as PointOnLine
-    from cinegen.ik.kinds import RelativePose as RelativePose
     from cinegen.ik.objectives import LimitMargin as LimitMargin
     from cinegen.ik.objectives import Manipulability as Manipulability
     from cinegen.ik.objectives import Objective as Objective
     from cinegen.ik.objectives import Posture as Posture
     from cinegen.ik.persistent import PersistentSolver as PersistentSolver
-    from cinegen.ik.pink_task import PinkTask as PinkTask
     from cinegen.ik.singular import LostDoF as LostDoF
     from cinegen.ik.singular import UncontrolledDoF as UncontrolledDoF
     from cinegen.ik.solutions import IKError as IKError
@@ -44,5 +33,16 @@ if TYPE_CHECKING:
     from cinegen.ik.step import Status as Status
     from cinegen.ik.step import Step as Step
     from cinegen.ik.task import FrameTask as FrameTask
+    from cinegen.ik.tasks.kinds import AxisAlong as AxisAlong
+    from cinegen.ik.tasks.kinds import CenterOfMass as CenterOfMass
+    from cinegen.ik.tasks.kinds import Damping as Damping
+    from cinegen.ik.tasks.kinds import JointEquality as JointEquality
+    from cinegen.ik.tasks.kinds import JointValues as JointValues
+    from cinegen.ik.tasks.kinds import LookAt as LookAt
+    from cinegen.ik.tasks.kinds import PointAtDistance as PointAtDistance
+    from cinegen.ik.tasks.kinds import PointInPlane as PointInPlane
+    from cinegen.ik.tasks.kinds import PointOnLine as PointOnLine
+    from cinegen.ik.tasks.kinds import RelativePose as RelativePose
+    from cinegen.ik.tasks.pink_task import PinkTask as PinkTask
 
 __all__, __getattr__, __dir__ = lazy_names(__name__)

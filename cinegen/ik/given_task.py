@@ -13,7 +13,7 @@ from cinegen.errors import CinegenError
 from cinegen.ik._kernels.memory import TaskMemory
 from cinegen.ik.state import State
 from cinegen.ik.task import FrameTask
-from cinegen.ik.task_values import checked_priority
+from cinegen.ik.tasks.values import checked_priority
 from cinegen.jit.foreign import address
 
 _VALID = TaskMemory.fields["is_valid"].slot

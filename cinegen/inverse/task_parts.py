@@ -28,7 +28,7 @@ from cinegen.joints import kinematic_data
 from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
 from cinegen.loops.clusters import subsystems
 from cinegen.model import Mechanism
-from cinegen.model.mechanism import MechanismSource
+from cinegen.model.mechanism_model import MechanismSource
 from raff2urdf import closure
 from raff2urdf.coupling import Coupling
 from raff2urdf.raff.document import LoopKind

@@ -13,7 +13,7 @@ from cinegen.arrays import Array, Indices
 from cinegen.joints import axis, kinematic_data, step_scale, supporting_columns, translations
 from cinegen.loops.thresholds import NEAR_SINGULAR
 from raff2urdf.coupling import Coupling, coupled_scales
-from raff2urdf.length import cut_screws, moments
+from raff2urdf.loops.length import cut_screws, moments
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.residual import ROWS, loop_residual
 

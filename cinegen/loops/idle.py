@@ -1,4 +1,4 @@
-"""Idle motions of a Pinocchio model: see `raff2urdf.idle`."""
+"""Idle motions of a Pinocchio model: see `raff2urdf.loops.idle`."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 
 from cinegen.arrays import Array
 from cinegen.loops.closed_loops import ClosedLoops
-from raff2urdf.idle import Edge, Spin, motions, spins
-from raff2urdf.length import cut_screws
+from raff2urdf.loops.idle import Edge, Spin, motions, spins
+from raff2urdf.loops.length import cut_screws
 
 _NOTHING = 1e-300  # what has no twist
 

@@ -12,8 +12,8 @@ of the mechanism. For a single loop W is 1. Velocities of K's null space keep al
 of other motions are the velocities, joint by joint, with which loops come apart, distributed evenly.
 
 Twists are those of one point for each cluster of loops, divided by one length: the mean of the points of the axes that
-are nearest to the axes' centre at home, and the spread of the cluster's own axes (`raff2urdf.length`). Both belong to
-the mechanism, too, and a small loop on a large robot is measured by its own size.
+are nearest to the axes' centre at home, and the spread of the cluster's own axes (`raff2urdf.loops.length`). Both
+belong to the mechanism, too, and a small loop on a large robot is measured by its own size.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ import numpy as np
 from cinegen.arrays import Array, Bools
 from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.loops.clusters import clusters
-from raff2urdf.length import centre, cut_screws, moments, scale_of, spread
+from raff2urdf.loops.length import centre, cut_screws, moments, scale_of, spread
 from raff2urdf.raff.document import LoopKind
 
 

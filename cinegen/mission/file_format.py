@@ -18,7 +18,7 @@ from msgspec import UNSET, Struct, UnsetType
 
 from cinegen.arrays import Array
 from cinegen.errors import CinegenError
-from cinegen.ik.described import AnyDescription
+from cinegen.ik.tasks.described import AnyDescription
 from cinegen.mission.drawn_obstacle import DrawnObstacle
 from cinegen.model.fingerprint import fingerprint
 from cinegen.model.mechanism import Mechanism

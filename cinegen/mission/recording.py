@@ -12,7 +12,7 @@ from msgspec import UnsetType
 
 from cinegen.arrays import Array
 from cinegen.errors import CinegenError, ClosureError, UnknownNameError
-from cinegen.ik.described import AnyDescription
+from cinegen.ik.tasks.described import AnyDescription
 from cinegen.line_file import read_lines
 from cinegen.mission.file_format import (
     BasePose,

@@ -15,24 +15,26 @@ from cinegen.errors import LoadError, warn
 from cinegen.joints import supporting_columns
 from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
 from cinegen.model.frozen import blocking, locked
+from cinegen.model.healing.near_redundant import in_plane, made_exact
 from cinegen.model.home import find_home, follow, near_successive
 from cinegen.model.limits import Limits
-from cinegen.model.mechanism import Mechanism, MechanismSource
-from cinegen.model.near_redundant import in_plane, made_exact
+from cinegen.model.mechanism import Mechanism
+from cinegen.model.mechanism_model import MechanismSource
 from cinegen.model.spherical import SphericalJoints
 from cinegen.model.urdf import completed, kinematics, simple
 from cinegen.tolerances import AT_LIMIT
 from raff2urdf import closure
-from raff2urdf.analysis import loop_kind
 from raff2urdf.axes import UNCHANGED
 from raff2urdf.coupling import coupling_of
-from raff2urdf.length import characteristic_length, cut_screws
+from raff2urdf.loops.analysis import loop_kind
+from raff2urdf.loops.length import characteristic_length, cut_screws
+from raff2urdf.loops.slips import Fault
 from raff2urdf.raff import texts
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.readers.actuation import advice, replaced, syntax_of
 from raff2urdf.readers.srdf import Srdf
-from raff2urdf.readers.urdf import UNLIMITED, parse
-from raff2urdf.slips import Fault
+from raff2urdf.readers.urdf import UNLIMITED
+from raff2urdf.readers.urdf_file import parse
 
 
 class WrittenRobot(NamedTuple):

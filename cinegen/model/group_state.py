@@ -14,7 +14,8 @@ from cinegen.model.urdf import completed, simple
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.readers.options import ReadOptions
 from raff2urdf.readers.srdf import read_home
-from raff2urdf.readers.urdf import joints, parse
+from raff2urdf.readers.urdf import joints
+from raff2urdf.readers.urdf_file import parse
 
 _ROUNDING = 1e-3  # rad or m: by which a home may exceed limits without a word
 

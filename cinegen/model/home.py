@@ -18,10 +18,10 @@ from cinegen.loops.idle import idle_motions, idle_spins
 from cinegen.model.limits import Limits
 from raff2urdf import closure
 from raff2urdf.coupling import followed
-from raff2urdf.home import Beyond, close_within, moved_within, outside
-from raff2urdf.open_loops import why_open
+from raff2urdf.loops.home import Beyond, close_within, moved_within, outside
+from raff2urdf.loops.open_loops import why_open
+from raff2urdf.loops.selection import Candidate, determined
 from raff2urdf.readers.actuation import RAFF, syntax_of
-from raff2urdf.selection import Candidate, determined
 
 _SAMPLES = 20  # configurations of which home is chosen if the file has none and all joints at 0 is singular
 
@@ -124,7 +124,7 @@ def _determined(
     configurations: Sequence[Array],
     actuated: Mapping[str, bool | None],
 ) -> frozenset[str]:
-    """Return the joints that the others determine, see `raff2urdf.selection`.
+    """Return the joints that the others determine, see `raff2urdf.loops.selection`.
 
     Args:
         system: the loops.

@@ -23,24 +23,24 @@ from cinegen.model.mechanism import Mechanism
 from cinegen.model.plausible import doubts
 from cinegen.model.urdf import completed, simple, with_fixed_base
 from raff2urdf import closure, readers
-from raff2urdf.analysis import loop_kind, loop_kinds
 from raff2urdf.constraints import without_loops
 from raff2urdf.coupling import Coupling
 from raff2urdf.errors import RaffError
-from raff2urdf.json_lines import line_of
+from raff2urdf.loops.analysis import loop_kind, loop_kinds
+from raff2urdf.loops.slips import Fault
 from raff2urdf.placement import rotation
 from raff2urdf.raff import drawn as raff_drawn
 from raff2urdf.raff import texts
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.readers import drawn as urdf_drawn
-from raff2urdf.readers.declaration import IgnoreList
+from raff2urdf.readers.json_lines import line_of
+from raff2urdf.readers.loops.declaration import IgnoreList
+from raff2urdf.readers.loops.sidecar import constraints_of
 from raff2urdf.readers.options import ReadOptions
-from raff2urdf.readers.sidecar import constraints_of
 from raff2urdf.readers.srdf import Srdf, read_srdf, srdf_of
-from raff2urdf.readers.urdf import parse
+from raff2urdf.readers.urdf_file import parse
 from raff2urdf.readers.xml_file import read_text
 from raff2urdf.shipped import find_robot
-from raff2urdf.slips import Fault
 
 if TYPE_CHECKING:  # takes half a second
     from yourdfpy import URDF
@@ -65,7 +65,7 @@ def load(
 
     Args:
         path: a RAFF file, URDF or xacro, SDF or MJCF, or the name of a shipped robot, such as "delta4". Loops and
-            couplings of a URDF are read in all dialects of `raff2urdf.readers.dialects`, also from files next to it:
+            couplings of a URDF are read in all dialects of `raff2urdf.readers.loops`, also from files next to it:
             `<stem>.constraints.json`, `robot.yaml`, `loop_closures.yaml`. Or a `yourdfpy.URDF`, which has links, joints
             and `<mimic>`, but no loops: nothing else that its file declares. Errors name lines of its XML. Or the text
             of a RAFF file, URDF, SDF or MJCF: a string that begins with `<` or has several lines; meshes are searched
@@ -80,7 +80,7 @@ def load(
         ignore: loops and couplings to be left out, by name or by element, such as "pin" or "loop_joint"; or files next
             to a URDF, such as "robot.yaml".
         relax: what is done with loops that are nearly redundant, because numbers are rounded. None: their geometry is
-            healed, by changes as small as rounding (`cinegen.model.healing`); where that fails, they are closed by
+            healed, by changes as small as rounding (`cinegen.model.healing.heal`); where that fails, they are closed by
             weaker joints. True: weaker joints are tried first; they may add to mobility. One warning reports what was
             done. False: they stay as written; then they can't be closed, or hardly move.
         srdf: an SRDF, which names pairs of links that are not checked against each other, and the home of a URDF
@@ -216,7 +216,7 @@ def _load_xml(source: Path | URDF, text: str | None, settings: _Settings) -> Mec
         elif isinstance(source, Path):
             parsed, folder = readers.read(path, robot, ignore_loops, ignore, reading), path.parent
         else:
-            from raff2urdf.urdf_object import ExactUrdf
+            from raff2urdf.writers.urdf_object import ExactUrdf
 
             written = ExactUrdf(source.robot, source._filename_handler)
             parsed = readers.read_xml(written.text(), str(path), None, ignore_loops, ignore, reading)
@@ -295,13 +295,9 @@ def _made(
 
 
 def _load_model(
-    model: pin.Model,
-    loops: Any,
-    couplings: Sequence[Coupling],
-    actuated: Sequence[str] | None,
-    relax: bool | None,
+    model: pin.Model, loops: Any, couplings: Sequence[Coupling], actuated: Sequence[str] | None, relax: bool | None,
     fixed_base: bool,
-) -> Mechanism:
+) -> Mechanism:  # fmt: skip
     """Load a model that a program has built."""
     from cinegen.model.pinocchio_model import describe_model
 

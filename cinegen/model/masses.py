@@ -9,7 +9,8 @@ import pinocchio as pin
 
 from raff2urdf.inertia import Inertia
 from raff2urdf.raff.document import LoopKind
-from raff2urdf.readers.urdf import inertia, links, parse
+from raff2urdf.readers.urdf import inertia, links
+from raff2urdf.readers.urdf_file import parse
 
 if TYPE_CHECKING:
     from cinegen.model.mechanism import Mechanism

@@ -13,7 +13,7 @@ from cinegen.errors import LoadError, UnknownNameError
 from cinegen.joints import axis, translations
 from raff2urdf.constraints import Constraints, loop_entry
 from raff2urdf.coupling import Coupling, coupling_entry
-from raff2urdf.readers.successive import ROTATIONS
+from raff2urdf.readers.loops.successive import ROTATIONS
 from raff2urdf.readers.uncounted import note_of
 from raff2urdf.readers.urdf import UNLIMITED
 
@@ -43,7 +43,7 @@ def describe_model(
     """
     from yourdfpy import Robot
 
-    from raff2urdf.urdf_object import ExactUrdf
+    from raff2urdf.writers.urdf_object import ExactUrdf
 
     nodes = _nodes(model)
     links, joints = _bodies(model, nodes), [_joint(model, j, nodes) for j in range(1, model.njoints)]

@@ -24,7 +24,7 @@ from raff2urdf.readers.urdf import three
 from raff2urdf.readers.xml_file import parse_xml
 
 if TYPE_CHECKING:
-    from cinegen.model.mechanism import MechanismSource
+    from cinegen.model.mechanism_model import MechanismSource
 
 
 _AT_ONCE = 50  # links

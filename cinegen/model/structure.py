@@ -20,7 +20,7 @@ from cinegen.loops.held_loops import HeldLoops
 from cinegen.loops.idle import idle_motions, idle_spins
 from cinegen.loops.screws import LoopScrews
 from raff2urdf import closure
-from raff2urdf.idle import Spin
+from raff2urdf.loops.idle import Spin
 
 if TYPE_CHECKING:
     from cinegen.model.mechanism import Mechanism
@@ -123,7 +123,7 @@ class Structure:
 
     @cached_property
     def idle(self) -> tuple[Spin, ...]:
-        """Idle motions: spins of rods about themselves, which move nothing else (`raff2urdf.idle`)."""
+        """Idle motions: spins of rods about themselves, which move nothing else (`raff2urdf.loops.idle`)."""
         whole = self.mechanism
         return tuple(idle_spins(self.system, self.samples, (*whole.actuated, *whole.held)))
 

@@ -13,7 +13,7 @@ from lxml import etree
 from cinegen.errors import LoadError, warn
 from raff2urdf.constraints import Constraints
 from raff2urdf.errors import did_you_mean
-from raff2urdf.readers import successive
+from raff2urdf.readers.loops import successive
 from raff2urdf.readers.urdf import (
     UNLIMITED,
     default_value,
@@ -25,18 +25,18 @@ from raff2urdf.readers.urdf import (
     links,
     listed,
     number,
-    parse,
     root_first,
     velocity,
 )
+from raff2urdf.readers.urdf_file import parse
 
 
 def simple(tree: Any, name: str) -> Constraints:
     """Make every joint of a URDF one number, except a free base, and return what the URDF declares.
 
-    Joints of several degrees of freedom become successive ones (`raff2urdf.readers.successive`). All joints are given
-    limits, since Pinocchio would represent an angle without limits by its cosine and sine. One warning lists joints
-    whose limits are left out.
+    Joints of several degrees of freedom become successive ones (`raff2urdf.readers.loops.successive`). All joints are
+    given limits, since Pinocchio would represent an angle without limits by its cosine and sine. One warning lists
+    joints whose limits are left out.
 
     Args:
         tree: root of the URDF; changed.

@@ -15,7 +15,7 @@ from cinegen.errors import LoadError
 from cinegen.model.load import load
 from cinegen.model.mechanism import Mechanism
 from raff2urdf import dumps, readers
-from raff2urdf.readers.urdf import parse
+from raff2urdf.readers.urdf_file import parse
 from raff2urdf.urdf2raff.robot import RaffImport, import_tree
 
 AGREES = 1e-9

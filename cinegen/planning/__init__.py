@@ -8,10 +8,10 @@ from raff2urdf.lazy import lazy_names
 
 if TYPE_CHECKING:
     from cinegen.planning.attempt import PlanStatus as PlanStatus
-    from cinegen.planning.mode_changes import CrossedSingularity as CrossedSingularity
     from cinegen.planning.mode_changes import ModeChange as ModeChange
     from cinegen.planning.mode_changes import SingularPaths as SingularPaths
     from cinegen.planning.mode_changes import change_mode as change_mode
+    from cinegen.planning.mode_search import CrossedSingularity as CrossedSingularity
     from cinegen.planning.planner import Plan as Plan
     from cinegen.planning.planner import Planner as Planner
     from cinegen.planning.planner import plan as plan

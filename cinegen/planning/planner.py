@@ -32,10 +32,10 @@ from cinegen.planning.descent import AvoidanceField
 from cinegen.planning.goal_configurations import Refusal, free_goals
 from cinegen.planning.locked_joints import with_joints_locked
 from cinegen.planning.path_constraints import Kept, projection
-from cinegen.planning.path_sampler import RRT_CONNECT, PathSampler
+from cinegen.planning.sampling.path_sampler import RRT_CONNECT, PathSampler
+from cinegen.planning.sampling.shortcuts import path_length
 from cinegen.planning.search import DIRECT, FieldFunction, Search
-from cinegen.planning.shortcuts import path_length
-from raff2urdf.extras import install
+from raff2urdf.command.extras import install
 
 STEPS = 3000
 """Largest number of steps of an attempt."""

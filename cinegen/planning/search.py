@@ -24,8 +24,8 @@ from cinegen.planning.clear_motion import clear_motion
 from cinegen.planning.descent import AvoidanceField, Descent, Potential
 from cinegen.planning.goal_configurations import TOLERANCE, goal_distance, goal_poses
 from cinegen.planning.path_constraints import Projection
-from cinegen.planning.path_sampler import PathSampler
-from cinegen.planning.shortcuts import shortened
+from cinegen.planning.sampling.path_sampler import PathSampler
+from cinegen.planning.sampling.shortcuts import shortened
 from cinegen.planning.vortices import STRENGTH, DetourDirection, Vortices
 from raff2urdf.quantities import TIME, shown
 

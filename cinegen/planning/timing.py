@@ -18,7 +18,7 @@ from cinegen.errors import CinegenError
 from cinegen.model import Mechanism
 from cinegen.model.motion_limits import MotionLimits
 from cinegen.planning.torque_limits import TorqueTerms
-from raff2urdf.extras import needs
+from raff2urdf.command.extras import needs
 
 _EXTRA = "sampling"
 _INSIDE = 1.0 - 1e-9  # of a limit

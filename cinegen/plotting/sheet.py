@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from raff2urdf.extras import needs
+from raff2urdf.command.extras import needs
 from raff2urdf.quantities import LENGTH, shown
 
 if TYPE_CHECKING:

@@ -1,7 +1,9 @@
 """Sessions: robots that users and sensors drive together; commands in, states out, at a fixed rate."""
 
 from cinegen.session.arrangement import arrange, base_poses
-from cinegen.session.commands import Command, CommandError, decode_command
+from cinegen.session.commands import Command
+from cinegen.session.decoding import decode_command
+from cinegen.session.message_types import CommandError
 from cinegen.session.report import Reporter, RobotReport, agreed_status
 from cinegen.session.runner import SessionError, SessionRunner
 from cinegen.session.scene_setup import map_setup, scene_setup

@@ -13,7 +13,7 @@ from cinegen.collision.clearance import clearance_of
 from cinegen.collision.scene import Scene
 from cinegen.errors import CinegenError
 from cinegen.ik import Status
-from cinegen.ik.described import RangeDescription, TaskDescription
+from cinegen.ik.tasks.described import RangeDescription, TaskDescription
 from cinegen.joints import kinematic_data
 from cinegen.planning import AvoidingSolver
 from cinegen.planning.clearance_barrier import is_clear

@@ -11,7 +11,7 @@ from cinegen.errors import ClosureError
 from cinegen.joints import scalar_joints, translations
 from cinegen.loops.clusters import subsystems
 from cinegen.model import Mechanism
-from raff2urdf.home import close_within
+from raff2urdf.loops.home import close_within
 
 JointValues = Mapping[str, tuple[bool, Array]]
 """Of each joint, by its name and in the order of the model: whether it translates, and its numbers in q."""

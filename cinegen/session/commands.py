@@ -11,57 +11,29 @@ field. The table in `docs/reference/protocol.md` is generated from the classes h
 
 from __future__ import annotations
 
-import math
-import re
-from collections.abc import Collection
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated
 
-import msgspec
-from msgspec import Meta, Struct
+from msgspec import Meta
 
-from cinegen.errors import CinegenError
-from cinegen.ik.described import AnyDescription, unknown_name
-from cinegen.ik.joints import names_of
-from cinegen.model import Mechanism
-from cinegen.session.setup import Setup
-from cinegen.typed_json import Button, DoF, Vector4, Vector6
+from cinegen.ik.tasks.described import AnyDescription
+from cinegen.session.message_types import (
+    CommandFrame,
+    Coordinate,
+    Name,
+    Pointer,
+    Position,
+    Priority,
+    Quaternion,
+    TaskId,
+    TypedMessage,
+    WaypointId,
+    Weight,
+    normalize,
+    set_field,
+)
+from cinegen.typed_json import Button, DoF, Vector6
 from raff2urdf.axes import parse_axes
 from raff2urdf.errors import RaffError
-
-LONGEST = 2000
-"""Characters of a message."""
-
-Coordinate = Annotated[float, Meta(ge=-1e6, le=1e6)]
-Position = tuple[Coordinate, Coordinate, Coordinate]
-Quaternion = Vector4
-Weight = Annotated[float, Meta(ge=0.01, le=100.0)]
-Priority = Annotated[int, Meta(ge=0, le=9)]
-Pointer = Annotated[int, Meta(ge=0, le=9)]
-TaskId = Annotated[int, Meta(ge=0, lt=1 << 53)]
-WaypointId = TaskId
-
-Name = Annotated[
-    str, Meta(min_length=1, max_length=40, pattern=r"^[^\x00-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069]*$")
-]
-"""A name that people choose: no control characters, none that reverse the direction of text."""
-
-CommandFrame = Literal["world", "base", "tool", "view"]
-"""Frame in whose axes a sensor's deflection moves a node."""
-
-_Message = TypeVar("_Message")
-
-
-class CommandError(CinegenError):
-    """A command is malformed or refers to something that does not exist. The sender is disconnected."""
-
-
-def snake_case(name: str) -> str:
-    """Return the `type` of a message of a class: "start_drag" of `StartDrag`, "state" of `StateMessage`."""
-    return re.sub(r"(?<!^)(?=[A-Z])", "_", name.removesuffix("Message")).lower()
-
-
-class TypedMessage(Struct, frozen=True, forbid_unknown_fields=True, tag_field="type", tag=snake_case):
-    """A message with a `type`, which accepts no other fields than its own."""
 
 
 class StartDrag(TypedMessage, frozen=True):
@@ -99,7 +71,7 @@ class MoveDrag(TypedMessage, frozen=True):
 
     def __post_init__(self) -> None:
         if self.quaternion is not None:
-            _normalize(self, self.quaternion)
+            normalize(self, self.quaternion)
 
 
 class EndDrag(TypedMessage, frozen=True):
@@ -372,7 +344,7 @@ class SetView(TypedMessage, frozen=True):
     quaternion: Quaternion
 
     def __post_init__(self) -> None:
-        _normalize(self, self.quaternion)
+        normalize(self, self.quaternion)
 
 
 class SetRecording(TypedMessage, frozen=True):
@@ -397,7 +369,7 @@ class GamepadInput(TypedMessage, frozen=True):
     buttons: frozenset[Button] = frozenset()
 
     def __post_init__(self) -> None:
-        _set(self, "twist", tuple(min(1.0, max(-1.0, value)) for value in self.twist))
+        set_field(self, "twist", tuple(min(1.0, max(-1.0, value)) for value in self.twist))
 
 
 class ControlPlayback(TypedMessage, frozen=True):
@@ -421,85 +393,3 @@ Command = (
     | SelectSensor | ChangeSensor | ChangeSettings | SetPayload | SetView | SetRecording | GamepadInput
     | ControlPlayback
 )  # fmt: skip
-
-
-def check_names(command: TypedMessage, setup: Setup) -> None:
-    """Check the names in a command to a session. The only node of an obstacle has its name.
-
-    Raises:
-        CommandError: one of them does not exist; the message names the field.
-    """
-    robot = getattr(command, "robot", None)
-    if isinstance(command, ChangeSensor) and command.sensor not in [one.name for one in setup.devices if one.has_axes]:
-        raise CommandError(f"Unknown sensor {command.sensor!r:.80} - at `$.sensor`")
-    if robot is None:
-        return
-    if isinstance(command, AddTask):
-        _check_described(command, setup)
-        return
-    mechanism, switch = setup.robots.get(robot), (robot, getattr(command, "node", ""))
-    known: dict[str, Collection[str | None]] = {
-        "robot": (*setup.robots, *setup.obstacles),
-        "node": (robot,) if mechanism is None else mechanism.nodes,
-        "joint": () if mechanism is None else _joints_of(command, mechanism),
-        "sensor": next((one.choices for one in setup.switches if (one.robot, one.node) == switch), ()),
-    }
-    for name in command.__struct_fields__:
-        value = getattr(command, name)
-        if name in known and value not in known[name]:
-            raise CommandError(f"Unknown {name} {value!r:.80} - at `$.{name}`")
-
-
-def _check_described(command: AddTask, setup: Setup) -> None:
-    mechanism = setup.robots.get(command.robot)
-    if mechanism is None:
-        raise CommandError(f"Unknown robot {command.robot!r:.80} - at `$.robot`")
-    found = unknown_name(command.description, mechanism.nodes, mechanism.joints)
-    if found is not None:
-        raise CommandError(f"Unknown {found[0]} {found[1]!r:.80} - at `$.description.{found[2]}`")
-
-
-def _joints_of(command: TypedMessage, mechanism: Mechanism) -> Collection[str]:
-    return (*names_of(mechanism), "base") if isinstance(command, LockJoint) else mechanism.actuated
-
-
-def decode(message: str | bytes, decoder: msgspec.json.Decoder[_Message]) -> _Message:
-    """Decode a message from a browser or a program.
-
-    Raises:
-        CommandError: it is no text, too long, no JSON, or doesn't match the schema; the message names the field.
-    """
-    if not isinstance(message, str):
-        raise CommandError("a message must be text, not binary")
-    if len(message) > LONGEST:
-        raise CommandError(f"a message must not be longer than {LONGEST} characters")
-    try:
-        return decoder.decode(message)
-    except (msgspec.MsgspecError, RecursionError, UnicodeError) as error:
-        raise CommandError(str(error)) from None
-
-
-_COMMANDS: msgspec.json.Decoder[Command] = msgspec.json.Decoder(Command)
-
-
-def decode_command(message: str | bytes, setup: Setup) -> Command:
-    """Decode a command and check the names in it.
-
-    Raises:
-        CommandError: see `decode` and `check_names`.
-    """
-    command = decode(message, _COMMANDS)
-    check_names(command, setup)
-    return command
-
-
-def _set(message: Struct, name: str, value: Any) -> None:
-    """Set a field of a frozen message while it is constructed."""
-    msgspec.structs.force_setattr(message, name, value)
-
-
-def _normalize(message: Struct, quaternion: Quaternion) -> None:
-    length = math.hypot(*quaternion)
-    if not 0.9 < length < 1.1:
-        raise ValueError(f"Expected a quaternion x y z w of length 1, not {length:.3g} - at `$.quaternion`")
-    _set(message, "quaternion", tuple(value / length for value in quaternion))

@@ -15,7 +15,7 @@ from cinegen.collision.obstacle import Obstacle
 from cinegen.ik import Solver
 from cinegen.mission.drawn_obstacle import DrawnObstacle
 from cinegen.model import Mechanism
-from cinegen.model.mechanism import MechanismSource
+from cinegen.model.mechanism_model import MechanismSource
 from cinegen.planning.clearance_barrier import ClearanceBarrier, is_clear
 from cinegen.session.avoiding import AvoidingRobot
 from cinegen.session.robot import DrivenRobot, UserTask

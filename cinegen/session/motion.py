@@ -16,8 +16,8 @@ import pinocchio as pin
 from cinegen.arrays import Array
 from cinegen.errors import CinegenError
 from cinegen.ik import Solver
-from cinegen.ik.blend import eased
 from cinegen.ik.objectives import Posture
+from cinegen.ik.tasks.blend import eased
 from cinegen.model import ForwardKinematics, Mechanism
 from cinegen.tolerances import CLOSURE
 

@@ -12,9 +12,9 @@ import pinocchio as pin
 from cinegen.arrays import Array
 from cinegen.errors import CinegenError
 from cinegen.ik import FrameTask, Range, Solver, State, Status, Step, Task
-from cinegen.ik.described import TaskDescription, check, move_base, resolved, task_of
 from cinegen.ik.given_task import errors_of
 from cinegen.ik.joints import checked_names, names_of
+from cinegen.ik.tasks.described import TaskDescription, check, move_base, resolved, task_of
 from cinegen.ik.thresholds import ARRIVED
 from cinegen.joints import kinematic_data
 from cinegen.mission import RecordedTask, RobotSample

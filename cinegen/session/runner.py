@@ -15,13 +15,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing.context import SpawnContext
-from typing import Self
+from typing import Any, Self
 
 from cinegen.errors import CinegenError, CinegenWarning
 from cinegen.jit.starting import COMPILATION
 from cinegen.realtime import Clock, Tick, TimingReport
 from cinegen.session.commands import Command
-from cinegen.session.session import OtherRobots, Session
+from cinegen.session.other_robots import OtherRobots
+from cinegen.session.session import Session
 from cinegen.session.setup import Setup
 from cinegen.session.state import SessionState
 
@@ -128,7 +129,7 @@ class _Inbox:
 
 
 class _Bell:
-    """Wakes a thread, from any process. Rings that were not heard yet are one: nobody waits to ring."""
+    """Wakes a thread, from any process. Rings that were not heard yet are one: ringing never waits."""
 
     def __init__(self, context: SpawnContext) -> None:
         self._ear, self._clapper = context.Pipe(duplex=False)
@@ -297,12 +298,7 @@ def _ticks(session: Session, inbox: _Inbox, ring: Callable[[], None]) -> Callabl
                 session.close()
                 tick.clock.stop()
                 return None
-            if isinstance(command, OtherRobots):
-                session.exchange(command)
-            elif isinstance(command, _Refusal):
-                session.refuse(command.edition, command.why)
-            elif not isinstance(command, _Exchange):
-                session.obey(command)
+            _carry_out(session, command)
             if time.perf_counter() - began > _LONGEST:
                 break
         session.tick()
@@ -318,6 +314,16 @@ def _ticks(session: Session, inbox: _Inbox, ring: Callable[[], None]) -> Callabl
         return session.state()
 
     return tick
+
+
+def _carry_out(session: Session, command: Any) -> None:
+    """Let a session carry out a command of any kind but the end."""
+    if isinstance(command, OtherRobots):
+        session.exchange(command)
+    elif isinstance(command, _Refusal):
+        session.refuse(command.edition, command.why)
+    elif not isinstance(command, _Exchange):
+        session.obey(command)
 
 
 def _next_period(rate: float, dt: float) -> float:

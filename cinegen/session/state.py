@@ -6,9 +6,9 @@ import pinocchio as pin
 from msgspec import Struct
 
 from cinegen.arrays import Array
-from cinegen.ik.described import AnyDescription
+from cinegen.ik.tasks.described import AnyDescription
 from cinegen.sensor import SensorState
-from cinegen.session.commands import CommandFrame
+from cinegen.session.message_types import CommandFrame
 from cinegen.typed_json import DoF, Vector3, Vector6
 
 

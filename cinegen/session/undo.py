@@ -11,7 +11,7 @@ import numpy as np
 
 from cinegen.arrays import Array
 from cinegen.errors import CinegenError
-from cinegen.ik.described import TaskDescription
+from cinegen.ik.tasks.described import TaskDescription
 from cinegen.mission import RecordedTask
 from cinegen.session.carried import Kept, attached, detached
 from cinegen.session.motion import ConfigurationMotion, Retrace

@@ -48,11 +48,7 @@ def text(some: DependentSet, count: int, unit: str, length: float) -> str:
     if name == "ELLIPTIC_CONGRUENCE":
         return f"{lines} twist around each other, and no line meets them all (an elliptic congruence)"
     if name == "HYPERBOLIC_CONGRUENCE":
-        finite = [line for line in directors if isinstance(line, PlueckerLine)]
-        if len(finite) == 2:
-            return f"{lines} meet two lines, {write.line(finite[0])} and {write.line(finite[1])}"
-        far = next(line for line in directors if isinstance(line, LineAtInfinity))
-        return f"{lines} {write.met(finite[0])}, and {write.met(far)}"
+        return f"{lines} {_two_met(directors, write)}"
     if name == "PARABOLIC_CONGRUENCE":
         far_away = isinstance(directors[0], LineAtInfinity)
         twist = "rotate from one such plane to the next" if far_away else "twist around it"
@@ -66,6 +62,15 @@ def text(some: DependentSet, count: int, unit: str, length: float) -> str:
     assert some.screw is not None
     screw = f"pitch {write.pitch(some.screw.pitch)} about {write.line(some.screw.axis)}"
     return f"{lines} belong to one linear complex, of {screw}"
+
+
+def _two_met(directors: Sequence[AnyLine], write: GeometryWriter) -> str:
+    """Return how lines meet two others, of which one may be at infinity."""
+    finite = [line for line in directors if isinstance(line, PlueckerLine)]
+    if len(finite) == 2:
+        return f"meet two lines, {write.line(finite[0])} and {write.line(finite[1])}"
+    far = next(line for line in directors if isinstance(line, LineAtInfinity))
+    return f"{write.met(finite[0])}, and {write.met(far)}"
 
 
 def legs(which: Sequence[int], count: int) -> str:

@@ -21,8 +21,9 @@ from cinegen.html import table
 from cinegen.loops.motions import free_motions, orthonormal
 from cinegen.model import Mechanism
 from cinegen.singularities.ball_joints import CountedJacobians, counted
-from cinegen.singularities.grassmann import Dependence, GrassmannClass, class_of_wrenches, classify, near
+from cinegen.singularities.grassmann import Dependence, classify, near
 from cinegen.singularities.leg_lines import leg_lines
+from cinegen.singularities.line_varieties import GrassmannClass, class_of_wrenches
 from cinegen.singularities.pluecker import LineFrame, PlueckerLine, Screw, sense
 from cinegen.singularities.screw_system import ScrewSystem
 from cinegen.tolerances import NEAR_SINGULAR

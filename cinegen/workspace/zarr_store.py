@@ -31,7 +31,7 @@ from cinegen.workspace.errors import MapError
 from cinegen.workspace.loads import described
 from cinegen.workspace.quantities import QUANTITIES
 from cinegen.workspace.specification import VERSION, MapSpecification
-from raff2urdf.extras import needs
+from raff2urdf.command.extras import needs
 
 with needs("maps", "maps"):
     import google_crc32c

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cinegen.singularities.grassmann import span
+from cinegen.singularities.line_varieties import span
 from cinegen.singularities.pluecker import (
     AnyLine,
     LineFrame,

@@ -33,7 +33,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from cinegen.errors import CinegenError
-from cinegen.singularities.grassmann import GrassmannClass
+from cinegen.singularities.line_varieties import GrassmannClass
 from cinegen.singularities.pluecker import PlueckerLine
 
 Array = NDArray[np.float64]

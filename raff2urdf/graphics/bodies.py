@@ -15,14 +15,29 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from itertools import combinations, pairwise
-from typing import NamedTuple
 
 import numpy as np
 
 from raff2urdf.arrays import Array
-from raff2urdf.graphics.skeleton import BASE, JOINT, SkeletonDrawing, digits, rounded
+from raff2urdf.graphics.body_shapes import (
+    CUP,
+    SHARED,
+    TUBE,
+    Colour,
+    DrawnBody,
+    Joint,
+    Shape,
+    Solid,
+    box,
+    composed,
+    cylinder,
+    is_inside,
+    principal,
+    shifted,
+    sphere,
+)
+from raff2urdf.graphics.skeleton import JOINT, SkeletonDrawing, digits, rounded
 from raff2urdf.graphics.solids import hull, recipe
 from raff2urdf.graphics.wheels import CouplingDrawing
 from raff2urdf.placement import along, inverse
@@ -31,65 +46,10 @@ from raff2urdf.raff.document import Document, JointType, LoopKind, RaffFrame, Ra
 from raff2urdf.raff.kleinfinger import transform
 from raff2urdf.tree import moved
 
-Colour = tuple[float, float, float]
-
-SHARED = (0.87, 0.87, 0.85)
-"""Of a body that closes loops of several branches, such as a platform."""
-
 _ROD = 0.8  # of the skeleton's radius: that of a tube where it begins
-_END = 0.62  # of that, where it ends
 _FLAT = 0.12  # of its extent: deviation from a plane of the joints of a plate
 _MOST_SEARCHED = 12  # joints of a body among which those in a plane are looked for
 _FARTHEST = 1e5  # radii: plates are no larger
-_TUBE = recipe("lathe", 18, 0.0, 0.0, 1.0, 0.0, _END, 1.0, 0.0, 1.0)
-_OUTER, _INNER = 1.5, 1.2  # radii of a cup, in units
-_ARCS = [(_OUTER, t) for t in (-0.5, -0.34, -0.16, 0.03)] + [(_INNER, t) for t in (0.03, -0.23, -0.5)]
-_CUP = recipe("lathe", 18, *(x for r, t in _ARCS for x in (r * math.cos(math.pi * t), r * math.sin(math.pi * t))))
-
-
-class Shape(NamedTuple):
-    """A shape in the frame of the node that has it.
-
-    Attributes:
-        kind: box, cylinder, sphere or mesh.
-        sizes: as `raff2urdf.urdf_object.geometry` takes them, m.
-        placement: (4, 4).
-        colour: red, green, blue.
-        recipe: of a mesh, see `raff2urdf.graphics.solids`.
-    """
-
-    kind: str
-    sizes: tuple[float, ...]
-    placement: Array
-    colour: Colour
-    recipe: str = ""
-
-
-@dataclass(eq=False)
-class DrawnBody:
-    """Nodes that are rigidly connected.
-
-    Attributes:
-        nodes: placement (4, 4) of each on the body, by number; first the node in whose frame it is described.
-        points: where its joints are (3,), its own first, each with the child to which a path leads.
-        shapes: in its frame.
-    """
-
-    nodes: dict[int, Array]
-    points: list[tuple[Array, RaffPart | None]] = field(default_factory=list)
-    shapes: list[Shape] = field(default_factory=list)
-    colour: Colour = BASE
-
-
-class _Joint(NamedTuple):
-    """A joint of one variable between two bodies, with its frame (z is the axis) on each of them."""
-
-    first: DrawnBody
-    on_first: Array
-    second: DrawnBody
-    on_second: Array
-    kind: LoopKind
-    link: RaffLink | None  # None: a loop's
 
 
 class BodyDrawing:
@@ -166,26 +126,26 @@ class BodyDrawing:
 
     # --- joints ---------------------------------------------------------------------------------------------------
 
-    def _joints(self) -> Iterator[_Joint]:
+    def _joints(self) -> Iterator[Joint]:
         for link in self.robot.links:
             if link.type is not JointType.FIXED:
                 first, second = self.bodies[link.pred], self.bodies[link.number]
                 at_zero = transform(moved(link, self.skeleton.parameters[link.number], 0.0))
                 kind = LoopKind.PRISMATIC if link.type is JointType.PRISMATIC else LoopKind.REVOLUTE
                 on_first = first.nodes[link.pred] @ at_zero
-                yield _Joint(first, on_first, second, second.nodes[link.number], kind, link)
+                yield Joint(first, on_first, second, second.nodes[link.number], kind, link)
         for loop in self.robot.loops:
             first, second = self.bodies[loop.first], self.bodies[loop.second]
             if loop.kind is not LoopKind.RIGID:
-                yield _Joint(first, first.nodes[loop.first], second, second.nodes[loop.second], loop.kind, None)
+                yield Joint(first, first.nodes[loop.first], second, second.nodes[loop.second], loop.kind, None)
 
-    def _chains(self, joints: list[_Joint]) -> Iterator[list[_Joint]]:
+    def _chains(self, joints: list[Joint]) -> Iterator[list[Joint]]:
         """Yield what is drawn as one joint: successive joints between which there is no extended body."""
-        around: dict[DrawnBody, list[_Joint]] = defaultdict(list)
+        around: dict[DrawnBody, list[Joint]] = defaultdict(list)
         for joint in joints:
             around[joint.first].append(joint)
             around[joint.second].append(joint)
-        following: dict[int, _Joint] = {}
+        following: dict[int, Joint] = {}
         for body, ends in around.items():
             if len(ends) == 2 and ends[0].second is body is ends[1].first and self._is_thin(body, *ends):
                 following[id(ends[0])] = ends[1]
@@ -198,7 +158,7 @@ class BodyDrawing:
                     chain.append(following[id(chain[-1])])
                 yield chain
 
-    def _is_thin(self, body: DrawnBody, before: _Joint, after: _Joint) -> bool:
+    def _is_thin(self, body: DrawnBody, before: Joint, after: Joint) -> bool:
         """Return whether a body between two joints is only a part of one joint of several variables."""
         nodes, apart = [self.robot.nodes[number] for number in body.nodes], after.on_first - before.on_second
         if before.link is None or after.link is None or float(np.abs(apart[:3, 3]).max()) > 1e-3 * self.unit:
@@ -215,7 +175,7 @@ class BodyDrawing:
         aligned = abs(float(before.on_second[:3, 2] @ after.on_first[:3, 2]))
         return bool(self.robot.loops) and is_passive and turns and aligned < 0.99
 
-    def _join(self, chain: list[_Joint]) -> None:
+    def _join(self, chain: list[Joint]) -> None:
         """Draw a joint on both bodies."""
         first, last = chain[0], chain[-1]
         kinds = [joint.kind for joint in chain]
@@ -230,25 +190,25 @@ class BodyDrawing:
         elif kinds == [LoopKind.REVOLUTE] * 2:
             self._universal(first, last)
         elif kinds == [LoopKind.REVOLUTE, LoopKind.PRISMATIC]:
-            self._slide(last._replace(first=first.first, on_first=_composed(chain)), round_=True)
+            self._slide(last._replace(first=first.first, on_first=composed(chain)), round_=True)
         elif kinds == [LoopKind.PRISMATIC, LoopKind.PRISMATIC, LoopKind.REVOLUTE]:
             self._puck(chain)
         else:
             self._ball(first, last)
 
-    def _hinge(self, joint: _Joint) -> None:
+    def _hinge(self, joint: Joint) -> None:
         u = self.unit
         key = (id(joint.first), *np.round(joint.on_first[:3, 3] / u).astype(int).tolist())
         nested = self._eyes[key]
         self._eyes[key] += 1
         wide, long = 1.3 + 0.35 * nested, 1.3 / (1.0 + 0.5 * nested)
-        self.add(joint.second, _cylinder(joint.on_second, wide * u, -0.5 * long * u, 0.5 * long * u))
+        self.add(joint.second, cylinder(joint.on_second, wide * u, -0.5 * long * u, 0.5 * long * u))
         if not nested:
             for side in (-1.0, 1.0):
-                self.add(joint.first, _cylinder(joint.on_first, 1.3 * u, 0.7 * side * u, 1.2 * side * u))
-            self.add(joint.first, _cylinder(joint.on_first, 0.6 * u, -1.6 * u, 1.6 * u), JOINT)
+                self.add(joint.first, cylinder(joint.on_first, 1.3 * u, 0.7 * side * u, 1.2 * side * u))
+            self.add(joint.first, cylinder(joint.on_first, 0.6 * u, -1.6 * u, 1.6 * u), JOINT)
 
-    def _slide(self, joint: _Joint, round_: bool = False) -> None:
+    def _slide(self, joint: Joint, round_: bool = False) -> None:
         u, place, own = self.unit, joint.on_first, joint.on_second
         if joint.link is None:
             low, high, rod = -8.0 * u, 8.0 * u, 0.0
@@ -259,19 +219,19 @@ class BodyDrawing:
                 return
         if rod:
             sign = math.copysign(1.0, rod)
-            self.add(joint.first, _cylinder(place, 1.15 * u, low, high))
-            self.add(joint.first, _cylinder(place, 1.4 * u, high - 1.2 * sign * u, high + 0.1 * sign * u), JOINT)
-            self.add(joint.second, _cylinder(own, 0.65 * u, -rod, 0.0))
+            self.add(joint.first, cylinder(place, 1.15 * u, low, high))
+            self.add(joint.first, cylinder(place, 1.4 * u, high - 1.2 * sign * u, high + 0.1 * sign * u), JOINT)
+            self.add(joint.second, cylinder(own, 0.65 * u, -rod, 0.0))
         elif round_:
-            self.add(joint.first, _cylinder(place, 0.7 * u, low - 1.5 * u, high + 1.5 * u))
-            self.add(joint.second, _cylinder(own, 1.3 * u, -1.5 * u, 1.5 * u), JOINT)
+            self.add(joint.first, cylinder(place, 0.7 * u, low - 1.5 * u, high + 1.5 * u))
+            self.add(joint.second, cylinder(own, 1.3 * u, -1.5 * u, 1.5 * u), JOINT)
         else:
-            self.add(joint.first, _box(place, (1.3 * u, 1.3 * u), low - 1.6 * u, high + 1.6 * u))
+            self.add(joint.first, box(place, (1.3 * u, 1.3 * u), low - 1.6 * u, high + 1.6 * u))
             for end, side in ((low, -1.0), (high, 1.0)):
-                self.add(joint.first, _box(place, (2.0 * u, 2.0 * u), end + 1.6 * side * u, end + 2.1 * side * u))
-            self.add(joint.second, _box(own, (2.4 * u, 2.4 * u), -1.6 * u, 1.6 * u), JOINT)
+                self.add(joint.first, box(place, (2.0 * u, 2.0 * u), end + 1.6 * side * u, end + 2.1 * side * u))
+            self.add(joint.second, box(own, (2.4 * u, 2.4 * u), -1.6 * u, 1.6 * u), JOINT)
 
-    def _is_shaft(self, joint: _Joint) -> bool:
+    def _is_shaft(self, joint: Joint) -> bool:
         """Return whether a prismatic joint is along the axis about which its parent turns, through the same point."""
         root = self.robot.nodes[next(iter(joint.first.nodes))]
         if not isinstance(root, RaffLink) or root.type is not JointType.REVOLUTE:
@@ -279,47 +239,47 @@ class BodyDrawing:
         along_own = abs(joint.on_first[2, 2]) > 1.0 - 1e-9
         return along_own and bool(np.abs(joint.on_first[:3, 3]).max() < 1e-3 * self.unit)
 
-    def _shaft(self, joint: _Joint) -> None:
+    def _shaft(self, joint: Joint) -> None:
         """Draw a shaft that slides through its parent, over the whole stroke."""
         assert joint.link is not None
         u, (low, high) = self.unit, self.skeleton.stroke(joint.link)
         start, length = -high - 3.0 * u, high - low + 6.0 * u
         if (lead := self.threads.get(joint.link.number)) is None:
-            self.add(joint.second, _cylinder(joint.on_second, 0.7 * u, start, start + length))
+            self.add(joint.second, cylinder(joint.on_second, 0.7 * u, start, start + length))
         else:
             text = recipe("screw", min(length / lead, 60.0), 0.25)
-            self.add(joint.second, ("mesh", (0.8 * u, 0.8 * u, length), _shifted(joint.on_second, start), text))
+            self.add(joint.second, ("mesh", (0.8 * u, 0.8 * u, length), shifted(joint.on_second, start), text))
 
-    def _universal(self, first: _Joint, last: _Joint) -> None:
+    def _universal(self, first: Joint, last: Joint) -> None:
         u = self.unit
         for body, place in ((first.first, first.on_first), (last.second, last.on_second)):
             for side in (-1.0, 1.0):
-                self.add(body, _cylinder(place, 0.8 * u, 0.95 * side * u, 1.5 * side * u))
-            self.add(body, _cylinder(place, 0.4 * u, -1.75 * u, 1.75 * u), JOINT)
-        self.add(last.second, _sphere(last.on_second[:3, 3], 0.85 * u), JOINT)
+                self.add(body, cylinder(place, 0.8 * u, 0.95 * side * u, 1.5 * side * u))
+            self.add(body, cylinder(place, 0.4 * u, -1.75 * u, 1.75 * u), JOINT)
+        self.add(last.second, sphere(last.on_second[:3, 3], 0.85 * u), JOINT)
 
-    def _ball(self, first: _Joint, last: _Joint) -> None:
+    def _ball(self, first: Joint, last: Joint) -> None:
         """Draw a sphere now, and note its cup: that is on the body with fewer joints, and open away from it."""
         u, ends = self.unit, [(first.first, first.on_first), (last.second, last.on_second)]
         ends.sort(key=lambda end: (0 in end[0].nodes, self._degree[end[0]]))
         (cup, in_cup), (ball, on_ball) = ends
-        self.add(ball, _sphere(on_ball[:3, 3], 1.15 * u), JOINT)
+        self.add(ball, sphere(on_ball[:3, 3], 1.15 * u), JOINT)
         self._cups.append((cup, in_cup))
 
-    def _puck(self, chain: list[_Joint]) -> None:
+    def _puck(self, chain: list[Joint]) -> None:
         u, turned = self.unit, chain[-1].on_second
         spans = [self.skeleton.stroke(joint.link) for joint in chain[:2] if joint.link is not None]
         (x0, x1), (y0, y1) = ((low - 3.0 * u, high + 3.0 * u) for low, high in spans)
-        table, x, y = _composed(chain), chain[0].on_first[:3, 2], _composed(chain[:2])[:3, 2]
+        table, x, y = composed(chain), chain[0].on_first[:3, 2], composed(chain[:2])[:3, 2]
         table[:3, :3] = np.column_stack([x, y, np.cross(x, y)])
         table[:3, 3] += 0.5 * ((x0 + x1) * x + (y0 + y1) * y)
-        self.add(chain[0].first, _box(table, (x1 - x0, y1 - y0), -1.1 * u, -0.6 * u))
-        self.add(chain[-1].second, _cylinder(turned, 1.8 * u, -0.6 * u, 0.6 * u))
+        self.add(chain[0].first, box(table, (x1 - x0, y1 - y0), -1.1 * u, -0.6 * u))
+        self.add(chain[-1].second, cylinder(turned, 1.8 * u, -0.6 * u, 0.6 * u))
 
     def _cup(self, body: DrawnBody, place: Array) -> None:
         others = [point for point, _ in body.points if np.abs(point - place[:3, 3]).max() > self.unit]
         way = place[:3, 3] - np.mean(others, axis=0) if others else place[:3, 2]
-        self.add(body, ("mesh", (self.unit,) * 3, along(place[:3, 3], way), _CUP))
+        self.add(body, ("mesh", (self.unit,) * 3, along(place[:3, 3], way), CUP))
 
     # --- what connects the joints of a body -------------------------------------------------------------------------
 
@@ -338,7 +298,7 @@ class BodyDrawing:
             self._plate(body, points, plane)
         self._ends(body, [point for point, _ in points])
         if not body.shapes and body not in self._inner:
-            self.add(body, _sphere(np.zeros(3), self.unit))
+            self.add(body, sphere(np.zeros(3), self.unit))
 
     def _distinct(self, body: DrawnBody) -> list[tuple[Array, RaffPart | None]]:
         found: list[tuple[Array, RaffPart | None]] = []
@@ -354,11 +314,11 @@ class BodyDrawing:
         if count < 3 or np.ptp(points, axis=0).max() > _FARTHEST * self.unit:
             return None
         for some in (range(count), *combinations(range(min(count, _MOST_SEARCHED)), 3)):
-            placement, extents = _principal(points[list(some)])
+            placement, extents = principal(points[list(some)])
             off = np.abs((points - placement[:3, 3]) @ placement[:3, 2])
             near = off <= max(_FLAT * extents[0], self.unit)
             if near[list(some)].all() and 3 * near.sum() >= 2 * count and near.sum() >= 3:
-                placement, extents = _principal(points[near])
+                placement, extents = principal(points[near])
                 rank = int(near.sum()), float(extents[0] * extents[1])
                 if extents[1] > 2.0 * self.unit and (best is None or rank > best[0]):
                     best = rank, placement
@@ -375,7 +335,7 @@ class BodyDrawing:
         self.add(body, ("mesh", (u, u, u), plane, recipe("plate", half, 1.7, *(rim / u).ravel())))
         for x, y, z in local:
             if abs(z) > half * u:  # a post
-                inside = _is_inside(np.array([x, y]), local[held, :2])
+                inside = is_inside(np.array([x, y]), local[held, :2])
                 nearest = local[held][np.linalg.norm(local[held] - [x, y, z], axis=1).argmin()]
                 foot = np.array([x, y, 0.0] if inside else nearest)
                 self._path(body, [(plane @ [*end, 1.0])[:3] for end in (foot, (x, y, z))], 1.0)
@@ -387,7 +347,7 @@ class BodyDrawing:
         if 0 in body.nodes and len(points) == 1 and points[0][1] is not None:  # a column, on its foot
             hub = np.zeros(3)
             if np.linalg.norm(points[0][0]) > self.unit:
-                self.add(body, _cylinder(np.eye(4), 3.0 * self.unit, -0.3 * self.unit, 0.3 * self.unit))
+                self.add(body, cylinder(np.eye(4), 3.0 * self.unit, -0.3 * self.unit, 0.3 * self.unit))
         for point, child in points:
             corners = [hub, point]
             if child is not None and not np.abs(body.nodes[root][:3, 3] - hub).max() > 1e-6 * self.unit:
@@ -402,7 +362,7 @@ class BodyDrawing:
         for start, end in pairwise(drawn):
             self.add(body, self._tube(start, end, thickness))
         for corner in drawn[1:-1]:
-            self.add(body, _sphere(corner, thickness * self.unit))
+            self.add(body, sphere(corner, thickness * self.unit))
 
     def _ends(self, body: DrawnBody, joints: list[Array]) -> None:
         """Draw frames: a thin tube from what is nearest, and a small sphere, unless a joint is there."""
@@ -417,68 +377,15 @@ class BodyDrawing:
             if np.linalg.norm(nearest - point) > 0.5 * u:
                 self.add(body, self._tube(nearest, point, 0.6))
                 if node.filenames is None:
-                    self.add(body, _sphere(point, 0.7 * u))
+                    self.add(body, sphere(point, 0.7 * u))
                 anchors.append(point)
 
-    def _tube(self, start: Array, end: Array, thickness: float) -> _Solid:
+    def _tube(self, start: Array, end: Array, thickness: float) -> Solid:
         length = float(np.linalg.norm(end - start))
         wide = thickness * self.unit
-        return "mesh", (wide, wide, length), along(start, end - start), _TUBE
+        return "mesh", (wide, wide, length), along(start, end - start), TUBE
 
-    def add(self, body: DrawnBody, solid: _Solid, colour: Colour | None = None) -> None:
+    def add(self, body: DrawnBody, solid: Solid, colour: Colour | None = None) -> None:
         """Draw a shape (kind, sizes, placement, recipe) in the frame of a body, in its colour or another one."""
         kind, sizes, placement, text = solid
         body.shapes.append(Shape(kind, sizes, placement, colour or body.colour, text))
-
-
-_Solid = tuple[str, tuple[float, ...], Array, str]
-
-
-def _principal(points: Array) -> tuple[Array, Array]:
-    """Return the placement (4, 4) of points: in the middle, z in their flattest direction, x to the farthest of them;
-    and their extents along these axes. Both are the same on every machine."""
-    middle = points.mean(axis=0)
-    z = np.linalg.svd(points - middle)[2][2]
-    z *= math.copysign(1.0, z[np.abs(np.round(z, 9)).argmax()])
-    flat = points - middle - np.outer((points - middle) @ z, z)
-    lengths = np.linalg.norm(flat, axis=1)
-    x = flat[(lengths > lengths.max() * (1.0 - 1e-6)).argmax()]
-    placement = np.eye(4)
-    if lengths.max() > 0.0:
-        x = x / np.linalg.norm(x)
-        placement[:3, :3] = np.column_stack([x, np.cross(z, x), z])
-    placement[:3, 3] = middle
-    return placement, np.abs((points - middle) @ placement[:3, :3]).max(axis=0)
-
-
-def _is_inside(point: Array, corners: Array) -> bool:
-    """Return whether a point (2,) is in the convex hull of others (n, 2)."""
-    return len(corners) not in hull([*corners, point])
-
-
-def _composed(chain: list[_Joint]) -> Array:
-    """Return the frame of the last joint on the first body where all variables are 0."""
-    placement = chain[0].on_first
-    for before, after in pairwise(chain):
-        placement = placement @ inverse(before.on_second) @ after.on_first
-    return placement
-
-
-def _shifted(place: Array, z: float) -> Array:
-    placement = place.copy()
-    placement[:3, 3] += z * place[:3, 2]
-    return placement
-
-
-def _cylinder(place: Array, radius: float, low: float, high: float) -> _Solid:
-    return "cylinder", (radius, abs(high - low)), _shifted(place, 0.5 * (low + high)), ""
-
-
-def _box(place: Array, sides: tuple[float, float], low: float, high: float) -> _Solid:
-    return "box", (*sides, abs(high - low)), _shifted(place, 0.5 * (low + high)), ""
-
-
-def _sphere(centre: Array, radius: float) -> _Solid:
-    placement = np.eye(4)
-    placement[:3, 3] = centre
-    return "sphere", (radius,), placement, ""

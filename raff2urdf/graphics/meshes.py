@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from raff2urdf.command.extras import needs
 from raff2urdf.errors import RaffError
-from raff2urdf.extras import needs
 from raff2urdf.files import note, signed, write_all
 from raff2urdf.graphics.collada import ENDING, unit_of
 from raff2urdf.graphics.names import cache_folder, check_mesh, may_read
@@ -54,7 +54,7 @@ class Drawing:
         """
         from yourdfpy import Visual
 
-        from raff2urdf.urdf_object import geometry
+        from raff2urdf.writers.urdf_object import geometry
 
         shape = geometry("mesh", np.full(3, scale), _relative(self.path, out))
         return Visual(geometry=shape, material=_material(self.colour))
@@ -208,7 +208,7 @@ def _is_empty(path: Path) -> bool:
 
 def _material(colour: Colour | None) -> Material | None:
     """Return a material named by its colour, so that a name never has two meanings."""
-    from raff2urdf.urdf_object import material_of
+    from raff2urdf.writers.urdf_object import material_of
 
     if colour is None:
         return None

@@ -126,17 +126,22 @@ class Packages:
             beside = above / package
             if beside.is_dir() and (_is_marked(beside) or beside.is_relative_to(home)):
                 yield beside, False
-        for entry in (Path(entry) for variable in _SEARCHED for entry in _entries(variable)):
-            for root in (entry / package, entry):
-                if root.is_dir() and package in _names(root):
-                    yield root, True
-        for root in (Path(entry) / "share" / package for entry in _entries("AMENT_PREFIX_PATH")):
-            if root.is_dir():
-                yield root, True
+        yield from ((root, True) for root in _in_environment(package))
         for top in _tops(home):
             if top not in self._below:
                 self._below[top] = _marked_below(top)
             yield from ((root, False) for root in self._below[top].get(package, ()))
+
+
+def _in_environment(package: str) -> Iterator[Path]:
+    """Yield the folders of a package that environment variables name."""
+    for entry in (Path(entry) for variable in _SEARCHED for entry in _entries(variable)):
+        for root in (entry / package, entry):
+            if root.is_dir() and package in _names(root):
+                yield root
+    for root in (Path(entry) / "share" / package for entry in _entries("AMENT_PREFIX_PATH")):
+        if root.is_dir():
+            yield root
 
 
 def _tops(home: Path) -> list[Path]:

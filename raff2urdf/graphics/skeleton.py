@@ -192,7 +192,7 @@ def _ball(centre: np.ndarray, thickness: float, style: _Style) -> Visual:
 def _visual(kind: str, sizes: ArrayLike, placement: np.ndarray, style: _Style) -> Visual:
     from yourdfpy import Visual
 
-    from raff2urdf.urdf_object import geometry, material_of
+    from raff2urdf.writers.urdf_object import geometry, material_of
 
     r, g, b = style.colour
     name = f"c{round(255 * r):02x}{round(255 * g):02x}{round(255 * b):02x}"

@@ -24,7 +24,8 @@ from raff2urdf.raff.document import DriveKind, JointType, RaffCoupling, RaffLink
 from raff2urdf.tree import home, placements
 
 if TYPE_CHECKING:
-    from raff2urdf.graphics.bodies import BodyDrawing, Colour, DrawnBody
+    from raff2urdf.graphics.bodies import BodyDrawing
+    from raff2urdf.graphics.body_shapes import Colour, DrawnBody
 
 
 _BELT = re.compile("belt|chain|cable|tendon|strap|rope", re.IGNORECASE)

@@ -1,35 +1,30 @@
 """Checks of a document beyond its grammar: parents, cycles, duplicates, limits, names, ends of constraints.
 
 `check_tree` checks what every document needs. `check` also requires that constraints name nodes and sensors that exist:
-an excerpt (such as figure 5 of the paper) can be read, but not converted. `check_sizes` is for code that computes with
-the lengths.
+an excerpt (such as figure 5 of the paper) can be read, but not converted. `sizes.check_sizes` is for code that computes
+with the lengths.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import partial
+from collections.abc import Iterator, Mapping
 
 from raff2urdf.errors import (
     Problem,
-    RaffError,
     defined_twice,
     did_you_mean,
     duplicates,
-    first_on,
     limits_reversed,
     warn,
 )
 from raff2urdf.joint_dynamics import JointDynamics
-from raff2urdf.quantities import typed_in_radians
 from raff2urdf.raff import texts
-from raff2urdf.raff.compound import VARIABLES, expanded, intermediate_names
+from raff2urdf.raff.compound import VARIABLES, intermediate_names
 from raff2urdf.raff.document import (
     LEAST_SIZE,
     OF_JOINT,
-    CompoundKind,
     Document,
     DriveKind,
     JointType,
@@ -41,9 +36,10 @@ from raff2urdf.raff.document import (
     RaffPart,
     RaffRobot,
 )
+from raff2urdf.raff.oddities import oddities
+from raff2urdf.raff.sizes import label, raise_problems
 from raff2urdf.raff.writer import number as shown
 from raff2urdf.readers.urdf import LEAST_SPEED, TOO_SLOW, negative_mass
-from raff2urdf.tree import coupling_of, joint_dynamics, stated_inertia
 
 # XML 1.0 (fifth edition), production [5] Name, without the colon, which belongs to namespaces.
 _START = (
@@ -53,11 +49,6 @@ _START = (
 XML_NAME = f"[{_START}][{_START}\\-.0-9\xb7\u0300-\u036f\u203f-\u2040]*"
 _ASCII_NAME = "[A-Za-z_][A-Za-z0-9_.-]*"  # the same for ASCII; the long expression takes 8 ms to compile
 
-LARGEST = 1e12
-"""Largest length, m: its square, times the number of links, must stay finite and keep enough digits."""
-
-SMALLEST = 1.0 / LARGEST
-"""The largest coefficient of a joint in a coupling is no smaller, rad and m."""
 
 RESERVED = {"base": "the root", "world": "the frame of the world", "universe": "Pinocchio's root"}
 
@@ -73,7 +64,9 @@ def check_tree(document: Document) -> None:
     Raises:
         RaffError: with every problem.
     """
-    _raise([*_file_problems(document), *(p for robot in document.robots for p in _tree_problems(document, robot))])
+    raise_problems(
+        [*_file_problems(document), *(p for robot in document.robots for p in _tree_problems(document, robot))]
+    )
 
 
 def check(document: Document) -> None:
@@ -87,67 +80,10 @@ def check(document: Document) -> None:
     for robot in document.robots:
         problems += [*_tree_problems(document, robot), *_constraint_problems(document, robot)]
         problems += _unit_problems(document, robot)
-    _raise(problems)
+    raise_problems(problems)
     for robot in document.robots:
-        for problem in _oddities(document, robot):
+        for problem in oddities(document, robot):
             warn(str(problem))
-
-
-def check_sizes(document: Document, robot: RaffRobot) -> None:
-    """Check that no length, mass, moment of inertia, number of a joint's friction and coefficient of a coupling is too
-    large for computations.
-
-    Raises:
-        RaffError: with every problem.
-    """
-    _raise(_too_large(document, robot))
-
-
-def _too_large(document: Document, robot: RaffRobot) -> Iterator[Problem]:
-    problem = partial(document.problem, largest=LARGEST)
-    if document.gravity is not None and not max(map(abs, document.gravity)) <= LARGEST:
-        yield problem(texts.GRAVITY_TOO_LARGE)
-    for node in (robot.base, *robot.parts):
-        lengths = {word: abs(document.metres(getattr(node.parameters, word))) for word in ("r", "d", "epsilon")}
-        for word in (word for word, length in lengths.items() if not length <= LARGEST):
-            yield problem(texts.LENGTH_TOO_LARGE, node, "parameters", word=word, node=label(node))
-        for word, largest in _sizes(document, node.inertial) if node.inertial is not None else ():
-            if not largest <= LARGEST:
-                at = (node.inertial, word, "inertial")
-                yield problem(texts.INERTIAL_TOO_LARGE, *at, word=word, node=label(node))
-    for link in expanded(robot).links:
-        for word, value in joint_dynamics(document, link)._asdict().items():
-            if not value <= LARGEST:
-                yield problem(texts.DYNAMICS_TOO_LARGE, link, word, word=word, joint=link.joint)
-    for i, coupling in enumerate(robot.couplings):
-        equation, follower = coupling_of(document, robot, i), coupling.follower
-        terms = list(equation.terms.values())[1:]
-        for j, (drive, coefficients) in enumerate(zip(coupling.drives, terms, strict=True)):
-            if not SMALLEST <= max(map(abs, coefficients)) <= LARGEST:
-                fields = {"link": drive.link, "follower": follower, "least": SMALLEST}
-                yield problem(texts.COEFFICIENTS_TOO_LARGE, coupling, f"drive {j}", **fields)
-        if not abs(equation.constant) <= LARGEST:
-            yield problem(texts.OFFSET_TOO_LARGE, coupling, "offset", follower=follower)
-
-
-def label(node: RaffNode) -> str:
-    """Return a node as errors name it."""
-    return f"{node.keyword} {node.number}" if node.number else "the base"
-
-
-def _sizes(document: Document, inertial: RaffInertial) -> Iterator[tuple[str, float]]:
-    """Yield the largest number of each statement in SI units."""
-    for word in ("mass", "density"):
-        yield word, abs(getattr(inertial, word) or 0.0)
-    yield "radius", document.metres(abs(inertial.radius or 0.0))
-    yield "centre", document.metres(max(map(abs, inertial.centre)))
-    for word in ("moments", "products"):
-        yield word, document.metres(document.metres(max(map(abs, getattr(inertial, word)))))
-
-
-def _raise(problems: Iterable[Problem]) -> None:
-    if found := list(problems):
-        raise RaffError(found)
 
 
 def _file_problems(document: Document) -> Iterator[Problem]:
@@ -321,7 +257,8 @@ def _coupling_problems(document: Document, robot: RaffRobot) -> Iterator[Problem
             yield problem(texts.NAME_OF_COUPLING, coupling, "name", name=coupling.name)
         if coupling.name in loops:
             yield problem(texts.NAME_OF_LOOP, coupling, "name", name=coupling.name)
-        ends = [("follower", coupling.follower)] + [(f"drive {i}", one.link) for i, one in enumerate(coupling.drives)]
+        drives = [(f"drive {i}", drive.link) for i, drive in enumerate(coupling.drives)]
+        ends = [("follower", coupling.follower), *drives]
         for i, (word, number) in enumerate(ends):
             if number in compound:
                 yield problem(texts.COUPLES_COMPOUND, coupling, word, number=number, compound=compound[number])
@@ -329,19 +266,23 @@ def _coupling_problems(document: Document, robot: RaffRobot) -> Iterator[Problem
                 yield problem(texts.COUPLES_NOTHING, coupling, word, number=number, known=known)
             elif number in (other for _, other in ends[:i]):
                 yield problem(texts.COUPLED_TWICE, coupling, word, number=number, known=known)
-        for i, drive in enumerate(coupling.drives):
-            if drive.link not in moving or coupling.follower not in moving:
-                continue
-            at = (coupling, f"drive {i}")
-            own, other = (moving[number].type for number in (coupling.follower, drive.link))
-            ends_of = {"follower": coupling.follower, "link": drive.link, "own": own.name.lower()}
-            word = drive.kind.name.lower()
-            if drive.kind is DriveKind.RATIO and own is not other:
-                yield problem(texts.RATIO_OF_TWO_TYPES, *at, **ends_of, other=other.name.lower())
-            if drive.kind in (DriveKind.LEAD, DriveKind.RADIUS) and own is other:
-                yield problem(texts.SCREW_OF_ONE_TYPE, *at, **ends_of, word=word)
-            if not any(drive.numbers):
-                yield problem(texts.DRIVES_BY_0, *at, **ends_of, word=word)
+        yield from _drive_problems(document, coupling, moving)
+
+
+def _drive_problems(document: Document, coupling: RaffCoupling, moving: Mapping[int, RaffLink]) -> Iterator[Problem]:
+    """Yield what is wrong with the drives of a coupling between links that move."""
+    for i, drive in enumerate(coupling.drives):
+        if drive.link not in moving or coupling.follower not in moving:
+            continue
+        at, word = (coupling, f"drive {i}"), drive.kind.name.lower()
+        follows, drives = (moving[number].type for number in (coupling.follower, drive.link))
+        ends_of = {"follower": coupling.follower, "link": drive.link, "own": follows.name.lower()}
+        if drive.kind is DriveKind.RATIO and follows is not drives:
+            yield document.problem(texts.RATIO_OF_TWO_TYPES, *at, **ends_of, other=drives.name.lower())
+        if drive.kind in (DriveKind.LEAD, DriveKind.RADIUS) and follows is drives:
+            yield document.problem(texts.SCREW_OF_ONE_TYPE, *at, **ends_of, word=word)
+        if not any(drive.numbers):
+            yield document.problem(texts.DRIVES_BY_0, *at, **ends_of, word=word)
 
 
 def _unit_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
@@ -358,99 +299,3 @@ def _probable_parent(robot: RaffRobot, part: RaffPart) -> str:
         below |= found
     ends = robot.nodes.keys() - below - {one.pred for one in robot.parts}
     return texts.DID_YOU_MEAN.format(word=ends.pop() or texts.THE_BASE) if len(ends) == 1 else ""
-
-
-def _oddities(document: Document, robot: RaffRobot) -> Iterator[Problem]:
-    """Yield warnings: valid input that is probably not intended."""
-    problem = document.problem
-    size, longest = document.longest(robot)
-    if document.metres(size) > LONGEST and document.units == "m":
-        yield problem(texts.LARGE, longest, "parameters", robot=robot.name, size=shown(size))
-    for first, loop in duplicates(robot.loops, lambda loop: (*sorted((loop.first, loop.second)), loop.kind)):
-        yield problem(texts.LOOP_TWICE, loop, "first", first=first_on(first.line("first")))
-    for node in (robot.base, *robot.parts):
-        yield from _angles_in_radians(document, node)
-        yield from _moments_in_metres(document, node, document.metres(size))
-        if node.inertial is not None and all(size <= LARGEST for _, size in _sizes(document, node.inertial)):
-            why = stated_inertia(document, node.inertial).why_unphysical()
-            if why is not None:
-                yield problem(texts.NO_BODY, node.inertial, "moments", "inertial", node=label(node), why=why)
-    for link in robot.links:
-        yield from _variables_outside_limits(document, link)
-        yield from _useless_efforts(document, link)
-        if link.type is JointType.FIXED and not link.compound:
-            for word in OF_JOINT:
-                if getattr(link, word):
-                    yield problem(texts.FIXED_HAS, link, word, number=link.number, word=word)
-        elif link.limits:
-            home = link.parameters.theta if link.type is JointType.REVOLUTE else link.parameters.r
-            degrees = _degrees(link) if link.type is JointType.REVOLUTE else None
-            if not link.limits[0] <= home <= link.limits[1]:
-                yield problem(_outside(f"link {link.number}", home, link.limits, degrees), link, "limits")
-            elif degrees is not None:
-                yield problem(
-                    texts.LIMITS_IN_RADIANS, link, "limits", what=f"link {link.number}", degrees=" ".join(degrees)
-                )
-
-
-LONGEST = 100.0
-"""Longest length, m, above which a file in metres probably is one in mm."""
-
-
-def _angles_in_radians(document: Document, node: RaffNode) -> Iterator[Problem]:
-    """Yield a warning for each angle that is a part of pi, with four digits at least."""
-    for word in ("alpha", "gamma", "theta"):
-        value = getattr(node.parameters, word)
-        written = shown(value).lstrip("-")
-        parts = [] if len(written.strip("0").replace(".", "")) < 4 else [30, 45, 60, 90, 120, 135, 150, 180, 270]
-        for part in parts:
-            digits = len(written.partition(".")[2])
-            if abs(value) < math.tau and round(math.radians(part), digits) == abs(value):
-                signed = shown(math.copysign(part, value))
-                fields = {"value": shown(value), "angle": f"{signed} degrees", "degrees": signed}
-                yield document.problem(
-                    texts.ANGLE_IN_RADIANS, node, "parameters", word=word, what=label(node), **fields
-                )
-
-
-def _degrees(link: RaffLink) -> list[str] | None:
-    """Return the limits of a revolute link in degrees, if they are probably in radians."""
-    found = typed_in_radians(link.limits or ())
-    return None if found is None else list(map(shown, found))
-
-
-def _moments_in_metres(document: Document, node: RaffNode, size: float) -> Iterator[Problem]:
-    """Yield a warning if moments of inertia are those of a body that is a thousandth of the robot, of `size` m."""
-    inertial = node.inertial
-    if inertial is None or document.units == "m" or not inertial.mass or max(inertial.moments) <= 0.0:
-        return
-    radius = document.metres(math.sqrt(max(inertial.moments) / inertial.mass))
-    if 0.01 * size < 1e3 * radius < size:
-        factor = document.metres(1.0) ** -2
-        moments = " ".join(f"{factor * moment:.6g}" for moment in inertial.moments)
-        fields = {"what": label(node), "size": f"{1e3 * radius:.2g}", "moments": moments}
-        yield document.problem(texts.MOMENTS_IN_M, inertial, "moments", **fields)
-
-
-def _useless_efforts(document: Document, link: RaffLink) -> Iterator[Problem]:
-    ball = link.compound is CompoundKind.BALL
-    for what, of in [(f"link {link.number}", link)] + [
-        (f"variable {variable.name} of link {link.number}", variable) for variable in link.variables
-    ]:
-        if of.effort is not None and (of.actuated is False or (ball and not of.actuated)):
-            yield document.problem(texts.USELESS_EFFORT, of, "effort", what=what)
-
-
-def _variables_outside_limits(document: Document, link: RaffLink) -> Iterator[Problem]:
-    for variable in link.variables:
-        word = VARIABLES[link.compound][variable.name] if link.compound else None
-        home = getattr(link.parameters, word) if word else variable.home
-        if variable.limits and not variable.limits[0] <= home <= variable.limits[1]:
-            message = _outside(f"variable {variable.name} of link {link.number}", home, variable.limits)
-            yield document.problem(message, variable, "limits")
-
-
-def _outside(what: str, home: float, limits: tuple[float, float], degrees: Sequence[str] | None = None) -> str:
-    low, high = map(shown, limits)
-    hint = texts.IN_RADIANS.format(low=degrees[0], high=degrees[1]) if degrees else ""
-    return texts.HOME_OUTSIDE.format(home=shown(home), what=what, low=low, high=high, hint=hint)

@@ -1,4 +1,4 @@
-"""The edits of a RAFF file that close the loops of a robot as it is drawn: see `raff2urdf.slips`."""
+"""The edits of a RAFF file that close the loops of a robot as it is drawn: see `raff2urdf.loops.slips`."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from raff2urdf.arrays import Array
 from raff2urdf.errors import SourceLocation
+from raff2urdf.loops.slips import DrawnLoop, DrawnPart, Fault, slips
 from raff2urdf.raff import texts
 from raff2urdf.raff.compound import expanded
 from raff2urdf.raff.document import (
@@ -24,7 +25,6 @@ from raff2urdf.raff.document import (
 )
 from raff2urdf.raff.kleinfinger import transform
 from raff2urdf.raff.writer import number as shown
-from raff2urdf.slips import DrawnLoop, DrawnPart, Fault, slips
 from raff2urdf.tree import home, kleinfinger
 
 _LENGTHS = frozenset({"r", "d", "epsilon"})

@@ -10,8 +10,8 @@ from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.graphics.meshes import Graphics
 from raff2urdf.graphics.skeleton import SkeletonDrawing
 from raff2urdf.inertia import Inertia, sum_of
-from raff2urdf.raff.check import LARGEST, label
 from raff2urdf.raff.document import Document, RaffInertial, RaffNode
+from raff2urdf.raff.sizes import LARGEST, label
 from raff2urdf.tree import stated_inertia
 from raff2urdf.writers.inertia import load_surface, of_geometry, of_surface
 

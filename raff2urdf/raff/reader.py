@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import suppress
 from enum import IntEnum
 from pathlib import Path
@@ -187,29 +187,20 @@ class _Reading:
         if statement is None or self.token.kind != "WORD":
             self.unfitting(block, self.take())
             return
-        word, found, inner = self.take(), list[Token](), block
+        word, values, inner = self.take(), list[Token](), block
         follows = statement.follows.split()
         for kind in follows:
             if kind == "{":
-                label = LABELS.get(word.text) or " ".join([word.text, *(token.text for token in found)])
+                label = LABELS.get(word.text) or " ".join([word.text, *(token.text for token in values)])
                 inner = Block(word.text, label, self.expect(kind).line)
                 self.open.append(inner)
             elif kind == "}":
                 while not self.ends(inner):
                     self.unfitting(inner, self.take())
-            elif kind == "STRING*":
-                while self.token.kind in ("STRING", "WORD"):
-                    found.append(self.expect("STRING"))
-            elif kind == "NUMBER" and found and found[-1].kind == "MISSING":
-                found.append(found[-1])
-            elif kind.startswith("NUMBER"):
-                found.append(self.number(word))
-                while kind == "NUMBER+" and self.token.kind != ")":
-                    found.append(self.expect("NUMBER" if self.token.kind == "NUMBER" else "MORE"))
             else:
-                found += [token for token in [self.expect(kind)] if kind not in "()"]
-        arguments: list[Any] = found if follows[:1] not in ([], ["{"]) or "}" in follows else [word]
-        location = (found if found and block.kind != "parameters" else [word])[0].location
+                values += self.values(kind, word, values)
+        arguments: list[Any] = values if follows[:1] not in ([], ["{"]) or "}" in follows else [word]
+        location = (values if values and block.kind != "parameters" else [word])[0].location
         if follows[-1:] == ["{"]:
             while not self.ends(inner):
                 self.statement(inner)
@@ -219,6 +210,20 @@ class _Reading:
                     self.missing.append(self.source.problem(message, location))
             arguments = [inner, *arguments]
         block.add(self.report, statement, word, statement.value(self.report, *arguments), location)
+
+    def values(self, kind: str, word: Token, before: Sequence[Token]) -> Iterator[Token]:
+        """Read the values of a kind that follow a word and those before; yield them, without parentheses."""
+        if kind == "STRING*":
+            while self.token.kind in ("STRING", "WORD"):
+                yield self.expect("STRING")
+        elif kind == "NUMBER" and before and before[-1].kind == "MISSING":
+            yield before[-1]
+        elif kind.startswith("NUMBER"):
+            yield self.number(word)
+            while kind == "NUMBER+" and self.token.kind != ")":
+                yield self.expect("NUMBER" if self.token.kind == "NUMBER" else "MORE")
+        else:
+            yield from (token for token in [self.expect(kind)] if kind not in "()")
 
     def ends(self, block: Block) -> bool:
         """Return whether a block ends here, and read its closing brace."""

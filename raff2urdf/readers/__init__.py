@@ -17,7 +17,7 @@ from raff2urdf.readers.xml_file import error_at, parse_xml, read_text
 
 if TYPE_CHECKING:  # each format is imported when it is read
     from raff2urdf.constraints import Constraints
-    from raff2urdf.readers.declaration import IgnoreList
+    from raff2urdf.readers.loops.declaration import IgnoreList
     from raff2urdf.readers.options import ReadOptions
 
 
@@ -119,7 +119,7 @@ def _described(
     is_file: bool = True,
 ) -> tuple[Description, str, IgnoreList, bool]:
     from raff2urdf.readers import xacro_file
-    from raff2urdf.readers.declaration import IgnoreList
+    from raff2urdf.readers.loops.declaration import IgnoreList
     from raff2urdf.readers.options import ReadOptions
 
     options = options or ReadOptions()
@@ -196,8 +196,9 @@ def _urdf(
     text: str, path: Path, robot: str | None, ignore_loops: bool, ignore: IgnoreList, is_file: bool,
     options: ReadOptions,
 ) -> Description:  # fmt: skip
-    from raff2urdf.readers import dialects, drives, uncounted
-    from raff2urdf.readers.successive import moving
+    from raff2urdf.readers import drives, uncounted
+    from raff2urdf.readers.loops import dialects
+    from raff2urdf.readers.loops.successive import moving
     from raff2urdf.readers.urdf import joints
 
     found = dialects.read(text, path, ignore, ignore_loops, is_file)

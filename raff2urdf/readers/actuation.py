@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from raff2urdf.errors import first_of
-from raff2urdf.readers import holds_xml, robot_yaml, sidecar
+from raff2urdf.readers import holds_xml
+from raff2urdf.readers.loops import robot_yaml, sidecar
 from raff2urdf.readers.xml_file import own_element, parse_xml, read_text
 
 RAFF = "'actuated 1' in its link"

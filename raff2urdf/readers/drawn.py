@@ -1,4 +1,4 @@
-"""The edits of a URDF that close its loops with all joints at home as written: see `raff2urdf.slips`."""
+"""The edits of a URDF that close its loops with all joints at home as written: see `raff2urdf.loops.slips`."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from raff2urdf.analysis import loop_kind
 from raff2urdf.arrays import Array
+from raff2urdf.loops.analysis import loop_kind
+from raff2urdf.loops.slips import DrawnLoop, DrawnPart, Fault, slips
 from raff2urdf.placement import from_origin, joint_motion
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.raff.writer import number
-from raff2urdf.readers.urdf import axis, ends, joints, parse, root_first, three
-from raff2urdf.slips import DrawnLoop, DrawnPart, Fault, slips
+from raff2urdf.readers.urdf import axis, ends, joints, root_first, three
+from raff2urdf.readers.urdf_file import parse
 
 _XYZ, _RPY = ("x", "y", "z"), ("roll", "pitch", "yaw")
 _LENGTHS = frozenset(_XYZ)

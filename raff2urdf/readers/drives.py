@@ -12,7 +12,7 @@ from collections.abc import Collection, Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from raff2urdf.errors import first_of
-from raff2urdf.readers.declaration import local
+from raff2urdf.readers.loops.declaration import local
 
 if TYPE_CHECKING:
     from raff2urdf.readers import Description

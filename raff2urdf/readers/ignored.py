@@ -9,18 +9,11 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from raff2urdf.readers import (
-    closing_frames,
-    closing_joints,
-    declared_loops,
-    drives,
-    joint_couplings,
-    loop_elements,
-    xacro_file,
-)
-from raff2urdf.readers.declaration import tag_of
+from raff2urdf.readers import drives, xacro_file
+from raff2urdf.readers.loops import closing_frames, closing_joints, declared_loops, joint_couplings, loop_elements
+from raff2urdf.readers.loops.declaration import tag_of
 from raff2urdf.readers.options import ReadOptions
-from raff2urdf.readers.urdf import by_name
+from raff2urdf.readers.urdf_file import by_name
 from raff2urdf.readers.xml_file import parse_xml, read_text
 
 ALL: frozenset[str] = frozenset("*")

@@ -31,16 +31,16 @@ from numpy.polynomial import Polynomial
 from yourdfpy import Visual
 
 from raff2urdf.arrays import Array
+from raff2urdf.command.extras import needs
 from raff2urdf.constraints import Constraints
 from raff2urdf.errors import Problem, RaffError, did_you_mean, run_all, warn
-from raff2urdf.extras import needs
 from raff2urdf.graphics.names import check_mesh, find
 from raff2urdf.inertia import Inertia
 from raff2urdf.joint_dynamics import JointDynamics
 from raff2urdf.placement import from_quaternion, inverse, roll_pitch_yaw, translation
 from raff2urdf.quantities import typed_in_radians
 from raff2urdf.readers import uncounted
-from raff2urdf.readers.declaration import leave_out
+from raff2urdf.readers.loops.declaration import leave_out
 from raff2urdf.readers.mjcf_faults import FaultyMjcf
 from raff2urdf.readers.urdf import LARGEST
 from raff2urdf.readers.urdf_builder import UNBOUNDED, Shape, UrdfBuilder, material, shapes

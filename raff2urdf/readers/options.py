@@ -1,7 +1,7 @@
 """Options of how a robot's file is read, which `cinegen.load`, `to_raff` and the commands pass on to the readers.
 
 A new option is a field of `ReadOptions`, a parameter of `cinegen.load` and `to_raff`, and a flag in
-`raff2urdf.read_flags`. A reader that honours it calls `met`, so that an option without effect is refused.
+`raff2urdf.command.read_flags`. A reader that honours it calls `met`, so that an option without effect is refused.
 """
 
 from __future__ import annotations

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple, TypedDict
 from raff2urdf.errors import RaffError, did_you_mean, first_of
 from raff2urdf.files import STANDARD, note
 from raff2urdf.readers import xacro_file
+from raff2urdf.readers.loops.sidecar import plain
 from raff2urdf.readers.options import ReadOptions
-from raff2urdf.readers.sidecar import plain
 from raff2urdf.readers.urdf import SIZE, numbers
 from raff2urdf.readers.xml_file import error_at, parse_xml, read_text
 

@@ -16,7 +16,7 @@ from raff2urdf.inertia import Inertia
 from raff2urdf.joint_dynamics import JointDynamics
 from raff2urdf.placement import inverse, joint_motion, translation
 from raff2urdf.readers.urdf import UNLIMITED
-from raff2urdf.urdf_object import ExactUrdf, geometry, inertial, material_of
+from raff2urdf.writers.urdf_object import ExactUrdf, geometry, inertial, material_of
 
 UNBOUNDED = (-math.inf, math.inf)
 

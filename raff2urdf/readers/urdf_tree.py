@@ -12,7 +12,7 @@ from lxml import etree
 from raff2urdf.arrays import Array
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.placement import roll_pitch_yaw, with_z
-from raff2urdf.readers.successive import Step, massless_link
+from raff2urdf.readers.loops.successive import Step, massless_link
 from raff2urdf.readers.urdf import ends, joints, links, origin, three
 from raff2urdf.readers.xml_file import error_at
 

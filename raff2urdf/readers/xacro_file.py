@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 
 from lxml import etree
 
+from raff2urdf.command.extras import needs
 from raff2urdf.errors import RaffError
 from raff2urdf.escape import shell_word
-from raff2urdf.extras import needs
 from raff2urdf.files import LARGEST_FILE, STANDARD, note
 from raff2urdf.graphics.names import home_of
 from raff2urdf.readers.options import ReadOptions

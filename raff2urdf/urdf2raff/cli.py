@@ -10,11 +10,21 @@ from typing import TYPE_CHECKING, Any, Literal
 import typer
 
 from raff2urdf.cli import FORCE, JSON, LOOPS, counted, print_json, warnings_printed
-from raff2urdf.command_line import VERSION, Command, UsageError, expand, flag, new_app, option, print_error, run_app
+from raff2urdf.command.command_line import (
+    VERSION,
+    Command,
+    UsageError,
+    expand,
+    flag,
+    new_app,
+    option,
+    print_error,
+    run_app,
+)
+from raff2urdf.command.output import run
+from raff2urdf.command.read_flags import ReadFlags, loop_kinds_of
 from raff2urdf.errors import RaffError
 from raff2urdf.files import STANDARD, output_path, stem_of
-from raff2urdf.output import run
-from raff2urdf.read_flags import ReadFlags, loop_kinds_of
 
 if TYPE_CHECKING:
     from raff2urdf.urdf2raff.robot import RaffImport

@@ -8,13 +8,14 @@ from dataclasses import replace
 from pathlib import Path
 
 from raff2urdf import readers
-from raff2urdf.analysis import loop_kind
 from raff2urdf.errors import RaffError, RaffWarning, did_you_mean, first_of
 from raff2urdf.files import check_new, is_stream, write_all
+from raff2urdf.loops.analysis import loop_kind
 from raff2urdf.raff.check import check
 from raff2urdf.raff.writer import dumps
 from raff2urdf.readers.options import ReadOptions
-from raff2urdf.readers.urdf import joints, lacks_limits, listed, parse
+from raff2urdf.readers.urdf import joints, lacks_limits, listed
+from raff2urdf.readers.urdf_file import parse
 from raff2urdf.urdf2raff.graphics import GraphicsExport, units_of
 from raff2urdf.urdf2raff.robot import RaffImport, import_tree
 

@@ -17,13 +17,15 @@ from typing import Any
 import numpy as np
 
 from raff2urdf.errors import RaffError
-from raff2urdf.graphics.bodies import BodyDrawing, Shape
+from raff2urdf.graphics.bodies import BodyDrawing
+from raff2urdf.graphics.body_shapes import Shape
 from raff2urdf.graphics.collada import unit_of
 from raff2urdf.graphics.meshes import CONVERTED, SHOWN
 from raff2urdf.graphics.names import Packages, find, may_read
 from raff2urdf.graphics.solids import triangles
 from raff2urdf.raff.document import UNITS_PER_METRE, Document, RaffFrame, RaffNode, RaffRobot
-from raff2urdf.readers.urdf import SHAPES, links, numbers, origin, three
+from raff2urdf.readers.urdf import links, numbers, origin, three
+from raff2urdf.readers.urdf_file import SHAPES
 from raff2urdf.readers.xml_file import error_at
 
 _NEAR = 1e-5  # of its size: a shape that differs from the skeleton's by less is the skeleton's

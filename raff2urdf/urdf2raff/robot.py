@@ -10,44 +10,38 @@ from __future__ import annotations
 
 import itertools
 import math
-import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from raff2urdf.analysis import loop_kind
 from raff2urdf.arrays import Array
 from raff2urdf.constraints import Constraints
 from raff2urdf.coupling import Coupling, coupling_of
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.inertia import Inertia
 from raff2urdf.joint_dynamics import JointDynamics
+from raff2urdf.loops.analysis import loop_kind
 from raff2urdf.placement import inverse
-from raff2urdf.raff.check import RESERVED, is_xml_name
 from raff2urdf.raff.document import (
-    UNITS_PER_METRE,
     Document,
-    DriveKind,
     JointType,
     RaffBase,
     RaffCoupling,
-    RaffDrive,
     RaffFrame,
     RaffInertial,
     RaffLink,
     RaffLoop,
-    RaffParameters,
     RaffPart,
     RaffRobot,
     RaffSensor,
     SensorConstraint,
 )
-from raff2urdf.raff.kleinfinger import Kleinfinger, transform
-from raff2urdf.readers import successive
-from raff2urdf.readers.declaration import leave_out
+from raff2urdf.raff.kleinfinger import Kleinfinger
+from raff2urdf.readers.loops import successive
+from raff2urdf.readers.loops.declaration import leave_out
 from raff2urdf.readers.urdf import (
     default_value,
     effort,
@@ -63,11 +57,9 @@ from raff2urdf.readers.urdf import (
 )
 from raff2urdf.readers.xml_file import error_at
 from raff2urdf.tree import BASE_JOINT, WORLD, in_si, joint_units, kleinfinger
-from raff2urdf.urdf2raff.frames import EXACT, TIDY, RigidBody, choose_frame, gather, path, robot_size, step, tidy
-
-LIMIT_TOLERANCE = 1e-10
-"""Largest change of a limit (m or rad) by `tidy`: larger than that of other numbers (`TIDY`), since less depends on
-it."""
+from raff2urdf.urdf2raff.file_units import LIMIT_TOLERANCE, FileUnits, shortest
+from raff2urdf.urdf2raff.frames import EXACT, RigidBody, choose_frame, gather, path, robot_size, step
+from raff2urdf.urdf2raff.names import Names, numbers, xml_name
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,16 +104,15 @@ class _Import:
 
     def __init__(self, tree: Any, name: str, constraints: Constraints, units: str, loop_ends: set[str]) -> None:
         self.tree, self.name, self.constraints = tree, name, constraints
-        self.units = Document("", units=units)
-        self.per_metre = UNITS_PER_METRE[units]
+        self.units = FileUnits(units)
         self.joint_of = {ends(joint)[1]: (i, joint) for i, joint in enumerate(joints(tree))}
         self.root = root_first(tree)[0]
         self.entries = {entry["name"]: entry for entry in constraints.get("joints", [])}
         self.placing = self.placing_joint(loop_ends)
         own = self.placing is not None and self.placing.get("name") == BASE_JOINT
-        self.numbers = _numbers([joint for joint in joints(tree) if not (own and joint is self.placing)])
+        self.numbers = numbers([joint for joint in joints(tree) if not (own and joint is self.placing)])
         self.free_numbers = itertools.count(max(self.numbers.values(), default=0) + 1)
-        self.names = _Names(str(link.get("name")) for link in links(tree))
+        self.names = Names(str(link.get("name")) for link in links(tree))
         self.parts: list[tuple[float, RaffPart]] = []  # each with its position in the file
         self.placed: dict[int, Array] = {}  # nodes by number, as placed by the written numbers, with joints at 0
         self.number_of: dict[str, int] = {}  # of the node with the pose of each link
@@ -141,7 +132,7 @@ class _Import:
         self.length = robot_size(bodies)
         for body in bodies:
             body.frame = choose_frame(body, self.length)
-        base_parameters, self.placed[0] = self.written(step(root.frame, self.length))
+        base_parameters, self.placed[0] = self.units.written(step(root.frame, self.length))
         self.add_links(root, 0)
         for body in bodies[1:]:
             self.add_body(body)
@@ -149,7 +140,7 @@ class _Import:
         self.parts.sort(key=lambda pair: pair[0])
         masses = self.inertials()
         robot = RaffRobot(
-            name=_xml_name(str(self.tree.get("name") or "robot")),
+            name=xml_name(str(self.tree.get("name") or "robot")),
             base=RaffBase(base_parameters, inertial=masses.get(0)),
             parts=tuple(
                 replace(part, inertial=masses.get(part.number))
@@ -162,7 +153,7 @@ class _Import:
         sensors = tuple(RaffSensor(**sensor) for sensor in self.constraints.get("sensors", []))
         gravity, own = self.constraints.get("gravity"), str(self.constraints.get("name") or robot.name)
         down = None if gravity is None else (gravity[0], gravity[1], gravity[2])
-        document = Document(own, (robot,), sensors, self.units.units, down)
+        document = Document(own, (robot,), sensors, self.units.document.units, down)
         return RaffImport(document, self.joints, self.offsets, self.nodes, self.notes)
 
     def placing_joint(self, loop_ends: set[str]) -> Any:
@@ -182,20 +173,20 @@ class _Import:
         branches = len(body.parent.children) > 1
         pred, found = self.step(body.parent.number, ends(joint)[0], body.frame, own, position - 0.5, branches)
         prismatic = joint.get("type") == "prismatic"
-        zero, local = self.written(found)
+        zero, local = self.units.written(found)
         self.placed[number] = self.placed[pred] @ local
-        read = kleinfinger(self.units, zero)
+        read = kleinfinger(self.units.document, zero)
         offset = read.r if prismatic else read.theta
         home, allowed, fastest = self.motion(joint)
-        at = self.tidied(offset + home, prismatic)
+        at = self.units.tidied(offset + home, prismatic)
         same = next((link for link, there in body.links if self.is_at(number, there)), None)
         link = RaffLink(
             number=number,
             parameters=replace(zero, r=at) if prismatic else replace(zero, theta=at),
             type=JointType.PRISMATIC if prismatic else JointType.REVOLUTE,
             pred=pred,
-            limits=None if allowed is None else self.shifted(allowed, offset, prismatic),
-            velocity=None if fastest is None else self.tidied(fastest, prismatic, LIMIT_TOLERANCE),
+            limits=None if allowed is None else self.units.shifted(allowed, offset, prismatic),
+            velocity=None if fastest is None else self.units.tidied(fastest, prismatic, LIMIT_TOLERANCE),
             effort=effort(joint),
             name=self.names.new(same, f"{body.links[0][0]}_axis", f"link{number}"),
         )
@@ -255,7 +246,7 @@ class _Import:
         self, found: Kleinfinger, pred: int, name: str, number: int, position: float, solid: bool = False
     ) -> int:
         """Add a frame, or a fixed link if it has the name of one; return its number."""
-        written, local = self.written(found)
+        written, local = self.units.written(found)
         own_name = self.names.new(name, name, f"{'link' if solid else 'frame'}{number}")
         frame: RaffPart = RaffFrame(number, written, pred, own_name)
         if solid:
@@ -278,23 +269,7 @@ class _Import:
             if body is not None and number is not None:  # that of the world moves nothing
                 found[number] = found[number] + body if number in found else body
         given = any(body.mass > 0.0 for body in found.values())  # else there is only 0 of links between joints
-        return {number: self.inertial(body) for number, body in found.items() if given}
-
-    def inertial(self, body: Inertia) -> RaffInertial:
-        """Return the inertia of a node in the file's units."""
-        xx, xy, xz, yy, yz, zz = (self.restored(moment, 2) for moment in body.matrix[np.triu_indices(3)].tolist())
-        x, y, z = (self.restored(x, 1) for x in body.centre.tolist())
-        return RaffInertial(float(body.mass), (x, y, z), (xx, yy, zz), (xy, xz, yz))
-
-    def restored(self, value: float, power: int) -> float:
-        """Return the shortest number in the file's units that reads back to a value in powers of m, if there is one."""
-
-        def back(number: float) -> float:
-            for _ in range(power):
-                number = self.units.metres(number)
-            return number
-
-        return _shortest(value, value * self.per_metre**power, back)
+        return {number: self.units.inertial(body) for number, body in found.items() if given}
 
     def motion(self, joint: Any) -> tuple[float, tuple[float, float] | None, float | None]:
         """Return home, limits and velocity limit of a joint (rad, m)."""
@@ -307,13 +282,15 @@ class _Import:
         """Add the inertia of a joint's rotors and its friction to its link, in the file's units."""
         damping, dry = friction(joint)
         given = JointDynamics(self.entries.get(joint.get("name"), {}).get("armature", 0.0), damping, dry)
-        sizes = in_si(self.units, link, JointDynamics(1.0, 1.0, 1.0))
+        sizes = in_si(self.units.document, link, JointDynamics(1.0, 1.0, 1.0))
 
         def written(word: str, value: float, size: float) -> float | None:
             def back(number: float) -> float:
-                return float(getattr(in_si(self.units, link, JointDynamics()._replace(**{word: number})), word))
+                return float(
+                    getattr(in_si(self.units.document, link, JointDynamics()._replace(**{word: number})), word)
+                )
 
-            return _shortest(value, value / size, back) if value else None
+            return shortest(value, value / size, back) if value else None
 
         armature, damped, resists = map(written, given._fields, given, sizes)
         return replace(link, armature=armature, damping=damped, friction=resists)
@@ -338,7 +315,7 @@ class _Import:
 
     def add_note(self, link: RaffLink, own: str, offset: float) -> None:
         """Comment on a joint that has another name, or another zero, in the URDF."""
-        unit = self.units.units if link.type is JointType.PRISMATIC else "degrees"
+        unit = self.units.document.units if link.type is JointType.PRISMATIC else "degrees"
         moved = f"; 0 here is {-offset:.10g} {unit} there" if offset else ""
         if own != link.joint or offset:
             self.notes[link.number] = f"{own}{moved}"
@@ -365,7 +342,7 @@ class _Import:
             raise RaffError(f"{where} has no notation in RAFF, since {why}: {leave_out(coupling.name)}")
         by_joint = {part.joint: part for _, part in self.parts if isinstance(part, RaffLink)}
         links = {joint: by_joint[self.joints[joint]] for joint in coupling.terms}
-        units = {joint: joint_units(self.units, link, 1.0) for joint, link in links.items()}
+        units = {joint: joint_units(self.units.document, link, 1.0) for joint, link in links.items()}
         follower, drives = linear[0], []
         (factor,) = coupling.terms[follower]
         offset = self.offsets[links[follower].joint] + coupling.constant / factor
@@ -375,31 +352,11 @@ class _Import:
             own = Polynomial([0.0, *coefficients])(Polynomial([-self.offsets[links[joint].joint], 1.0]))
             constant, *powers = (-c / factor for c in own.coef.tolist())
             offset += constant
-            drives.append(self.drive(links[follower], links[joint], powers, units[follower], units[joint]))
+            drives.append(self.units.drive(links[follower], links[joint], powers, units[follower], units[joint]))
         numbers = [links[follower].number, *(drive.link for drive in drives)]
         name = None if coupling.name == "-".join(f"joint{number}" for number in numbers) else coupling.name
-        at = self.tidied(offset, links[follower].type is JointType.PRISMATIC)
+        at = self.units.tidied(offset, links[follower].type is JointType.PRISMATIC)
         return RaffCoupling(numbers[0], tuple(drives), at, name)
-
-    def drive(self, follower: RaffLink, link: RaffLink, powers: Sequence[float], own: float, other: float) -> RaffDrive:
-        """Return what a link adds to the joint that follows.
-
-        Args:
-            follower: the link that follows.
-            link: the link that drives.
-            powers: coefficients of the driving joint's variable (rad, m) and its powers.
-            own: unit of the joint that follows, rad or m.
-            other: unit of the joint that drives, rad or m.
-        """
-        if len(powers) > 1:
-            numbers = tuple(_rounded(c * other**power / own) for power, c in enumerate(powers, 1))
-            return RaffDrive(link.number, DriveKind.POLYNOMIAL, numbers)
-        if follower.type is link.type:
-            return RaffDrive(link.number, DriveKind.RATIO, (powers[0],))
-        radius = (powers[0] if follower.type is JointType.PRISMATIC else 1.0 / powers[0]) * self.per_metre
-        found = {DriveKind.RADIUS: _rounded(radius), DriveKind.LEAD: _rounded(radius * math.tau)}
-        kind = min(found, key=lambda one: len(repr(found[one])))  # whichever was meant is the rounder number
-        return RaffDrive(link.number, kind, (found[kind],))
 
     def loop_end(self, end: Mapping[str, Any], loop: str) -> int:
         """Return the node of a loop's end: a new frame if it is none of the URDF's links."""
@@ -423,82 +380,3 @@ class _Import:
             yield SensorConstraint(self.node_number(entry["node"], "a sensor constraint"), tuple(entry["sensors"]))
         if movable and not any(entry["node"] == "base" for entry in entries):
             yield SensorConstraint(0, (0,))
-
-    # --- numbers ------------------------------------------------------------------------------------------------
-
-    def written(self, found: Kleinfinger) -> tuple[RaffParameters, Array]:
-        """Return parameters in the file's units, and the placement (4, 4) that they have once they are read back."""
-        lengths = {word: self.tidied(getattr(found, word), True) for word in ("r", "d", "epsilon")}
-        angles = {word: self.tidied(getattr(found, word), False) for word in ("theta", "alpha", "gamma")}
-        written = RaffParameters(**lengths, **angles)
-        return written, transform(kleinfinger(self.units, written))
-
-    def tidied(self, value: float, length: bool, tolerance: float = TIDY) -> float:
-        """Convert a length (m) or an angle (rad) to the file's units, without its last digits."""
-        if length:
-            return tidy(value * self.per_metre, tolerance * self.per_metre)
-        return tidy(math.degrees(value), math.degrees(tolerance))
-
-    def shifted(self, allowed: tuple[float, float], offset: float, length: bool) -> tuple[float, float]:
-        low, high = (self.tidied(limit + offset, length, LIMIT_TOLERANCE) for limit in allowed)
-        return low, high
-
-
-def _shortest(value: float, near: float, back: Callable[[float], float]) -> float:
-    """Return the shortest number next to `near` that reads back to a value; `near` if there is none."""
-    rounded = [float(f"{near:.{digits}g}") + 0.0 for digits in (14, 15, 16, 17)]
-    for number in (*rounded, math.nextafter(near, math.inf), math.nextafter(near, -math.inf)):
-        if back(number) == value:
-            return number
-    return near
-
-
-def _rounded(value: float) -> float:
-    """Return a number without its last digits, which conversions of units change."""
-    return float(f"{value:.14g}")
-
-
-def _numbers(numbered: Sequence[Any]) -> dict[str, int]:
-    """Return the numbers of joints by name: those of `joint5` if all have such names, else in file order, moving ones
-    first. The joint that only places raff2urdf's own base is not numbered."""
-    matches = [re.fullmatch("joint([1-9][0-9]{0,8})", joint.get("name")) for joint in numbered]
-    if all(matches):
-        return {match[0]: int(match[1]) for match in matches if match}
-    moving_first = sorted(numbered, key=lambda joint: joint.get("type") == "fixed")
-    return {joint.get("name"): number for number, joint in enumerate(moving_first, 1)}
-
-
-class _Names:
-    """Names of nodes: the URDF's if RAFF has a notation for them and they are free."""
-
-    def __init__(self, links: Iterable[str]) -> None:
-        self.links = frozenset(links)
-        self.reserved = {_xml_name(link) for link in self.links}
-        self.taken = set(RESERVED)
-
-    def new(self, wanted: str | None, otherwise: str, default: str) -> str | None:
-        """Return a name for a node; None if the node's default name will do.
-
-        Args:
-            wanted: name of the link that the node is; None if it is none.
-            otherwise: name of a node that is no link, if its default name is that of some link.
-            default: the node's name if none is given.
-        """
-        if wanted is None and default not in self.reserved | self.taken:
-            self.taken.add(default)
-            return None
-        name = own = _xml_name(otherwise if wanted is None else wanted)
-        count = 1
-        while name in self.taken or (count > 1 and name in self.reserved):
-            count += 1
-            name = f"{own}_{count}"
-        self.taken.add(name)
-        return None if name == default else name
-
-
-def _xml_name(name: str) -> str:
-    """Return a name that RAFF accepts: characters that no XML name may contain become '_'."""
-    if is_xml_name(name):
-        return name
-    name = re.sub(r"[^\w.\-]", "_", name)
-    return name if is_xml_name(name) else f"_{name}"

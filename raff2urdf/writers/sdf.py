@@ -36,7 +36,7 @@ from raff2urdf.errors import RaffWarning
 from raff2urdf.escape import unique_name
 from raff2urdf.inertia import Inertia, sum_of
 from raff2urdf.placement import roll_pitch_yaw, translation
-from raff2urdf.readers.urdf import SHAPES
+from raff2urdf.readers.urdf_file import SHAPES
 from raff2urdf.readers.xml_file import NAMESPACE
 from raff2urdf.tree import BASE_JOINT, WORLD
 from raff2urdf.writers.inertia import Inertias, inertias

@@ -22,18 +22,19 @@ from yourdfpy import Collision, Dynamics, Joint, Limit, Link, Robot, Visual
 from raff2urdf import constraints as constraints_file
 from raff2urdf.errors import RaffWarning
 from raff2urdf.files import GENERATED
-from raff2urdf.graphics.bodies import BodyDrawing, Shape
+from raff2urdf.graphics.bodies import BodyDrawing
+from raff2urdf.graphics.body_shapes import Shape
 from raff2urdf.graphics.meshes import Graphics
 from raff2urdf.graphics.skeleton import MARK, SkeletonDrawing
 from raff2urdf.raff.document import Document, JointType, RaffLink, RaffNode, RaffPart, RaffRobot
 from raff2urdf.raff.kleinfinger import transform
 from raff2urdf.raff.masses import RaffMasses
-from raff2urdf.readers.declared_loops import note
-from raff2urdf.readers.sidecar import ENDING
+from raff2urdf.readers.loops.declared_loops import note
+from raff2urdf.readers.loops.sidecar import ENDING
 from raff2urdf.readers.urdf import UNLIMITED, hash_of
 from raff2urdf.readers.xml_file import NAMESPACE
 from raff2urdf.tree import BASE_JOINT, WORLD, effort, joint_dynamics, kleinfinger, limits, moved, velocity
-from raff2urdf.urdf_object import ExactUrdf, geometry, inertial, material_of
+from raff2urdf.writers.urdf_object import ExactUrdf, geometry, inertial, material_of
 from raff2urdf.writers.xml_text import text_of
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ from cinegen.assembly.families import recognise
 from cinegen.assembly.homotopy import Homotopy
 from cinegen.assembly.linkage import Linkage
 from cinegen.assembly.monodromy import Monodromy
-from cinegen.cli.ik import claim_text
+from cinegen.cli.motion.ik import claim_text
 from cinegen.hexapod import SolutionCounts
 from raff2urdf.closure import passive
 

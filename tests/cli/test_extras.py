@@ -8,7 +8,7 @@ import pytest
 
 from cinegen import cluster
 from cinegen.errors import CinegenWarning
-from raff2urdf.extras import MissingExtraError
+from raff2urdf.command.extras import MissingExtraError
 
 PROGRAM = """
 import contextlib, io, json, sys

@@ -12,7 +12,7 @@ import cinegen
 from cinegen.cli import main
 from cinegen.errors import CinegenError
 from cinegen.mission import MissionRecorder, RobotSample
-from raff2urdf import output
+from raff2urdf.command import output
 
 SHOWN = r"a\u009b2Jb\nchecked: all is well\u202edc\u200b"
 CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b\u200e\u200f\u2028-\u202e\u2066-\u2069]")

@@ -8,8 +8,8 @@ import pytest
 
 import cinegen
 from cinegen.cli import app
-from cinegen.cli.export import FORMATS
-from cinegen.cli.map import QUANTITIES
+from cinegen.cli.exports.export import FORMATS
+from cinegen.cli.study.map import QUANTITIES
 from cinegen.mission import FORMATS as FORMATS_OF_MISSIONS
 from cinegen.workspace.quantities import QUANTITIES as QUANTITIES_OF_MAPS
 
@@ -87,6 +87,6 @@ def test_all_public_names_are_there_when_they_are_asked_for():
     for name in cinegen.__all__:
         assert getattr(cinegen, name) is getattr(cinegen, name)
     assert cinegen.model.Mechanism is cinegen.Mechanism
-    assert cinegen.ik.IKSolutions.__module__ == "cinegen.ik.all_solutions"  # a package of packages, lazy itself
+    assert cinegen.ik.IKSolutions.__module__ == "cinegen.ik.solutions"  # a package of packages, lazy itself
     with pytest.raises(AttributeError, match="'nonsense'"):
         _ = cinegen.nonsense

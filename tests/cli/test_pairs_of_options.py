@@ -70,15 +70,15 @@ VALUES = {
     "--density": "3",
 }  # fmt: skip
 REPLACED = (
-    "runpy.run_path", "webbrowser.open", "cinegen.cli.files.check_new", "cinegen.cli.info._text",
-    "cinegen.cli.plan._task", "cinegen.cli.calibrate._text", "cinegen.cli.map.summary", "cinegen.cli.forces._along",
-    "cinegen.cli.ik.pose_task", "cinegen.cli.modes.pose_task", "cinegen.cli.ik._lines", "cinegen.cli.demo.replace",
-    "cinegen.cli.drive.replace", "cinegen.cli.plan.replace", "cinegen.cli.served_page.replace",
-    "cinegen.cli.heal.signed",
+    "runpy.run_path", "webbrowser.open", "cinegen.cli.files.check_new", "cinegen.cli.robots.info._text",
+    "cinegen.cli.motion.plan._task", "cinegen.cli.design.calibrate._text", "cinegen.cli.study.map.summary",
+    "cinegen.cli.study.forces._along", "cinegen.cli.motion.ik.pose_task", "cinegen.cli.study.modes.pose_task",
+    "cinegen.cli.motion.ik._lines", "cinegen.cli.robots.demo.replace", "cinegen.cli.motion.drive.replace",
+    "cinegen.cli.motion.plan.replace", "cinegen.cli.served_page.replace", "cinegen.cli.robots.heal.signed",
 )  # fmt: skip
 """What is called in no library, or needs more than anything."""
 PROGRAMS = {"cinegen": cinegen.cli, "raff2urdf": raff2urdf.cli, "urdf2raff": raff2urdf.urdf2raff.cli}
-MODULES = ("cinegen.cli", "raff2urdf.cli", "raff2urdf.urdf2raff.cli", "raff2urdf.read_flags")
+MODULES = ("cinegen.cli", "raff2urdf.cli", "raff2urdf.urdf2raff.cli", "raff2urdf.command.read_flags")
 BY_INPUT = {"cinegen singular": ["--units"], "cinegen compare": ["--units"], "cinegen map": ["--yes", "--units"]}
 """Options whose effect is in the library's texts, or in a question about large maps."""
 LEFT_OUT = {"--help", "--version", "--install-completion", "--show-completion", "--grammar"}

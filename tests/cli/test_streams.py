@@ -15,7 +15,7 @@ from types import SimpleNamespace
 import pytest
 
 from cinegen.cli import main
-from raff2urdf.output import DEFECT, NO_READER, TERMINATED, TRACEBACK, OutputLostError, run, write_at_once
+from raff2urdf.command.output import DEFECT, NO_READER, TERMINATED, TRACEBACK, OutputLostError, run, write_at_once
 
 FULL = "standard output can't be written: No space left on device"
 

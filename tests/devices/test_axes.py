@@ -17,7 +17,9 @@ from cinegen.cli import main
 from cinegen.devices import SensorError, TwistMapping, open_sensor
 from cinegen.session import Session, SessionRunner, SetupError, arrange
 from cinegen.session import commands as c
-from cinegen.session.session import OtherRobots
+from cinegen.session.decoding import check_names
+from cinegen.session.message_types import CommandError
+from cinegen.session.other_robots import OtherRobots
 from raff2urdf import RaffError
 from raff2urdf.axes import AXES, UNCHANGED, format_axes, parse_axes
 
@@ -201,6 +203,6 @@ def test_a_session_keeps_changed_axes_until_the_file_changes_them(raff):
     assert session.state().robots["r"].tasks[0].target.translation[0] > begin[0]
     session.exchange(OtherRobots.of(setup('axes "x z y"'), 2))
     assert shown() == "x, z, y, 0, 0, 0"
-    with pytest.raises(c.CommandError, match=r"Unknown sensor '2' - at `\$.sensor`"):
-        c.check_names(c.ChangeSensor("2", "x"), session.setup)
+    with pytest.raises(CommandError, match=r"Unknown sensor '2' - at `\$.sensor`"):
+        check_names(c.ChangeSensor("2", "x"), session.setup)
     session.close()

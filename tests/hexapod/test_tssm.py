@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from cinegen.errors import CinegenError
 from cinegen.hexapod import TSSM, HexapodError
-from cinegen.hexapod.tssm import PlatformCircles
+from cinegen.hexapod.tssm_geometry import PlatformCircles
 
 # J-P. Merlet, "Symbolic computation for the determination of the minimal direct kinematics polynomial and the singular
 # configurations of parallel manipulators", table 1: x0, y0, z0, psi, theta, phi of 8 of 16 modes. The geometry is not

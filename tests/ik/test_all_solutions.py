@@ -11,7 +11,7 @@ import pytest
 
 import cinegen
 from cinegen.assembly.homotopy import Homotopy
-from cinegen.cli.ik import claim_text
+from cinegen.cli.motion.ik import claim_text
 from cinegen.ik import FrameTask, IKError, IKSolutions
 from cinegen.model.build import build
 

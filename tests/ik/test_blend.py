@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import cinegen
-from cinegen.ik.blend import eased
+from cinegen.ik.tasks.blend import eased
 
 ROBOTS = Path(__file__).parents[2] / "robots"
 DT = 1e-3

@@ -19,7 +19,7 @@ from cinegen.loops.motions import motions_of
 from cinegen.loops.screws import LoopScrews
 from raff2urdf.closure import rank
 from raff2urdf.conversion import convert
-from raff2urdf.length import characteristic_length
+from raff2urdf.loops.length import characteristic_length
 from raff2urdf.raff.document import LoopKind
 
 KINDS = {

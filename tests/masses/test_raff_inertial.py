@@ -12,9 +12,9 @@ import trimesh
 
 import cinegen
 from raff2urdf import RaffError, RaffWarning, check
-from raff2urdf.raff.check import check_sizes
 from raff2urdf.raff.document import RaffInertial
 from raff2urdf.raff.reader import loads, parse
+from raff2urdf.raff.sizes import check_sizes
 from raff2urdf.raff.writer import dumps
 
 

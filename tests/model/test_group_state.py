@@ -7,7 +7,8 @@ import pytest
 
 import cinegen
 from raff2urdf.constraints import HASH
-from raff2urdf.readers.urdf import hash_of, parse
+from raff2urdf.readers.urdf import hash_of
+from raff2urdf.readers.urdf_file import parse
 
 LIMIT = '<limit lower="{}" upper="{}" velocity="1" effort="1"/>'
 ENDS = '<parent link="{}"/><child link="{}"/>'

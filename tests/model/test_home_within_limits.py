@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import cinegen
-from raff2urdf.home import close_within
+from raff2urdf.loops.home import close_within
 
 
 def hinge(name: str, low: float, high: float) -> str:

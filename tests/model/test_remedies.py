@@ -37,7 +37,7 @@ import raff2urdf.cli
 import raff2urdf.urdf2raff.cli
 from cinegen.model import ForwardKinematics, Mechanism
 from cinegen.model.build import build
-from cinegen.model.heal_file import heal_file
+from cinegen.model.healing.heal_file import heal_file
 from cinegen.model.motion_limits import motion_limits
 from cinegen.model.plausible import check_joint, check_lengths, check_revolution, check_speed
 from raff2urdf import RaffError
@@ -48,7 +48,7 @@ from raff2urdf.quantities import ANGLE, LENGTH, parse_range
 from raff2urdf.quantities import parse as parse_quantity
 from raff2urdf.raff.document import Document
 from raff2urdf.readers.options import ReadOptions
-from raff2urdf.readers.urdf import parse as parse_urdf
+from raff2urdf.readers.urdf_file import parse as parse_urdf
 from raff2urdf.readers.xacro_file import expanded
 
 Values = dict[str, Any]
@@ -811,7 +811,7 @@ UNEXPANDED = urdf(AB, BC).replace(
 
 def unhealed(path: Path) -> object:
     """Heal a file as if no number might change by so much as is needed."""
-    with mock.patch("cinegen.model.heal_file.LARGEST_CHANGE", 1e-9):
+    with mock.patch("cinegen.model.healing.heal_file.LARGEST_CHANGE", 1e-9):
         return heal_file(path)
 
 

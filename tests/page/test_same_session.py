@@ -19,7 +19,7 @@ from cinegen.mission import BasePose
 from cinegen.page.build import RATE, content_of
 from cinegen.page.kernels_module import module
 from cinegen.session import Session, Setup
-from cinegen.session.commands import decode_command
+from cinegen.session.decoding import decode_command
 
 MOVED = 1e-9  # rad and m: motions of joints, home, and of undo along them
 LOOPS = 1e-7  # rad and m: loops are closed to 1e-12 there and 1e-10 here

@@ -20,7 +20,8 @@ import pinocchio as pin
 from lxml import etree
 
 from cinegen.model.urdf import simple
-from raff2urdf.readers.urdf import joints, parse
+from raff2urdf.readers.urdf import joints
+from raff2urdf.readers.urdf_file import parse
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent.parent

@@ -8,11 +8,12 @@ import pytest
 from variants import slow
 
 import raff2urdf
-from cinegen.cli import main, validate
+from cinegen.cli import main
+from cinegen.cli.robots import validate
 from cinegen.model import validation
 from raff2urdf import readers
 from raff2urdf.conversion import translate
-from raff2urdf.readers.urdf import parse
+from raff2urdf.readers.urdf_file import parse
 from raff2urdf.shipped import reference_robots
 from raff2urdf.urdf2raff.robot import import_tree
 

@@ -10,8 +10,8 @@ import pytest
 
 from cinegen.collision import PlanningError
 from cinegen.ik.barrier import Range
-from cinegen.ik.kinds import AxisAlong, PointInPlane
 from cinegen.ik.state import State
+from cinegen.ik.tasks.kinds import AxisAlong, PointInPlane
 from cinegen.planning import PlanStatus, plan
 
 CONE = np.radians(10.0)

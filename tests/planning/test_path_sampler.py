@@ -20,8 +20,8 @@ from cinegen.collision import clearance_of, load_scene, scene_of
 from cinegen.collision.clearance import Clearance
 from cinegen.planning import Planner, PlanStatus, plan
 from cinegen.planning.clear_motion import clear_motion
-from cinegen.planning.path_sampler import PathSampler
-from raff2urdf.extras import MissingExtraError
+from cinegen.planning.sampling.path_sampler import PathSampler
+from raff2urdf.command.extras import MissingExtraError
 
 
 def is_at_goal(scene, q):
@@ -181,7 +181,7 @@ def test_an_edge_never_leads_to_another_assembly_mode(root, tmp_path):
 
 
 def test_without_ompl_it_is_said_how_to_get_it(monkeypatch):
-    monkeypatch.delitem(sys.modules, "cinegen.planning.ompl_trees", raising=False)
+    monkeypatch.delitem(sys.modules, "cinegen.planning.sampling.ompl_trees", raising=False)
     monkeypatch.setitem(sys.modules, "ompl", None)
     monkeypatch.setitem(sys.modules, "ompl.base", None)
     with pytest.raises(MissingExtraError, match=r'install "cinegen\[sampling\]"'):

@@ -14,7 +14,7 @@ from paths import along
 import cinegen
 from cinegen.collision import PlanningError, SceneError, clearance_of, load_scene, scene_of
 from cinegen.planning import PlanStatus, plan
-from cinegen.planning.shortcuts import shortened
+from cinegen.planning.sampling.shortcuts import shortened
 
 READY = {f"panda_joint{i}": value for i, value in enumerate((0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785), 1)}
 AIM = {**READY, "panda_joint1": 1.9, "panda_joint4": -1.6}

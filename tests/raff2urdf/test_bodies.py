@@ -20,7 +20,8 @@ import cinegen
 import raff2urdf
 from raff2urdf import RaffError, loads
 from raff2urdf.conversion import describe, translate
-from raff2urdf.graphics.bodies import BodyDrawing, DrawnBody, Shape
+from raff2urdf.graphics.bodies import BodyDrawing
+from raff2urdf.graphics.body_shapes import DrawnBody, Shape
 from raff2urdf.graphics.skeleton import SkeletonDrawing, telescope
 from raff2urdf.graphics.solids import stl_of, tooth_numbers, triangles
 from raff2urdf.graphics.wheels import CouplingDrawing, Mesh

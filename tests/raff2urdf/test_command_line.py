@@ -6,8 +6,8 @@ from typing import Annotated
 import pytest
 import typer
 
-from raff2urdf.command_line import VERSION, Command, UsageError, expand, new_app, ruled, run_app
-from raff2urdf.output import STOPPED, run
+from raff2urdf.command.command_line import VERSION, Command, UsageError, expand, new_app, ruled, run_app
+from raff2urdf.command.output import STOPPED, run
 from raff2urdf.version import __version__
 
 

@@ -13,7 +13,7 @@ from raff2urdf.conversion import describe
 from raff2urdf.raff.compound import VARIABLES, expanded
 from raff2urdf.raff.document import CompoundKind
 from raff2urdf.raff.kleinfinger import transform
-from raff2urdf.readers.successive import moving
+from raff2urdf.readers.loops.successive import moving
 from raff2urdf.tree import home, kleinfinger, placements
 
 FILE = """

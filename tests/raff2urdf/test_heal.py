@@ -13,9 +13,9 @@ import cinegen
 import raff2urdf
 from cinegen.loops.clusters import subsystems
 from cinegen.model.build import build
-from cinegen.model.heal_file import heal_file
+from cinegen.model.healing.heal_file import heal_file
 from raff2urdf.closure import closed_walk, rank
-from raff2urdf.written_numbers import adjustables, rewritten
+from raff2urdf.readers.written_numbers import adjustables, rewritten
 
 
 def written(healing, folder: Path) -> list[Path]:

@@ -15,10 +15,10 @@ import raff2urdf
 from cinegen.ik.step import Status
 from cinegen.loops.clusters import subsystems
 from cinegen.model.build import build
-from cinegen.model.healing import by_geometry, moved, twists_of
-from cinegen.model.intended import errors, relations
+from cinegen.model.healing.heal import by_geometry, moved, twists_of
+from cinegen.model.healing.intended import errors, relations
 from raff2urdf.conversion import describe
-from raff2urdf.near_redundancy import near_redundancy, settle
+from raff2urdf.loops.near_redundancy import near_redundancy, settle
 
 LEGS = ("lower_0+1", "lower_0-1", "lower_1+1", "lower_1-1")
 

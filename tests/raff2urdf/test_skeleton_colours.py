@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from raff2urdf.graphics.bodies import SHARED
+from raff2urdf.graphics.body_shapes import SHARED
 from raff2urdf.graphics.skeleton import BASE, BRANCHES, JOINT
 
 NORMAL = np.eye(3)

@@ -8,10 +8,10 @@ from dataclasses import replace
 import pytest
 
 import raff2urdf
+from raff2urdf.loops.slips import Fault
 from raff2urdf.raff.document import Document, LoopKind, RaffPart, RaffRobot
 from raff2urdf.raff.drawn import slips_of
 from raff2urdf.shipped import robots
-from raff2urdf.slips import Fault
 
 
 def slips(document: Document, robot: RaffRobot, fault: Fault = Fault.OPEN) -> str | None:

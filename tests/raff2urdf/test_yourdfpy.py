@@ -28,7 +28,7 @@ import raff2urdf
 from raff2urdf import RaffError, readers
 from raff2urdf.conversion import translate
 from raff2urdf.placement import from_origin
-from raff2urdf.urdf_object import ExactUrdf, geometry, material_of
+from raff2urdf.writers.urdf_object import ExactUrdf, geometry, material_of
 
 ROBOTS = Path(__file__).parents[2] / "robots"
 

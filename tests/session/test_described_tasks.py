@@ -14,11 +14,11 @@ from leading import run
 import cinegen
 from cinegen.collision import load_scene
 from cinegen.ik import State
-from cinegen.ik.kinds import KINDS
+from cinegen.ik.tasks.kinds import KINDS
 from cinegen.mission import BasePose, Recording
 from cinegen.session import CommandError, Session, arrange, decode_command, scene_setup
 from cinegen.session import commands as c
-from cinegen.session.session import OtherRobots
+from cinegen.session.other_robots import OtherRobots
 
 HANDS = {"kind": "relative_pose", "node": "left_hand", "other": "right_hand"}
 UPRIGHT = {"kind": "axis_along", "node": "left_hand", "axis": None}

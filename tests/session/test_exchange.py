@@ -16,7 +16,7 @@ from cinegen.collision.body import PlacedShape
 from cinegen.mission.drawn_obstacle import DrawnObstacle, DrawnShape
 from cinegen.session import Session, Setup, arrange
 from cinegen.session import commands as c
-from cinegen.session.session import OtherRobots
+from cinegen.session.other_robots import OtherRobots
 
 ARM = """RAFF t
 robot arm {

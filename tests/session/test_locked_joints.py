@@ -12,7 +12,7 @@ from cinegen.collision import load_scene
 from cinegen.errors import CinegenError, UnknownNameError
 from cinegen.session import Reporter, Session, arrange, scene_setup
 from cinegen.session import commands as c
-from cinegen.session.session import OtherRobots
+from cinegen.session.other_robots import OtherRobots
 
 
 def drag(session, name, by, **options):

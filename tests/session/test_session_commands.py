@@ -13,9 +13,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cinegen.ik.described import AxisAlong
+from cinegen.ik.tasks.described import AxisAlong
 from cinegen.session import Command, CommandError, decode_command
 from cinegen.session import commands as c
+from cinegen.session.message_types import LONGEST
 from cinegen.session.setup import Device, SensorSwitch
 
 SETUP = SimpleNamespace(
@@ -115,7 +116,7 @@ def of(kind, **fields):
         (of("save_waypoint", name="a\u202eb"), "matching regex"),
         ('{"type": "move_to", "robot": "arm", "node": "tool", "q": ' + "[" * 1000, "at `$.q[0]`"),
         ('{"robot": ' + "[" * 1900, "recursion"),
-        ('"' + "x" * c.LONGEST + '"', f"longer than {c.LONGEST}"),
+        ('"' + "x" * LONGEST + '"', f"longer than {LONGEST}"),
     ],
 )
 def test_other_commands_are_refused_with_a_reason(message, reason):

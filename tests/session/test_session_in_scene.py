@@ -15,6 +15,7 @@ from cinegen.collision.links import link_bodies
 from cinegen.model.motion_limits import motion_limits
 from cinegen.session import Session, scene_setup
 from cinegen.session import commands as c
+from cinegen.session.decoding import decode_command
 
 SAFETY = 0.02
 POLE = {"name": "pole", "kind": "capsule", "radius": 0.03, "length": 1.0, "point": [0.45, 0.25, 0.5]}
@@ -260,9 +261,7 @@ def test_names_that_mean_something_to_the_page_or_are_taken_are_changed(session)
     one = session("arm7", {**POLE, "name": "arm7"}, {**FLOOR, "name": "shelf/left\nside"}, {**POLE, "name": "ends'"})
     assert list(one.robots) == ["arm7"]
     assert list(one.obstacles) == ["arm7'", "shelf-left side", "ends'"]
-    assert c.decode_command('{"type": "pin", "robot": "arm7\'", "node": "arm7\'"}', one.setup) == c.Pin(
-        "arm7'", "arm7'"
-    )
+    assert decode_command('{"type": "pin", "robot": "arm7\'", "node": "arm7\'"}', one.setup) == c.Pin("arm7'", "arm7'")
     copied = pickle.loads(pickle.dumps(one.setup))
     assert list(copied.obstacles) == list(one.obstacles)
     assert copied.avoidance.scene.safety == SAFETY

@@ -10,7 +10,8 @@ import varieties
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cinegen.singularities.grassmann import GrassmannClass, class_of_lines, class_of_wrenches, classify, near
+from cinegen.singularities.grassmann import classify, near
+from cinegen.singularities.line_varieties import GrassmannClass, class_of_lines, class_of_wrenches
 from cinegen.singularities.pluecker import LineAtInfinity, PlueckerError, PlueckerLine
 
 seeds = st.integers(0, 2**32 - 1)

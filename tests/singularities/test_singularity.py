@@ -16,7 +16,7 @@ from scipy.optimize import minimize_scalar
 import cinegen
 from cinegen.singularities import SingularityType, leg_lines, singularity
 from cinegen.singularities.ball_joints import balls, counted
-from cinegen.singularities.grassmann import GrassmannClass
+from cinegen.singularities.line_varieties import GrassmannClass
 from cinegen.singularities.pluecker import PlueckerLine
 from cinegen.singularities.slice import Coordinates
 

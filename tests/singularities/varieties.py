@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.singularities.grassmann import GrassmannClass
+from cinegen.singularities.line_varieties import GrassmannClass
 from cinegen.singularities.pluecker import LineFrame, PlueckerLine
 
 Array = NDArray[np.float64]

@@ -25,8 +25,9 @@ from cinegen.arrays import Array
 from cinegen.design.calibration.frames import MeasuringFrames
 from cinegen.design.calibration.measurements import MeasuredQuantity, Measurements
 from cinegen.design.calibration.reading import read
-from cinegen.design.design import Design, DesignEvaluation
+from cinegen.design.design import Design
 from cinegen.design.errors import DesignError
+from cinegen.design.evaluation import DesignEvaluation
 from cinegen.design.parameters import Parameters
 from raff2urdf import closure
 from raff2urdf.errors import first_of
@@ -205,48 +206,58 @@ class Observation:
             self._place_frames()
         count = len(design.parameters)
         own_frames = theta[count + len(self.gains) :]
-        factors = np.ones(len(self.inputs))
         gains = dict(zip(self.gains, theta[count : count + len(self.gains)], strict=True))
-        for i, joint in enumerate(self.inputs):
-            factors[i] += gains.get(joint, 0.0)
+        factors = 1.0 + np.array([gains.get(joint, 0.0) for joint in self.inputs])
         q = self._q.copy()
         q[:, self._at] = factors * self.readings
-        here = design.evaluate(theta[:count], q, derivatives)
-        own = self._own(here) if derivatives else None
+        state = design.evaluate(theta[:count], q, derivatives)
+        by_joints = self._own(state) if derivatives else None
         values = np.zeros((len(q), len(self.outputs)))
         jacobian = np.zeros((len(q), len(self.outputs), len(self)))
         by_inputs = np.zeros((len(q), len(self.outputs), len(self.inputs)))
         twists_of: dict[str, tuple[Array, Array]] = {}
-        for k, one in enumerate(self.quantities):
-            if one.kind == "joint":
-                j, factor = design.mechanism.v_index(one.of), 1.0 + gains.get(one.of, 0.0)
-                values[:, k] = here.q[:, design.mechanism.q_index(one.of)] / factor
-                if own is not None:
-                    jacobian[:, k, :count] = here.joint_derivative[:, j] / factor
-                    by_inputs[:, k] = own[:, j] / factor
-                    if one.of in self.gains:
-                        jacobian[:, k, count + self.gains.index(one.of)] = -values[:, k] / factor
+        for k, quantity in enumerate(self.quantities):
+            node = quantity.of
+            if quantity.kind == "joint":
+                j, factor = design.mechanism.v_index(node), 1.0 + gains.get(node, 0.0)
+                values[:, k] = state.q[:, design.mechanism.q_index(node)] / factor
+                if by_joints is not None:
+                    jacobian[:, k, :count], by_inputs[:, k] = (
+                        state.joint_derivative[:, j] / factor,
+                        by_joints[:, j] / factor,
+                    )
+                    at = [count + i for i, joint in enumerate(self.gains) if joint == node]
+                    jacobian[:, k, at] = -values[:, k, None] / factor
                 continue
-            placement = here.placements(one.of)
-            if own is None and not one.device and not one.target:
-                values[:, k] = read(one, placement)[0]
+            placement = state.placements(node)
+            if by_joints is None and not quantity.device and not quantity.target:
+                values[:, k] = read(quantity, placement)[0]
                 continue
-            seen = self.frames.observe(one, placement, own_frames)
+            seen = self.frames.observe(quantity, placement, own_frames)
             values[:, k] = seen.value
-            if own is not None:
-                if one.of not in twists_of:
-                    joints = here.node_joints(one.of, "world")
-                    twists_of[one.of] = here.pose_derivative(one.of, "world"), joints @ own
+            if by_joints is not None:
+                if node not in twists_of:
+                    twists_of[node] = (
+                        state.pose_derivative(node, "world"),
+                        state.node_joints(node, "world") @ by_joints,
+                    )
                 jacobian[:, k, :count], by_inputs[:, k] = (
-                    np.einsum("ni,nic->nc", seen.by_node, twists) for twists in twists_of[one.of]
+                    np.einsum("ni,nic->nc", seen.by_node, twists) for twists in twists_of[node]
                 )
-                jacobian[:, k, count + len(self.gains) :] = self.frames.columns(one, seen)
+                jacobian[:, k, count + len(self.gains) :] = self.frames.columns(quantity, seen)
         if derivatives:
             for i, joint in enumerate(self.inputs):
                 if joint in self.gains:
                     g = count + self.gains.index(joint)
                     jacobian[:, :, g] += by_inputs[:, :, i] * self.readings[:, i, None]
-        return Prediction(values, jacobian, by_inputs * factors, here.q, here.gap, here.opening if derivatives else ())
+        return Prediction(
+            values,
+            jacobian,
+            by_inputs * factors,
+            state.q,
+            state.gap,
+            state.opening if derivatives else (),
+        )
 
     def _place_frames(self) -> None:
         self._is_placed = True

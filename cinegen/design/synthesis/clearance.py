@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from cinegen.arrays import Array
-from cinegen.design.design import DesignEvaluation
 from cinegen.design.dimensions import DimensionedBars
 from cinegen.design.errors import DesignError
+from cinegen.design.evaluation import DesignEvaluation
 from cinegen.design.synthesis.reaching import Reaching
 from cinegen.design.synthesis.task import DesignClearance
 

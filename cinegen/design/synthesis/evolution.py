@@ -15,7 +15,7 @@ import numpy as np
 from cinegen.arrays import Array
 from cinegen.design.synthesis.problem import SynthesisProblem
 from cinegen.errors import CinegenError
-from raff2urdf.extras import needs
+from raff2urdf.command.extras import needs
 
 _IMPOSSIBLE = 1e3  # violation of a design that can't be evaluated
 _APART = 1e-3  # of the ranges: designs that are nearer are one start

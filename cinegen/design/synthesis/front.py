@@ -15,7 +15,7 @@ from cinegen.arrays import Array
 from cinegen.design.errors import DesignError
 from cinegen.design.synthesis.problem import FEASIBLE, Goal, SynthesisProblem
 from cinegen.errors import CinegenError
-from raff2urdf.extras import needs
+from raff2urdf.command.extras import needs
 
 _SPAN = 1e-9  # of a score: below, both ends are the same
 

@@ -22,8 +22,9 @@ from typing import Any
 import numpy as np
 
 from cinegen.arrays import Array, Indices
-from cinegen.design.design import Design, DesignEvaluation
+from cinegen.design.design import Design
 from cinegen.design.errors import DesignError
+from cinegen.design.evaluation import DesignEvaluation
 from cinegen.design.parameters import Parameters
 from cinegen.design.synthesis.nearest import closed_motions, nearest
 from cinegen.design.synthesis.task import Precision, check_bounds

@@ -7,7 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from cinegen.arrays import Array, Indices
-from cinegen.design.design import Design, DesignEvaluation
+from cinegen.design.design import Design
+from cinegen.design.evaluation import DesignEvaluation
 from raff2urdf import closure
 
 Residual = Callable[[DesignEvaluation, Indices], tuple[Array, Array]]

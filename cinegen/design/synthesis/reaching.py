@@ -15,8 +15,9 @@ import numpy as np
 import pinocchio as pin
 
 from cinegen.arrays import Array, Bools, Indices
-from cinegen.design.design import Design, DesignEvaluation
+from cinegen.design.design import Design
 from cinegen.design.errors import DesignError
+from cinegen.design.evaluation import DesignEvaluation
 from cinegen.design.parameters import Parameters
 from cinegen.design.synthesis.nearest import nearest
 from cinegen.design.synthesis.region import Reach

@@ -12,7 +12,6 @@ import pinocchio as pin
 from cinegen.arrays import Array, ArrayLike
 from cinegen.errors import CinegenError
 from cinegen.ik.barrier import Range
-from cinegen.ik.blend import Blend
 from cinegen.ik.control.objectives import ObjectiveControl
 from cinegen.ik.equations import task_rank
 from cinegen.ik.given_task import AnyTask, GivenTask, Task, is_task
@@ -20,7 +19,8 @@ from cinegen.ik.setup import set_up_solver, set_up_solver_tasks
 from cinegen.ik.state import State
 from cinegen.ik.step import Layout, Step
 from cinegen.ik.task import FrameTask
-from cinegen.ik.task_values import is_count
+from cinegen.ik.tasks.blend import Blend
+from cinegen.ik.tasks.values import is_count
 from cinegen.ik.thresholds import (
     ERROR_CAP,
 )
@@ -85,8 +85,8 @@ class TaskControl(ObjectiveControl):
         """Add a task: a frame on a node follows a target pose. Set `task.target` or `task.twist` to move it.
 
         Args:
-            node: name of a base, link or frame; or, alone, a task of another kind (`cinegen.ik.kinds`), any object that
-                follows the protocol `Task`, or a `Range`.
+            node: name of a base, link or frame; or alone a task of another kind (`cinegen.ik.tasks.kinds`), any object
+                that follows the protocol `Task`, or a `Range`.
             target: pose in the world; the present pose unless given.
             translation: number of constrained translations, 0 to 3; see `FrameTask.translation`.
             rotation: number of constrained rotations, 0 to 3; see `FrameTask.rotation`.

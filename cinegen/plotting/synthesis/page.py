@@ -14,8 +14,8 @@ from cinegen.arrays import Array
 from cinegen.design.parameters import Parameters
 from cinegen.html import table
 from cinegen.plotting.sheet import FAINT, GREEN, INK, VERMILION
+from raff2urdf.command.extras import needs
 from raff2urdf.escape import html_text
-from raff2urdf.extras import needs
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

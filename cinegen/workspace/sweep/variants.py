@@ -25,7 +25,7 @@ from raff2urdf.quantities import (
     parse_range,
     shown,
 )  # fmt: skip
-from raff2urdf.raff.check import check_sizes, check_tree
+from raff2urdf.raff.check import check_tree
 from raff2urdf.raff.document import (
     UNITS_PER_METRE,
     Document,
@@ -36,6 +36,7 @@ from raff2urdf.raff.document import (
     RaffParameters,
     RaffRobot,
 )
+from raff2urdf.raff.sizes import check_sizes
 from raff2urdf.raff.writer import dumps, number
 
 KLEINFINGER = tuple(RaffParameters.__dataclass_fields__)

@@ -29,14 +29,16 @@ from raff2urdf.graphics.names import find
 from raff2urdf.inertia import Inertia
 from raff2urdf.joint_dynamics import JointDynamics
 from raff2urdf.placement import inverse, with_z
-from raff2urdf.readers import closing_frames, uncounted
-from raff2urdf.readers.declaration import label_of, leave_out, local, tag_of
-from raff2urdf.readers.declared_loops import LOOP_LIKE, named_in, own_words
-from raff2urdf.readers.loop_joint import LoopJoint
+from raff2urdf.readers import uncounted
+from raff2urdf.readers.loops import closing_frames
+from raff2urdf.readers.loops.declaration import label_of, leave_out, local, tag_of
+from raff2urdf.readers.loops.declared_loops import LOOP_LIKE, named_in, own_words
+from raff2urdf.readers.loops.loop_joint import LoopJoint
 from raff2urdf.readers.sdf.included import robot_of
 from raff2urdf.readers.sdf.model import GEARBOX, LOOP_KINDS, SdfAxis, SdfJoint, SdfModel, SdfModelReader, pose
-from raff2urdf.readers.urdf import LARGEST, SHAPES, SIZE, check_friction, negative_mass, numbers, parse
+from raff2urdf.readers.urdf import LARGEST, SIZE, check_friction, negative_mass, numbers
 from raff2urdf.readers.urdf_builder import GRAVITY, Shape, UrdfBuilder, material, shapes
+from raff2urdf.readers.urdf_file import SHAPES, parse
 from raff2urdf.readers.urdf_tree import UrdfTree
 from raff2urdf.readers.xml_file import NAMESPACE, error_at, parse_xml
 from raff2urdf.tree import BASE_JOINT, WORLD
@@ -211,12 +213,7 @@ class _SdfToUrdf:
             urdf.add_fixed(urdf.free_name(f"{link}_fixed"), root, link, self._relative(root, link))
         if floating:  # raff2urdf fixes a base to the world unless it can move
             urdf.add_fixed(BASE_JOINT, WORLD, root, self.placements[root], "floating")
-        for name, element in model.links.items():
-            urdf.add_link(name, self._visuals(element), self._inertia(name, element))
-        for frame in model.frames:
-            urdf.add_link(frame)
-        for frame, link in model.frames.items():
-            urdf.add_fixed(urdf.free_name(f"{frame}_attached"), link, frame, self._relative(link, frame))
+        self._add_links()
         nodes = [root, *(n for n in (*model.links, *model.frames) if n != root)]
         if model.own is not None and root == WORLD and "base" in nodes:  # raff2urdf's own robots
             nodes = ["base", *(node for node in nodes if node not in (WORLD, "base"))]
@@ -234,17 +231,32 @@ class _SdfToUrdf:
             self.driven |= {
                 name for i, name in enumerate(self.axes.get(joint.name, ())) if (joint.name, i) in model.driven
             }
+        self._note_left_out()
+        seen = np.eye(3) if root == WORLD or floating else self.placements[root][:3, :3]
+        return urdf.result(nodes, BASE_JOINT if floating else None, self._gravity(seen))
+
+    def _add_links(self) -> None:
+        """Add the links and frames of the model."""
+        for name, element in self.model.links.items():
+            self.urdf.add_link(name, self._visuals(element), self._inertia(name, element))
+        for frame in self.model.frames:
+            self.urdf.add_link(frame)
+        for frame, link in self.model.frames.items():
+            name = self.urdf.free_name(f"{frame}_attached")
+            self.urdf.add_fixed(name, link, frame, self._relative(link, frame))
+
+    def _note_left_out(self) -> None:
+        """Note what URDF has no element for."""
         springs = [
             name
-            for joint in model.joints
+            for joint in self.model.joints
             for name, word in zip(self.axes.get(joint.name) or [joint.name] * 2, ("axis", "axis2"), strict=False)
             if uncounted.is_given(joint.element.find(f"{word}/dynamics"), "spring_stiffness")
         ]
-        unlike = [name for name, link in model.links.items() if link.findtext("gravity", "1").strip() in ("0", "false")]
+        off = ("0", "false")
+        unlike = [name for name, link in self.model.links.items() if link.findtext("gravity", "1").strip() in off]
         left_out = {"friction": self.resisting, "springs": springs, "disabled gravity": unlike}
         self.notes += uncounted.note_of(left_out)
-        seen = np.eye(3) if root == WORLD or floating else self.placements[root][:3, :3]
-        return urdf.result(nodes, BASE_JOINT if floating else None, self._gravity(seen))
 
     def _gravity(self, rotation: Array) -> Sequence[float]:
         """Return the acceleration of the world around the model, that of raff:robot, or the default, in axes (3, 3) of

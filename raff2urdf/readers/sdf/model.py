@@ -16,20 +16,11 @@ from raff2urdf.arrays import Array
 from raff2urdf.errors import RaffError, did_you_mean, limits_reversed, run_all, warn
 from raff2urdf.placement import from_origin, from_quaternion, inverse
 from raff2urdf.readers import drives
-from raff2urdf.readers.implausible import in_degrees
+from raff2urdf.readers.loops.implausible import in_degrees
 from raff2urdf.readers.screw import lead
-from raff2urdf.readers.urdf import (
-    MEANT,
-    SIZE,
-    UNLIMITED,
-    by_name,
-    check_friction,
-    direction,
-    limit_value,
-    number,
-    numbers,
-)
+from raff2urdf.readers.urdf import SIZE, UNLIMITED, check_friction, direction, limit_value, number, numbers
 from raff2urdf.readers.urdf_builder import UNBOUNDED
+from raff2urdf.readers.urdf_file import MEANT, by_name
 from raff2urdf.readers.xml_file import NAMESPACE, error_at, own_element
 from raff2urdf.tree import WORLD
 

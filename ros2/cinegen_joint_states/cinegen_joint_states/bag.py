@@ -16,7 +16,7 @@ from rosbags.typesys import Stores, get_typestore
 
 import cinegen
 from cinegen_joint_states.joint_states import JointStateCompletion
-from raff2urdf.output import run
+from raff2urdf.command.output import run
 
 _TYPE = "sensor_msgs/msg/JointState"
 _SHOWN = 3  # messages that were not completed
@@ -83,7 +83,8 @@ def _completed(completion: JointStateCompletion, reader: Reader, writer: Writer,
 
 
 def main() -> int:
-    """Run the command: see `raff2urdf.output.run`, which also keeps texts of recordings from controlling a terminal."""
+    """Run the command by `raff2urdf.command.output.run`, which also keeps texts of recordings from controlling a
+    terminal."""
     return run("complete_bag", _main)
 
 

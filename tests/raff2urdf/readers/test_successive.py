@@ -7,8 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
 
-from raff2urdf.readers import successive
-from raff2urdf.readers.urdf import joints, parse
+from raff2urdf.readers.loops import successive
+from raff2urdf.readers.urdf import joints
+from raff2urdf.readers.urdf_file import parse
 
 BODY = """<robot name="r">
   <link name="base"/>

@@ -3,7 +3,8 @@
 import pytest
 
 from raff2urdf.errors import RaffError
-from raff2urdf.readers.urdf import default_value, joints, limits, parse, velocity
+from raff2urdf.readers.urdf import default_value, joints, limits, velocity
+from raff2urdf.readers.urdf_file import parse
 
 ARM = """<robot name="arm">
   <link name="base"/>

@@ -16,7 +16,8 @@ from raff2urdf import tree as raff_tree
 from raff2urdf.conversion import translate
 from raff2urdf.coupling import Coupling, coupling_entry
 from raff2urdf.raff.reader import parse as parse_raff
-from raff2urdf.readers.urdf import joints, parse
+from raff2urdf.readers.urdf import joints
+from raff2urdf.readers.urdf_file import parse
 from raff2urdf.urdf2raff.frames import tidy
 from raff2urdf.urdf2raff.robot import import_tree
 

@@ -1,0 +1,1 @@
+"""Commands that design robots: synthesis, tolerances, calibration."""

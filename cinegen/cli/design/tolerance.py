@@ -1,0 +1,155 @@
+"""`cinegen tolerance`: how accurate a robot is whose dimensions, joints and encoders have errors."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cinegen.cli.files import check_outputs, print_result, write_figure
+from cinegen.cli.numbers import AT, configuration_at, named, parts
+from cinegen.cli.options import FILE, JSON, NODE, PLOT, ROBOT, force_option
+from cinegen.errors import CinegenError
+from raff2urdf.command.command_line import UsageError, option
+from raff2urdf.errors import first_of
+from raff2urdf.files import stem_of
+
+if TYPE_CHECKING:
+    from cinegen.design.tolerance_report import Forced, ToleranceReport
+
+SIGMA = option(
+    "NAME=S", "standard deviations of parameters: 'link*.d=0.05mm, *.alpha=0.02deg'; later ones replace earlier", (),
+    "--sigma",
+)  # fmt: skip
+PLAY = option("JOINT=P", "play of joints and loops: joint3=0.01mm, or joint3=0.01deg of tilt", (), "--play")
+ENCODER = option("JOINT=S", "standard deviations of joints' readings: joint1=0.01deg", (), "--encoder")
+TIE = option("TIE", "dimensions that have one error, as of one set-up: 'link2.d = link7.d'", (), "--tie")
+
+_SHOWN = 8  # contributors
+_LABEL = 16  # width of the labels of rows
+
+
+def run(
+    file: Path = FILE,
+    sigma: list[str] = SIGMA,
+    play: list[str] = PLAY,
+    encoder: list[str] = ENCODER,
+    tie: list[str] = TIE,
+    interval: float = option("K", "half-width of the intervals of the worst case, in standard deviations", 3.0),
+    at: str = AT,
+    node: str | None = NODE,
+    samples: int = option("N", "of Monte Carlo, with loops closed; 0 for none", 10_000, min=0, max=10_000_000),
+    seed: int = option("N", "of the random numbers", 0, min=0, needs="--samples"),
+    robot: str | None = ROBOT,
+    plot: Path | None = PLOT,
+    force: bool = force_option("--plot"),
+    json: bool = JSON,
+) -> int:
+    """Compute how accurate a robot is: covariance, worst case, largest contributors.
+
+    Errors of dimensions, play of joints and errors of encoders move a node; Monte Carlo with loops closed confirms how
+    far. Tolerances that an over-constrained robot can't be assembled with are listed, with the gaps to be forced.
+    """
+    check_outputs(plot, force=force, json=json)
+    from cinegen.design.tolerance import Tolerances
+    from cinegen.model.load import robots
+
+    errors, plays, readings = amounts(sigma, "--sigma"), amounts(play, "--play"), amounts(encoder, "--encoder")
+    if not (errors or plays or readings):
+        raise UsageError("no tolerances: give --sigma, --play or --encoder, such as --sigma 'link*.d=0.05mm'")
+    names = robots(file) if robot is None else [robot]
+    if len(names) > 1:
+        raise CinegenError(f"{file} holds several robots: name one by --robot ({', '.join(map(str, names))})")
+    tolerances = Tolerances(file, errors, plays, readings, interval, robot, tie)
+    mechanism = tolerances.design.mechanism
+    found = tolerances.at(configuration_at(mechanism, at, node), node, samples, seed)
+    name, where = stem_of(file) + (f".{robot}" if robot else ""), f" at {at}" if at else " at home"
+    print_result({"name": name, **found.as_dict()}, _text(found, name, where), json)
+    if plot is not None:
+        from cinegen.plotting.accuracy import draw_tolerance
+
+        write_figure(plot, draw_tolerance(found, name=name), quiet=json)
+    return 0
+
+
+def amounts(texts: Sequence[str], option: str) -> list[tuple[str, str]]:
+    """Return the amounts of an option as texts, each behind its name or pattern.
+
+    Raises:
+        UsageError: a part has no name.
+    """
+    dimensions = "link*.d=0.05mm"
+    example = {"--sigma": dimensions, "--tolerance": dimensions, "--play": "joint3=0.01mm"}.get(
+        option, "joint1=0.01deg"
+    )
+    return [pair for text in texts for part in parts(text) for pair in named(part, option, example).items()]
+
+
+def _text(found: ToleranceReport, name: str, where: str) -> str:
+    """Return the report, in mm and degrees."""
+    lines = [
+        f"{name}: accuracy of {found.node}{where}: position {_number(1e3 * found.position)} mm, orientation "
+        f"{_number(math.degrees(found.orientation))} degrees (1 sigma, root of the summed variances)",
+        "",
+        f"  {'':<{_LABEL}}" + "".join(f"{name:>11}" for name in ("x mm", "y mm", "z mm", "rx deg", "ry deg", "rz deg")),
+    ]
+    scales = (1e3,) * 3 + (math.degrees(1.0),) * 3
+    rows = (
+        ("sigma", found.sigma),
+        (f"within ±{found.interval:g} sigma", found.worst),
+        ("  2nd order", found.second_order),
+    )
+    for row, values in rows:
+        lines.append(
+            f"  {row:<{_LABEL}}" + "".join(f"{_number(s * x):>11}" for s, x in zip(scales, values, strict=True))
+        )
+    for orientation in (False, True):
+        largest = found.contributors(orientation)
+        if largest:
+            of = "orientation" if orientation else "position"
+            lines += ["", f"  {of}, fraction of the variance"]
+            listed = [(one.name, share) for one, share in largest[:_SHOWN]]
+            if len(largest) > _SHOWN:
+                listed.append((f"{len(largest) - _SHOWN} more", sum(share for _, share in largest[_SHOWN:])))
+            width = max(24, *(len(name) + 1 for name, _ in listed))
+            lines += [f"    {name:<{width}}{100.0 * share:5.1f} %" for name, share in listed]
+    for paragraph in (_worst(found), _idle(found), _forced(found.forced, found.interval), found.agreement):
+        if paragraph:
+            lines += ["", *textwrap.wrap(paragraph, 110, initial_indent="  ", subsequent_indent="  ")]
+    return "\n".join(lines)
+
+
+def _worst(found: ToleranceReport) -> str:
+    has_play = any(one.half_width != found.interval * one.sigma for one in found.sources)
+    return (
+        f"Worst case within ±{found.interval:g} sigma: each error anywhere within {found.interval:g} of its standard "
+        f"deviations to either side{', play within its radius' if has_play else ''}, all at once; in it, 2nd order "
+        "bounds what is not linear"
+    )
+
+
+def _idle(found: ToleranceReport) -> str:
+    if not found.idle:
+        return ""
+    return f"{len(found.idle)} tolerances do not move {found.node}: {first_of(found.idle, 6)}"
+
+
+def _forced(forced: Forced, interval: float) -> str:
+    if not forced.names:
+        return ""
+    each = [
+        f"{name} ({_number(1e3 * x)} mm, {_number(math.degrees(a))} degrees)"
+        for name, x, a in zip(forced.names, forced.position, forced.angle, strict=True)
+    ]
+    return (
+        f"{len(forced.names)} tolerances open loops: the mechanism is over-constrained and can't be assembled with "
+        f"them unless it is forced. Largest gap of each within ±{interval:g} sigma: {first_of(each, 6)}. All together: "
+        f"{_number(1e3 * forced.worst_position)} mm, {_number(math.degrees(forced.worst_angle))} degrees. They are not "
+        "in the numbers above: how the node moves then depends on the elasticity of the parts"
+    )
+
+
+def _number(value: float) -> str:
+    return f"{0.0 if abs(value) < 1e-9 else value:.4g}"

@@ -1,0 +1,1 @@
+"""Commands that write for others: robot controllers, generated code, pages."""

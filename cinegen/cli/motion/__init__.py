@@ -1,0 +1,1 @@
+"""Commands that move robots: inverse kinematics, planning, driving."""

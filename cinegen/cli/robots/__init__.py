@@ -1,0 +1,1 @@
+"""Commands about robot files: what is in them, closed, healed and checked."""

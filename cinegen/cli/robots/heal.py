@@ -1,0 +1,71 @@
+"""`cinegen heal`: exact numbers for loops that are nearly redundant."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import typer
+
+from cinegen.cli.files import check_outputs, print_result, write
+from cinegen.cli.options import FILE, JSON, force_option
+from cinegen.errors import CinegenError
+from raff2urdf.command.command_line import option
+from raff2urdf.command.read_flags import ReadFlags
+from raff2urdf.files import STANDARD, output_path, signed
+
+OUT = typer.Argument(..., metavar="OUT", help="healed file, in the same format; - for standard output")
+
+
+def run(
+    reading: ReadFlags,
+    file: Path = FILE,
+    out: str = OUT,
+    robot: str | None = option("NAME", "robot of a file with several (default: the first)"),
+    json: bool = JSON,
+    force: bool = force_option(),
+) -> int:
+    """Correct rounded numbers, so that loops that are nearly redundant can move.
+
+    Joints' placements and axes, and the ends of loops, change as little as possible (least squares), so that axes
+    become parallel, perpendicular or intersecting as they are meant to be, and all loops close. Each changed number is
+    listed. Only these differ in OUT, which has the format of FILE.
+    """
+    from cinegen.model.healing.heal_file import heal_file
+    from cinegen.typed_json import as_json
+    from raff2urdf.readers.loops.sidecar import constraints_of
+    from raff2urdf.shipped import find_robot
+
+    file = find_robot(file)
+    target = output_path(out, file.name)
+    if target != STANDARD and target.suffix.lower() != file.suffix.lower():
+        raise CinegenError(f"{out}: heal keeps the format: name a file that ends with {file.suffix}")
+    names = {file: target, constraints_of(file): constraints_of(target)}
+    check_outputs(target, force=force, json=json)
+    healing = heal_file(file, robot, target, reading.options())
+    if target != STANDARD:
+        others = [names[path] for path in healing.contents if path != file]
+        check_outputs(*others, force=force)
+    for path, content in healing.contents.items():
+        write(names[path], signed(content))
+    numbers = [
+        as_json(
+            one.number, "line", "name", file=str(one.number.file), old=one.number.value, new=one.value,
+            change=one.change, unit="m" if one.number.is_length else "rad",
+        )
+        for one in healing.numbers
+    ]  # fmt: skip
+    loops = [{"name": name, "gap_m": gap, "gap_rad": angle} for name, (gap, angle) in healing.gaps.items()]
+    lines = [
+        f"loop '{name}' was open by {gap * 1e3:.2g} mm and {math.degrees(angle):.2g} degrees"
+        for name, (gap, angle) in healing.gaps.items()
+    ]
+    for one in healing.numbers:
+        size = f"{one.change * 1e3:+.2g} mm" if one.number.is_length else f"{math.degrees(one.change):+.2g} degrees"
+        place = f"{one.number.file.name}:{one.number.line}: {one.number.name}"
+        lines.append(f"{place}: {one.number.text} -> {one.value!r} ({size})")
+    lines.append(
+        f"{len(numbers)} numbers changed; {' and '.join(str(names[path]) for path in healing.contents)} written"
+    )
+    print_result({"file": str(file), "output": str(target), "loops": loops, "numbers": numbers}, "\n".join(lines), json)
+    return 0

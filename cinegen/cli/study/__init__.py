@@ -1,0 +1,1 @@
+"""Commands that study robots: assembly modes, singularities, forces, maps, proofs."""

@@ -1,1 +1,0 @@
-"""Kinds of tasks besides frames: their attributes and their base."""

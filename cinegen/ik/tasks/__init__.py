@@ -1,0 +1,1 @@
+"""Tasks: frames on nodes, other kinds, and tasks of other packages."""

@@ -1,0 +1,1 @@
+"""Paths by sampling, and shorter ones."""

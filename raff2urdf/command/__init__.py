@@ -1,0 +1,1 @@
+"""Command lines: options, errors and output that all commands share."""

@@ -1,0 +1,1 @@
+"""Loops and couplings of a robot: residuals, closing them, and their effect on its motion."""

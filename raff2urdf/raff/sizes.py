@@ -1,0 +1,94 @@
+"""Sizes of a document's numbers: what is too large for computations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from functools import partial
+
+from raff2urdf.errors import (
+    Problem,
+    RaffError,
+)
+from raff2urdf.raff import texts
+from raff2urdf.raff.compound import expanded
+from raff2urdf.raff.document import (
+    Document,
+    RaffInertial,
+    RaffNode,
+    RaffRobot,
+)
+from raff2urdf.tree import coupling_of, joint_dynamics
+
+LARGEST = 1e12
+"""Largest length, m: its square, times the number of links, must stay finite and keep enough digits."""
+
+SMALLEST = 1.0 / LARGEST
+"""The largest coefficient of a joint in a coupling is no smaller, rad and m."""
+
+
+def check_sizes(document: Document, robot: RaffRobot) -> None:
+    """Check that no length, mass, moment of inertia, number of a joint's friction and coefficient of a coupling is too
+    large for computations.
+
+    Raises:
+        RaffError: with every problem.
+    """
+    raise_problems(_too_large(document, robot))
+
+
+def _too_large(document: Document, robot: RaffRobot) -> Iterator[Problem]:
+    problem = partial(document.problem, largest=LARGEST)
+    if document.gravity is not None and not max(map(abs, document.gravity)) <= LARGEST:
+        yield problem(texts.GRAVITY_TOO_LARGE)
+    for node in (robot.base, *robot.parts):
+        lengths = {word: abs(document.metres(getattr(node.parameters, word))) for word in ("r", "d", "epsilon")}
+        for word in (word for word, length in lengths.items() if not length <= LARGEST):
+            yield problem(texts.LENGTH_TOO_LARGE, node, "parameters", word=word, node=label(node))
+        for word, largest in sizes(document, node.inertial) if node.inertial is not None else ():
+            if not largest <= LARGEST:
+                at = (node.inertial, word, "inertial")
+                yield problem(texts.INERTIAL_TOO_LARGE, *at, word=word, node=label(node))
+    for link in expanded(robot).links:
+        for word, value in joint_dynamics(document, link)._asdict().items():
+            if not value <= LARGEST:
+                yield problem(texts.DYNAMICS_TOO_LARGE, link, word, word=word, joint=link.joint)
+    yield from _large_couplings(document, robot)
+
+
+def _large_couplings(document: Document, robot: RaffRobot) -> Iterator[Problem]:
+    """Yield a problem for each coefficient and constant of a coupling that is too large, or too small."""
+    problem = partial(document.problem, largest=LARGEST)
+    for i, coupling in enumerate(robot.couplings):
+        equation, follower = coupling_of(document, robot, i), coupling.follower
+        terms = list(equation.terms.values())[1:]
+        for j, (drive, coefficients) in enumerate(zip(coupling.drives, terms, strict=True)):
+            if not SMALLEST <= max(map(abs, coefficients)) <= LARGEST:
+                fields = {"link": drive.link, "follower": follower, "least": SMALLEST}
+                yield problem(texts.COEFFICIENTS_TOO_LARGE, coupling, f"drive {j}", **fields)
+        if not abs(equation.constant) <= LARGEST:
+            yield problem(texts.OFFSET_TOO_LARGE, coupling, "offset", follower=follower)
+
+
+def label(node: RaffNode) -> str:
+    """Return a node as errors name it."""
+    return f"{node.keyword} {node.number}" if node.number else "the base"
+
+
+def sizes(document: Document, inertial: RaffInertial) -> Iterator[tuple[str, float]]:
+    """Yield the largest number of each statement in SI units."""
+    for word in ("mass", "density"):
+        yield word, abs(getattr(inertial, word) or 0.0)
+    yield "radius", document.metres(abs(inertial.radius or 0.0))
+    yield "centre", document.metres(max(map(abs, inertial.centre)))
+    for word in ("moments", "products"):
+        yield word, document.metres(document.metres(max(map(abs, getattr(inertial, word)))))
+
+
+def raise_problems(problems: Iterable[Problem]) -> None:
+    """Raise all problems, if there are any.
+
+    Raises:
+        RaffError: with every problem.
+    """
+    if listed := list(problems):
+        raise RaffError(listed)

@@ -1,0 +1,1 @@
+"""Loops and couplings that a URDF and the files next to it declare, in all dialects."""

@@ -1,0 +1,304 @@
+"""Read joints that close loops: their two ends coincide with all joints at 0.
+
+    <joint>, <drake:joint>     whose child has another parent, or which leads back to the root
+    <joint> in <gazebo>        a joint of SDF, also a screw, between links that are connected already
+    <plugin> in <gazebo>       pegasus_gazebo_plugins' closed loop: a revolute joint about the model's y
+
+One joint of each loop is cut, and closes it: of those with the same child, one without limits if there is one, and the
+last one in the file otherwise. The limits of a joint that is cut are not enforced.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from raff2urdf.arrays import Array
+from raff2urdf.placement import from_origin, inverse
+from raff2urdf.readers.loops import successive
+from raff2urdf.readers.loops.declaration import Declaration, label_of, local, tag_of
+from raff2urdf.readers.loops.loop_elements import kind_of
+from raff2urdf.readers.loops.loop_joint import LoopJoint
+from raff2urdf.readers.screw import lead
+from raff2urdf.readers.urdf import ends, joints, limits, links, numbers, origin, remove
+from raff2urdf.readers.urdf_file import by_name
+from raff2urdf.readers.urdf_tree import UrdfTree, along
+from raff2urdf.readers.xml_file import error_at
+
+DIALECT = "second parents"
+"""Name of the dialect of joints whose child has another parent."""
+
+_CLOSED_LOOP = re.compile(r"closed_?loop")
+
+
+def with_joints_of_drake(root: Any, name: str) -> bool:
+    """Make joints of Drake, <drake:joint>, joints of URDF; return whether there are any.
+
+    Args:
+        root: the root element; changed.
+        name: of the file, in errors.
+    """
+    found = list(root.iterchildren("{*}joint", "drake:joint"))
+    found = [joint for joint in found if joint.tag != "joint"]
+    for joint in found:
+        joint.tag = "joint"
+        joint.set("type", {"ball": "spherical"}.get(joint.get("type", ""), joint.get("type", "")))
+    return bool(found)
+
+
+def without_links_of_gazebo(root: Any) -> list[str]:
+    """Remove links that only Gazebo has, <link> in <gazebo>, with their joints: a URDF has others in their place.
+
+    Args:
+        root: the root element; changed.
+
+    Returns:
+        a note on them, if there are any.
+    """
+    known = {link.get("name") for link in links(root)}
+    own = [link for link in root.iterfind("gazebo/link") if link.get("name") not in known]
+    names = {link.get("name") for link in own}
+    joined = [joint for joint in root.iterfind("gazebo/joint") if not names.isdisjoint(joined_links(joint) or ())]
+    more = f" and {len(own) - 1} more" if len(own) > 1 else ""
+    notes = [f"not read: {label_of(link, 'gazebo')} (line {link.sourceline}){more}, and its joints" for link in own[:1]]
+    for element in (*own, *joined):
+        remove(element)
+    return notes
+
+
+def cut(root: Any, name: str, ignored: Callable[[str], bool]) -> list[Declaration]:
+    """Remove joints from a URDF until the others form a tree.
+
+    Args:
+        root: the root element; changed. Universal joints of Drake that stay become two joints.
+        name: of the file, in errors.
+        ignored: returns whether declarations with a word are ignored.
+
+    Returns:
+        the joints that were removed.
+
+    Raises:
+        RaffError: two joints have one name.
+    """
+    declared = _cut(root, name, ignored)
+    for joint in joints(root):
+        if joint.get("type") == "universal":
+            steps = (successive.ROTATIONS["X"], successive.ROTATIONS["Y"])
+            own = {*successive.replace(root, joint, steps, name)}
+            root[:0] = [link for link in links(root) if link.get("name") in own]  # no end of the robot
+    return declared
+
+
+def _cut(root: Any, name: str, ignored: Callable[[str], bool]) -> list[Declaration]:
+    found = joints(root)
+    above: dict[str, list[Any]] = {}
+    for joint in found:
+        above.setdefault(ends(joint)[1], []).append(joint)
+    known = [str(link.get("name")) for link in links(root)]
+    base = next((link for link in known if link not in above), known[0] if known else "")
+    if base not in above and all(len(several) == 1 for several in above.values()):
+        return []
+    by_name(found, name)
+    mimicking = {str(mimic.get("joint")) for mimic in root.iter("mimic")}
+    mimicking |= {str(joint.get("name")) for joint in found if joint.find("mimic") is not None}
+    best = {
+        link: min(several, key=lambda joint: (joint.get("name") not in mimicking, limits(joint) is None))
+        for link, several in above.items()
+        if link != base
+    }
+    kept = best if _reached(base, best) == set(best) | {base} else _first_reached(base, found)
+    removed = [joint for joint in found if kept.get(ends(joint)[1]) is not joint]
+    declared = []
+    for joint in removed:
+        own = str(joint.get("name"))
+        if own in mimicking and not ignored("mimic"):
+            why = f"joint '{own}' closes a loop and mimics another joint, or leads one: give it a child of its own"
+            raise error_at(name, joint, f"{why}, or leave the coupling out with --ignore mimic")
+        text = f"joint '{own}' closes a loop: its child '{ends(joint)[1]}' has another parent"
+        label, low_high = f"joint '{own}'", limits(joint)
+        notes = (text,) if low_high is None else (f"{text}; its limits are not enforced",)
+        declared.append(
+            Declaration(joint.sourceline, DIALECT, label, text, own, read=_of_joint(joint), element=joint, notes=notes)
+        )
+        remove(joint)
+    return declared
+
+
+def find(root: Any, name: str) -> Iterator[Declaration]:
+    """Yield the joints in elements for Gazebo that close loops.
+
+    Args:
+        root: the root element; its joints form a tree.
+        name: of the file, in errors.
+    """
+    connected = Connections(root)
+    for gazebo in root.iterchildren("gazebo"):
+        for element in gazebo.iterchildren("*"):
+            joined = joined_links(element)
+            if joined is None or element.find("body1") is not None or not connected.join(*joined):
+                continue
+            label = label_of(element, "gazebo")
+            text = f"{label} ({', '.join(map(repr, joined))}) declares a loop"
+            if local(element) == "joint":
+                yield Declaration(
+                    element.sourceline, "Gazebo joints", label, text, element.get("name", ""),
+                    read=_of_sdf(element), element=element,
+                )  # fmt: skip
+            elif _CLOSED_LOOP.search(f"{element.get('name', '')} {element.get('filename', '')}".lower()):
+                own = (element.findtext("joint") or "").strip() or element.get("name", "")
+                yield Declaration(
+                    element.sourceline, "Gazebo plugins", label, text, own, read=_of_plugin(element), element=element
+                )
+
+
+def joined_links(element: Any) -> tuple[str, str] | None:
+    """Return the links that an element joins, in SDF's notation of joints; None if it joins none."""
+    inner = {
+        local(end): (end.get("link") or end.text or "").strip().rpartition("::")[2] for end in element.iterchildren("*")
+    }
+    for first, second in (("parent", "child"), ("body1", "body2")):
+        if inner.get(first) and inner.get(second):
+            return inner[first], inner[second]
+    return None
+
+
+def _of_joint(joint: Any) -> Any:
+    def read(tree: UrdfTree) -> LoopJoint:
+        own = f"joint '{joint.get('name')}'"
+        parent, child = (tree.link(joint, link, own) for link in ends(joint))
+        kind, placed = kind_of(tree, joint, joint.get("type")), origin(joint, tree.name)
+        if kind == "universal":  # Drake's: rotations about the joint's x, then y
+            one, other = along(placed, np.array([1.0, 0.0, 0.0])), along(np.eye(4), np.array([0.0, 1.0, 0.0]))
+        else:
+            axis = np.array([0.0, 0.0, 1.0]) if kind in ("rigid", "ball") else tree.vector(joint.find("axis"))
+            one, other = along(placed, axis), along(np.eye(4), axis)
+        return LoopJoint(kind, parent, child, (one, other))
+
+    return read
+
+
+def _of_sdf(element: Any) -> Any:
+    def read(tree: UrdfTree) -> LoopJoint:
+        parent, child = (
+            tree.link(element.find(word), element.findtext(word), label_of(element, "gazebo"))
+            for word in ("parent", "child")
+        )
+        is_screw = (element.get("type") or "").strip() == "screw"
+        kind, placed = "screw" if is_screw else kind_of(tree, element, element.get("type")), tree.zero[child]
+        pose = element.find("pose")
+        if pose is not None:
+            around = (pose.get("relative_to") or pose.get("frame") or "").strip()
+            start = tree.zero[tree.link(pose, around, "this <pose>")] if around else tree.zero[child]
+            placed = start @ _pose(tree, pose, pose.text or "")
+        directions = [_sdf_axis(tree, element, word, placed) for word in ("axis", "axis2")]
+        first = along(placed, directions[0])
+        second = along(placed, directions[1]) if kind == "universal" else first
+        found = inverse(tree.zero[parent]) @ first, inverse(tree.zero[child]) @ second
+        return LoopJoint(kind, parent, child, found, _lead(tree, element) if is_screw else 0.0)
+
+    return read
+
+
+def _lead(tree: UrdfTree, element: Any) -> float:
+    """Return the translation of a screw of SDF by its rotation, m/rad."""
+    pitches = list[float | None]()
+    for word in ("screw_thread_pitch", "thread_pitch"):
+        found = element.find(word)
+        values = [0.0] if found is None else numbers(found.text or "")
+        if values is None or len(values) != 1 or (found is not None and values == [0.0] and word == "thread_pitch"):
+            raise tree.error(found, f"the {word} of {label_of(element)} must be a number other than 0")
+        pitches.append(None if found is None else values[0])
+    return lead(*pitches)
+
+
+def _sdf_axis(tree: UrdfTree, element: Any, word: str, placed: Array) -> Array:
+    """Return an axis (3,) of a joint of SDF, in the joint's frame, which has a placement (4, 4) in the base."""
+    found = element.find(word)
+    xyz = None if found is None else found.find("xyz")
+    text = "0 0 1" if xyz is None else xyz.text or ""
+    values = numbers(text) or []
+    if len(values) != 3 or not any(values):
+        raise tree.error(
+            element, f"the {word} '{text.strip()}' of {label_of(element)} must be three numbers, not all 0"
+        )
+    direction = np.array(values) / np.linalg.norm(values)
+    around = "" if xyz is None else (xyz.get("expressed_in") or "").strip()
+    if found is not None and (found.findtext("use_parent_model_frame") or "").strip() in ("1", "true"):
+        around = "__model__"
+    if not around:
+        return np.asarray(direction)
+    turned = np.eye(4) if around == "__model__" else tree.zero[tree.link(xyz, around, "this <xyz>")]
+    return np.asarray(placed[:3, :3].T @ turned[:3, :3] @ direction)
+
+
+def _of_plugin(element: Any) -> Any:
+    def read(tree: UrdfTree) -> LoopJoint:
+        parent, child = (
+            tree.link(element.find(word), element.findtext(word), label_of(element, "gazebo"))
+            for word in ("parent", "child")
+        )
+        words = [element.findtext(word) or "0 0 0" for word in ("position", "rotation")]
+        placed = tree.zero[child] @ _pose(tree, element, " ".join(words))
+        axis = placed[:3, :3].T @ np.array([0.0, 1.0, 0.0])  # ClosedLoopPlugin::Load: y of the model
+        found = along(placed, axis)
+        return LoopJoint(
+            "revolute", parent, child, (inverse(tree.zero[parent]) @ found, inverse(tree.zero[child]) @ found)
+        )
+
+    return read
+
+
+def _pose(tree: UrdfTree, element: Any, text: str) -> Array:
+    values = numbers(text)
+    if values is None or len(values) != 6:
+        raise tree.error(element, f"'{text.strip()}' in <{tag_of(element)}> must be six numbers: x y z roll pitch yaw")
+    return from_origin(values[:3], values[3:])
+
+
+def _reached(base: str, above: dict[str, Any]) -> set[str]:
+    """Return the links that are connected to the base by the joints above them."""
+    below: dict[str, list[str]] = {}
+    for link, joint in above.items():
+        below.setdefault(ends(joint)[0], []).append(link)
+    reached = [base]
+    for link in reached:
+        reached += below.get(link, [])
+    return set(reached)
+
+
+def _first_reached(base: str, found: list[Any]) -> dict[str, Any]:
+    """Return the joint above each link if joints are added in file order, as soon as their parent is connected."""
+    above: dict[str, Any] = {}
+    connected = {base}
+    pending = list(found)
+    while True:
+        joint = next((one for one in pending if ends(one)[0] in connected and ends(one)[1] not in connected), None)
+        if joint is None:  # joints that are connected to nothing are left to the check of the tree
+            loose = [one for one in pending if ends(one)[1] not in connected]
+            return above | {ends(one)[1]: one for one in reversed(loose)}
+        above[ends(joint)[1]] = joint
+        connected.add(ends(joint)[1])
+        pending.remove(joint)
+
+
+class Connections:
+    """Links that are connected by joints, directly or through others."""
+
+    def __init__(self, root: Any) -> None:
+        self._next: dict[str, str] = {}
+        for joint in joints(root):
+            self.join(*ends(joint))
+
+    def join(self, first: str, second: str) -> bool:
+        """Connect two links; return whether they were connected already."""
+        first, second = self._last(first), self._last(second)
+        self._next[second] = first
+        return first == second
+
+    def _last(self, link: str) -> str:
+        while self._next.get(link, link) != link:
+            link = self._next[link]
+        return link

@@ -1,0 +1,198 @@
+"""Read the elements of a URDF that declare a loop by its two ends, each with its placement.
+
+    <loop>                     URDF+ (Chignoli et al., arXiv:2411.19753)
+    <constraint>               the proposal ros/urdfdom_headers#108; `raff2urdf --loops constraint` writes it
+    <loop_joint>               Isaac Sim, with <link1> and <link2>; exporters of Fusion 360, with <parent> and <child>
+    <drake:ball_constraint>    Drake: two points coincide
+    <drake:linear_bushing_rpy> Drake: read as the joint that it stands for, by the stiffnesses that are 0
+
+An axis is in the frame of the end that it belongs to, unless the element declares another one; x by default.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from raff2urdf.arrays import Array
+from raff2urdf.errors import did_you_mean
+from raff2urdf.placement import translation
+from raff2urdf.readers.loops.declaration import Declaration, label_of, local, tag_of
+from raff2urdf.readers.loops.joint_couplings import COUPLING
+from raff2urdf.readers.loops.loop_joint import KINDS, LoopJoint
+from raff2urdf.readers.urdf import origin, three
+from raff2urdf.readers.urdf_tree import UrdfTree, along
+
+_Reader = Callable[[UrdfTree, Any], LoopJoint]
+
+_STIFF = ("bushing_torque_stiffness", "bushing_force_stiffness")
+
+
+def find(root: Any) -> Iterator[Declaration]:
+    """Yield the declarations of these dialects."""
+    for element in root.iterchildren("*"):
+        word = local(element)
+        if word not in READERS or element.get("type") == COUPLING:
+            continue
+        dialect, reader = READERS[word]
+
+        def read(tree: UrdfTree, element: Any = element, reader: _Reader = reader) -> LoopJoint:
+            return reader(tree, element)
+
+        notes = (f"{label_of(element)}: its stiffness is read as rigid",) if "bushing" in word else ()
+        name, label = element.get("name", ""), label_of(element)
+        text = f"{label} declares a loop"
+        yield Declaration(element.sourceline, dialect, label, text, name, read=read, element=element, notes=notes)
+
+
+def kind_of(tree: UrdfTree, element: Any, word: str | None) -> str:
+    """Return the kind of joint by its word in the element.
+
+    Raises:
+        RaffError: no such kind, or none that constrains anything.
+    """
+    own = (word or "").strip().lower()
+    if own not in KINDS:
+        label = label_of(element)
+        if not own:
+            raise tree.error(element, f'{label} declares a loop, but has no type: add type="revolute", for example')
+        near = did_you_mean(own, list(KINDS)) or f" (known: {', '.join(KINDS)})"
+        why = "constrains nothing" if own in ("floating", "free", "6dof") else f"is not a kind of joint{near}"
+        raise tree.error(element, f"the type '{own}' of {label} {why}: leave it out with --ignore {tag_of(element)}")
+    return KINDS[own] or own
+
+
+def child(tree: UrdfTree, element: Any, *words: str) -> Any:
+    """Return the first child of an element that has one of these names, without a namespace.
+
+    Raises:
+        RaffError: it has none.
+    """
+    for inner in element.iterchildren("*"):
+        if local(inner) in words:
+            return inner
+    leave = f"add it, or leave the loop out with --ignore {tag_of(element)}"
+    raise tree.error(element, f"{label_of(element)} declares a loop, but has no <{words[0]}>: {leave}")
+
+
+def _optional(element: Any, word: str) -> Any | None:
+    return next((inner for inner in element.iterchildren("*") if local(inner) == word), None)
+
+
+def _loop(tree: UrdfTree, element: Any) -> LoopJoint:
+    if _optional(element, "predecessor") is None and _optional(element, "parent") is not None:
+        return _constraint(tree, element)
+    ends = [child(tree, element, word) for word in ("predecessor", "successor")]
+    links = [tree.link(end, end.get("link"), f"<{end.tag}> of {label_of(element)}") for end in ends]
+    return _with_axes(tree, element, links, [origin(end, tree.name) for end in ends])
+
+
+def _constraint(tree: UrdfTree, element: Any) -> LoopJoint:
+    if _optional(element, "predecessor") is not None:
+        return _loop(tree, element)
+    kind = kind_of(tree, element, element.get("type"))
+    links, starts = [], []
+    axes: list[Array | None] = []
+    for word in ("parent", "child"):
+        end = child(tree, element, word)
+        links.append(tree.link(end, end.get("link"), f"<{word}> of {label_of(element)}"))
+        at = _optional(element, f"{word}_origin")
+        at = at if at is not None else end.find("origin")
+        starts.append(np.eye(4) if at is None else _pose(tree, at))
+        given = _optional(element, f"{word}_axis")
+        axes.append(None if given is None else tree.vector(given))
+    shared = _optional(element, "axis")
+    if shared is not None and shared.get("frame") in ("parent", "child"):  # in that link's axes; alike at zero
+        which = 0 if shared.get("frame") == "parent" else 1
+        direction = tree.zero[links[which]][:3, :3] @ tree.vector(shared)
+        axes = [
+            start[:3, :3].T @ tree.zero[link][:3, :3].T @ direction for link, start in zip(links, starts, strict=True)
+        ]
+    default = tree.vector(shared)
+    one, other = (default if axis is None else axis for axis in axes)
+    if kind == "universal" and _optional(element, "child_axis") is None and shared is None:
+        other = np.array([0.0, 1.0, 0.0])
+    near = None
+    if kind == "prismatic" and not np.array_equal(one, other):  # the format leaves the rotation open: as at zero
+        world = tree.zero[links[0]][:3, :3] @ along(starts[0], one)[:3, 0]
+        near = starts[1][:3, :3].T @ tree.zero[links[1]][:3, :3].T @ world
+    placed = [along(starts[0], one), along(starts[1], other, near)]
+    return _cut(tree, element, kind, links, placed)
+
+
+def _loop_joint(tree: UrdfTree, element: Any) -> LoopJoint:
+    ends = [inner for inner in element.iterchildren("*") if local(inner) in ("link1", "link2")]
+    if not ends:
+        return _constraint(tree, element)
+    if len(ends) != 2:
+        raise tree.error(element, f"{label_of(element)} must name two links, by <link1> and <link2>")
+    links = [tree.link(end, end.get("link"), f"<{end.tag}> of {label_of(element)}") for end in ends]
+    return _with_axes(tree, element, links, [_pose(tree, end) for end in ends])
+
+
+def _with_axes(tree: UrdfTree, element: Any, links: list[str], starts: list[Array]) -> LoopJoint:
+    """Return a joint whose <axis> is in the frames of both ends; the second axis of a universal joint is <axis2>."""
+    kind, axis = kind_of(tree, element, element.get("type")), tree.vector(_optional(element, "axis"))
+    second = tree.vector(_optional(element, "axis2"), default="0 1 0") if kind == "universal" else axis
+    return _cut(tree, element, kind, links, [along(starts[0], axis), along(starts[1], second)])
+
+
+def _ball_constraint(tree: UrdfTree, element: Any) -> LoopJoint:
+    links, placed = [], []
+    for word, point in (("a", "p_ap"), ("b", "p_bq")):
+        end = child(tree, element, f"ball_constraint_body_{word}")
+        links.append(tree.link(end, end.get("name"), f"<{tag_of(end)}>"))
+        at = child(tree, element, f"ball_constraint_{point}")
+        placed.append(translation(three(at, "value", tree.name)))
+    return _cut(tree, element, "ball", links, placed)
+
+
+def _bushing(tree: UrdfTree, element: Any) -> LoopJoint:
+    frames = {str(frame.get("name")): frame for frame in tree.root.iterchildren("*") if local(frame) == "frame"}
+    links, starts = [], []
+    for word in ("a", "c"):
+        end = child(tree, element, f"bushing_frame{word}")
+        frame = frames.get(str(end.get("name")))
+        on = end if frame is None else frame
+        links.append(tree.link(on, end.get("name") if frame is None else frame.get("link"), f"<{tag_of(end)}>"))
+        starts.append(np.eye(4) if frame is None else _pose(tree, frame))
+    torque, force = ([x > 0.0 for x in three(child(tree, element, word), "value", tree.name)] for word in _STIFF)
+    free = [i for i in range(3) if not torque[i]], [i for i in range(3) if not force[i]]
+    kinds = {(0, 0): "rigid", (1, 0): "revolute", (3, 0): "ball", (0, 1): "prismatic", (1, 1): "cylindrical"}
+    kind = kinds.get((len(free[0]), len(free[1])))
+    if kind is None or (kind == "cylindrical" and free[0] != free[1]):
+        raise tree.error(
+            element,
+            f"{label_of(element)} is stiff in directions that no joint has: declare the joint that it stands for, or "
+            f"leave it out with --ignore {tag_of(element)}",
+        )
+    axis = np.eye(3)[(free[0] or free[1] or [2])[0]] if kind != "ball" else np.eye(3)[2]
+    return _cut(tree, element, kind, links, [along(start, axis) for start in starts])
+
+
+def _pose(tree: UrdfTree, element: Any) -> Array:
+    """Return the placement (4, 4) that an element's own xyz and rpy give."""
+    from raff2urdf.placement import from_origin
+
+    return from_origin(three(element, "xyz", tree.name), three(element, "rpy", tree.name))
+
+
+def _cut(tree: UrdfTree, element: Any, kind: str, links: list[str], placed: list[Array]) -> LoopJoint:
+    cut = LoopJoint(kind, links[0], links[1], (placed[0], placed[1]))
+    bodies = cut.on_bodies(tree)
+    if bodies.first == bodies.second:
+        same = f"'{links[0]}' to itself" if links[0] == links[1] else f"'{links[0]}' to '{links[1]}', one rigid body"
+        raise tree.error(element, f"{label_of(element)} joins {same}: name two links that move relative to each other")
+    return cut
+
+
+READERS: dict[str, tuple[str, _Reader]] = {
+    "loop": ("URDF+", _loop),
+    "constraint": ("constraint elements", _constraint),
+    "loop_joint": ("loop_joint elements", _loop_joint),
+    "ball_constraint": ("Drake", _ball_constraint),
+    "linear_bushing_rpy": ("Drake", _bushing),
+}
+"""By the element's name: the dialect, and the function that reads it."""

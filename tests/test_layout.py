@@ -1,0 +1,55 @@
+"""No folder of the packages is longer than a page, no file longer than a walk through it, no function than a screen.
+
+Complexity is bounded by ruff (C901, `tool.ruff.lint.mccabe` in pyproject.toml).
+"""
+
+from __future__ import annotations
+
+import ast
+from collections import Counter
+
+import pytest
+
+FOLDER, FILE, FUNCTION = 25, 400, 60
+"""Modules of a folder, lines of a file, lines of a function without its docstring."""
+
+LONGER = {
+    "cinegen/assembly/_kernels.py", "cinegen/assembly/certify.py", "cinegen/cli/study/map.py",
+    "cinegen/cockpit/hub.py", "cinegen/collision/scene_file.py", "cinegen/design/calibration/estimation.py",
+    "cinegen/design/synthesis/objectives.py", "cinegen/design/synthesis/problem.py",
+    "cinegen/dynamics/_kernels/torques.py", "cinegen/dynamics/inverse_dynamics.py", "cinegen/ik/_kernels/levels.py",
+    "cinegen/ik/_kernels/trial.py", "cinegen/inverse/task_parts.py", "cinegen/mission/trajectory.py",
+    "cinegen/planning/safe_drag.py", "cinegen/proof/checker.py", "cinegen/workspace/specification.py",
+    "cinegen/workspace/zarr_store.py", "raff2urdf/raff/document.py", "raff2urdf/raff/syntax.py",
+    "raff2urdf/readers/mjcf.py", "raff2urdf/readers/sdf/conversion.py", "raff2urdf/readers/sdf/model.py",
+    "raff2urdf/writers/mjcf.py",
+}  # fmt: skip
+"""Files that are to be split; none is added."""
+
+
+@pytest.fixture(scope="module")
+def modules(root):
+    """All modules of both packages, relative to the clone, with their texts."""
+    paths = (path for package in ("cinegen", "raff2urdf") for path in (root / package).rglob("*.py"))
+    return {path.relative_to(root): path.read_text(encoding="utf-8") for path in paths}
+
+
+def test_a_folder_is_read_at_a_glance(modules):
+    counts = Counter(path.parent for path in modules)
+    assert {folder: count for folder, count in counts.items() if count > FOLDER} == {}
+
+
+def test_a_file_is_one_module_and_not_two(modules):
+    assert {path.as_posix() for path, text in modules.items() if text.count("\n") > FILE} <= LONGER
+    assert {name for name in LONGER if name not in {path.as_posix() for path in modules}} == set()
+
+
+def test_a_function_is_one_idea(modules):
+    found = {}
+    for path, text in modules.items():
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                described = node.body[0].end_lineno - node.body[0].lineno + 1 if ast.get_docstring(node) else 0
+                if node.end_lineno - node.lineno + 1 - described > FUNCTION:
+                    found[f"{path}: {node.name}"] = node.end_lineno - node.lineno + 1 - described
+    assert {name for name in found if "cinegen/proof/" not in name} == set()
