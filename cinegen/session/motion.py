@@ -174,7 +174,7 @@ class ConfigurationMotion(_TimedMotion):
         try:
             q = self._forward.move(values)
         except LimitError as error:
-            return self._jump(f"{error.joint} would pass a limit on the way")
+            return self._jump(f"{error.joint} would pass a limit in between")
         except CinegenError:
             return self._jump()
         if self._mechanism.floating:

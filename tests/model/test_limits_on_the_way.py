@@ -140,4 +140,4 @@ def test_motions_of_a_session_keep_limits_within_a_tick(robot):
     assert slider.problem == "at limit: joint3"
     motion = ConfigurationMotion(narrow, mechanism.q_home, end, "home", "moving home")
     assert np.array_equal(motion.advance(100.0), end)
-    assert motion.problem == "joint3 would pass a limit on the way: the robot was moved there without a path"
+    assert motion.problem == "joint3 would pass a limit in between: the robot was moved there without a path"
