@@ -11,8 +11,7 @@ from cinegen.cli.files import check_outputs, print_result, write
 from cinegen.cli.numbers import UNITS, interval_of, named, values
 from cinegen.cli.options import FILE, JSON, RobotOptions, force_option
 from cinegen.cli.progress import Progress
-from raff2urdf.command.command_line import flag, option
-from raff2urdf.files import output_path
+    found = [f"{one_line(name)}: {proof.message}", f"  region: {one_line(proof.region_text)}"]
 
 if TYPE_CHECKING:
     from cinegen.proof import Proof
@@ -71,17 +70,17 @@ def run(
             mechanism, ranges, given, node, limits=limits, boxes=boxes or BOXES, shape=shape, grow=grow,
             tolerances=errors, parameters=parameters, report=progress.fraction,
         )  # fmt: skip
-    write(target, dumps(proof.certificate))
+    write(target, dumps({"origin": GENERATED, **proof.certificate}))
     print_result({"certificate": str(target), **proof.as_dict()}, f"{lines(name, proof)}\ncertificate: {target}", json)
     return 0 if proof else 1
 
 
 def lines(name: str, proof: Proof) -> str:
     """Return the result for people: m and degrees."""
-    found = [f"{name}: {proof.message}", f"  region: {proof.region_text}"]
+    found = [f"{one_line(name)}: {proof.message}", f"  region: {one_line(proof.region_text)}"]
     for witness in proof.witnesses[:2]:
         why = (
-            f"{witness.get('limit')} is beyond a limit"
+            f"{one_line(str(witness['limit']))} is beyond a limit"
             if "limit" in witness
             else f"determinant {witness['determinant']:+d}"
         )
