@@ -11,7 +11,9 @@ from cinegen.cli.files import check_outputs, print_result, write
 from cinegen.cli.numbers import UNITS, interval_of, named, values
 from cinegen.cli.options import FILE, JSON, RobotOptions, force_option
 from cinegen.cli.progress import Progress
-    found = [f"{one_line(name)}: {proof.message}", f"  region: {one_line(proof.region_text)}"]
+from raff2urdf.command.command_line import flag, option
+from raff2urdf.escape import one_line
+from raff2urdf.files import GENERATED, output_path
 
 if TYPE_CHECKING:
     from cinegen.proof import Proof
