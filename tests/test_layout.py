@@ -15,14 +15,11 @@ FOLDER, FILE, FUNCTION = 25, 400, 60
 
 LONGER = {
     "cinegen/assembly/_kernels.py", "cinegen/assembly/certify.py", "cinegen/cli/study/map.py",
-    "cinegen/cockpit/hub.py", "cinegen/collision/scene_file.py", "cinegen/design/calibration/estimation.py",
-    "cinegen/design/synthesis/objectives.py", "cinegen/design/synthesis/problem.py",
-    "cinegen/dynamics/_kernels/torques.py", "cinegen/dynamics/inverse_dynamics.py", "cinegen/ik/_kernels/levels.py",
-    "cinegen/ik/_kernels/trial.py", "cinegen/inverse/task_parts.py", "cinegen/mission/trajectory.py",
-    "cinegen/planning/safe_drag.py", "cinegen/proof/checker.py", "cinegen/workspace/specification.py",
-    "cinegen/workspace/zarr_store.py", "raff2urdf/raff/document.py", "raff2urdf/raff/syntax.py",
-    "raff2urdf/readers/mjcf.py", "raff2urdf/readers/sdf/conversion.py", "raff2urdf/readers/sdf/model.py",
-    "raff2urdf/writers/mjcf.py",
+    "cinegen/collision/scene_file.py", "cinegen/design/calibration/estimation.py",
+    "cinegen/design/synthesis/problem.py", "cinegen/dynamics/_kernels/torques.py",
+    "cinegen/dynamics/inverse_dynamics.py", "cinegen/ik/_kernels/levels.py", "cinegen/ik/_kernels/trial.py",
+    "cinegen/mission/trajectory.py", "cinegen/planning/safe_drag.py", "cinegen/proof/checker.py",
+    "raff2urdf/raff/document.py", "raff2urdf/readers/mjcf.py", "raff2urdf/readers/sdf/conversion.py",
 }  # fmt: skip
 """Files that are to be split; none is added."""
 

@@ -19,7 +19,7 @@ import tornado.httpserver
 import tornado.web
 import tornado.websocket
 
-from cinegen.cockpit.hub import FASTEST, Client, TokenBucket
+from cinegen.cockpit.clients import FASTEST, Client, TokenBucket
 from cinegen.cockpit.page import PageFeed, viewer
 from cinegen.errors import CinegenError
 from raff2urdf.escape import html_text

@@ -23,8 +23,9 @@ import tornado.websocket
 from tornado.iostream import IOStream
 
 from cinegen.cockpit.certificate import PageCertificate
+from cinegen.cockpit.clients import TokenBucket
 from cinegen.cockpit.handlers import REQUESTS, PageSocket, application, is_local
-from cinegen.cockpit.hub import Hub, TokenBucket
+from cinegen.cockpit.hub import Hub
 from cinegen.cockpit.page import Page
 from cinegen.cockpit.served_map import ServedMap
 from cinegen.errors import CinegenError

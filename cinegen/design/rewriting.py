@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from raff2urdf.errors import RaffError
 from raff2urdf.raff.document import Document, RaffParameters, RaffRobot
 from raff2urdf.raff.reader import parse
-from raff2urdf.raff.syntax import Token, tokens
+from raff2urdf.raff.tokens import Token, tokens
 from raff2urdf.raff.writer import dumps, number
 
 _WORDS = tuple(RaffParameters.__dataclass_fields__)

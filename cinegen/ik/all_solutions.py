@@ -17,7 +17,8 @@ from cinegen.errors import ClosureError
 from cinegen.hexapod import SolutionCounts
 from cinegen.ik.solutions import IKError, IKSolutions
 from cinegen.ik.task import FrameTask
-from cinegen.inverse.task_parts import NodeTask, TaskParts
+from cinegen.inverse.parts import NodeTask
+from cinegen.inverse.task_parts import TaskParts
 from cinegen.model import Mechanism
 from cinegen.recent import Recent
 from cinegen.tolerances import AT_LIMIT

@@ -10,9 +10,8 @@ solution of one goes with each of the others.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -24,6 +23,7 @@ from cinegen.assembly.errors import FreeMotionError, ModesError
 from cinegen.assembly.modes import ModesSolver
 from cinegen.errors import ClosureError
 from cinegen.inverse.motion_group import MotionGroup, generated
+from cinegen.inverse.parts import NodeTask, TaskPart, VirtualPose
 from cinegen.joints import kinematic_data
 from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
 from cinegen.loops.clusters import subsystems
@@ -36,75 +36,8 @@ from raff2urdf.raff.document import LoopKind
 _STILL = 1e-9  # rad, characteristic lengths: a joint that moves the node and the loops less does not move them
 _WALK, _STEP = 3, 0.4  # configurations besides the first that motions are examined at; rad, characteristic lengths
 _PARALLEL = 1e-6
-_ALIKE = 1e-6  # features
 _TASK = -(2**62)  # the task among the joints and the cuts, which are numbered 1, 2, ... and -1, -2, ...
 _VIRTUAL = "virtual"
-
-
-class NodeTask(NamedTuple):
-    """A frame on a node is brought to a position; its orientation is given, free, or free about one of its axes.
-
-    Attributes:
-        node: name of the node.
-        offset: pose of the frame on the node.
-        rotation: number of constrained rotations: 3; 0; or 2, and then the orientation is free about `free_axis`.
-        free_axis: (3,) in the frame.
-    """
-
-    node: str
-    offset: pin.SE3
-    rotation: int = 3
-    free_axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
-
-
-class VirtualPose(NamedTuple):
-    """The values of the virtual joints for a pose, and how far it is from all poses that the node's motions reach.
-
-    Attributes:
-        values: (count,) m and rad.
-        distance: m.
-        angle: rad.
-    """
-
-    values: Array
-    distance: float
-    angle: float
-
-
-@dataclass(frozen=True, eq=False)
-class TaskPart:
-    """A linkage of some of the joints that bring the node to its pose.
-
-    Attributes:
-        mechanism: whose actuated joints are the virtual ones.
-        joints: names of its other joints.
-        distinct: names of those whose values distinguish solutions: actuated ones, those in couplings, and those in no
-            loop of the whole mechanism.
-        solver: computes its modes.
-    """
-
-    mechanism: Mechanism
-    joints: tuple[str, ...]
-    distinct: tuple[str, ...]
-    solver: ModesSolver
-
-    def values(self, q: Array) -> dict[str, float]:
-        """Return the values of its joints in its own configuration q (nq,), rad and m."""
-        return {name: float(q[self.mechanism.q_index(name)]) for name in self.joints}
-
-    def near(self, q: Array) -> Array:
-        """Return q (nq,) itself, or what places all its links alike with the joints of universal and ball joints, and
-        rods about themselves, nearer to home."""
-        mechanism, features = self.mechanism, self.solver.features(q)
-        kept = (*mechanism.actuated, *self.distinct)
-        start = mechanism.configuration({name: float(q[mechanism.q_index(name)]) for name in kept})
-        try:
-            found = mechanism.close(start, kept)
-        except ClosureError:
-            return q
-        alike = np.abs(self.solver.features(found) - features).max(initial=0.0) < _ALIKE
-        home = mechanism.q_home
-        return found if alike and mechanism.distance(home, found) < mechanism.distance(home, q) else q
 
 
 class TaskParts:

@@ -19,13 +19,12 @@ from cinegen.model.fingerprint import fingerprint
 from cinegen.model.urdf import kinematics_of
 from cinegen.singularities.singularity import controlled_nowhere
 from cinegen.singularities.slice import POSE
-from cinegen.workspace.accuracy import check_tolerances
 from cinegen.workspace.errors import MapError
-from cinegen.workspace.loads import check_loads
 from cinegen.workspace.quantities import DIRECTED, QUANTITIES
 from cinegen.workspace.region import Region
+from cinegen.workspace.specification_checks import checked_quantities
 from raff2urdf.closure import rank
-from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.errors import RaffError
 
 if TYPE_CHECKING:
     import xarray
@@ -121,7 +120,7 @@ class MapSpecification:
         object.__setattr__(
             self, "gravity", tuple(map(float, self.gravity if len(self.gravity) else self.mechanism.gravity))
         )
-        object.__setattr__(self, "quantities", _checked_quantities(self))
+        object.__setattr__(self, "quantities", checked_quantities(self))
 
     def __repr__(self) -> str:
         return f"<MapSpecification of {self.mechanism.name}, {self.node}: {self.region!r}>"
@@ -350,53 +349,3 @@ def map_slice(
 
 def _json(document: Any) -> str:
     return json.dumps(document, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
-
-
-def _checked_quantities(spec: MapSpecification) -> tuple[str, ...]:
-    """Return the names of a specification's quantities, each once, in the order of `QUANTITIES`.
-
-    Raises:
-        MapError: a quantity is unknown, or does not exist in this map.
-    """
-    mechanism, wanted = spec.mechanism, set(spec.quantities)
-    for name in spec.quantities:
-        if name not in QUANTITIES:
-            raise MapError(f"unknown quantity '{name}'{did_you_mean(name, tuple(QUANTITIES))}")
-    if "sigma_2" in wanted and not mechanism.structure.passive_rank and not spec.is_uncontrolled:
-        wanted.discard("sigma_2")  # without passive joints there are no singularities of type 2
-    check_loads(spec, wanted)
-    check_tolerances(spec, wanted)
-    if "clearance" in wanted:
-        _check_scene(spec)
-    if "solid_angle" in wanted and (spec.over_joints or spec.rotation):
-        raise MapError("solid_angle counts possible directions of the node: leave its orientation free")
-    if "solutions" in wanted and spec.over_joints and mechanism.is_constrained:
-        from cinegen.assembly.errors import ModesError
-        from cinegen.assembly.linkage import linkage_of
-
-        try:
-            linkage_of(mechanism.successive)
-        except ModesError as error:
-            raise MapError(f"its assembly modes can't be counted: {error}. Leave 'solutions' out") from None
-    if "solutions" in wanted and not spec.over_joints and spec.dof > spec.rank:
-        raise MapError(
-            f"{mechanism.name} has infinitely many solutions here: it has {spec.dof} degrees of freedom, and the pose "
-            f"of {spec.node} takes {spec.rank} of them. Leave 'solutions' out, or give its orientation too"
-        )
-    return tuple(name for name in QUANTITIES if name in wanted)
-
-
-def _check_scene(spec: MapSpecification) -> None:
-    """Check that the scene can be read.
-
-    Raises:
-        MapError: there is none, or it can't be read.
-    """
-    from cinegen.collision import PlanningError, scene_of
-
-    if spec.scene is None:
-        raise MapError("clearance needs obstacles: give a scene (--scene)")
-    try:
-        scene_of(dict(spec.scene), spec.folder, mechanism=spec.mechanism)
-    except PlanningError as error:
-        raise MapError(f"the scene can't be read: {error}") from None

@@ -34,26 +34,22 @@ from cinegen.workspace.specification import VERSION, MapSpecification
 from raff2urdf.command.extras import needs
 
 with needs("maps", "maps"):
-    import google_crc32c
     import zarr
     from zarr.codecs import Crc32cCodec, ZstdCodec
     from zarr.storage import LocalStore, MemoryStore
+from cinegen.workspace.checked_files import LAST, CheckedFiles, is_sound
 
 if TYPE_CHECKING:
-    from zarr.abc.store import ByteRequest
-    from zarr.core.buffer import Buffer, BufferPrototype
+    pass
 
 Values = np.ndarray[Any, np.dtype[Any]]
 
 KIND = "cinegen map"
 JOINT, UNIT = "joint", "joint_unit"
-LAST = "status"
-"""The array that is written last in each chunk."""
 
 _ADVICE = "Give another path, or delete it"
 _ERRORS = (ArithmeticError, KeyError, OSError, RecursionError, RuntimeError, TypeError, ValueError)
 """Errors of zarr, for damaged files."""
-_CRC = 4  # bytes, at the end of a chunk's file
 _CONFIG: Any = {"write_empty_chunks": True}  # a chunk is complete where its file exists
 _ENCODING: dict[str, Any] = {
     "chunk_key_encoding": {"name": "default", "separator": "."},  # one folder for each array: more take longer
@@ -148,7 +144,7 @@ class MapStore:
     def is_sound(self, chunk: int) -> bool:
         """Return whether all files of a chunk exist, with the right checksums."""
         try:
-            return all(_is_sound(self._file(name, chunk).read_bytes()) for name in self._arrays)
+            return all(is_sound(self._file(name, chunk).read_bytes()) for name in self._arrays)
         except FileNotFoundError:
             return False
         except OSError as error:
@@ -253,45 +249,11 @@ def open_dataset(path: Path) -> Any:
 
     store = MapStore(path)
     try:
-        dataset = xarray.open_zarr(_CheckedFiles(store.path, read_only=True), consolidated=False, chunks=None)
+        dataset = xarray.open_zarr(CheckedFiles(store.path, read_only=True), consolidated=False, chunks=None)
     except (*_ERRORS, AttributeError) as error:
         raise MapError(f"{store.path} is damaged: zarr can't open it ({error}). {_ADVICE}") from None
     dataset.encoding["source"] = str(store.path)
     return dataset
-
-
-class _CheckedFiles(LocalStore):
-    """A map's folder whose damaged files are reported by name. Plain zarr reads missing chunks as fill values."""
-
-    async def get(
-        self, key: str, prototype: BufferPrototype | None = None, byte_range: ByteRequest | None = None
-    ) -> Buffer | None:
-        return self._checked(key, await super().get(key, prototype, byte_range))
-
-    def get_sync(
-        self, key: str, *, prototype: BufferPrototype | None = None, byte_range: ByteRequest | None = None
-    ) -> Buffer | None:
-        return self._checked(key, super().get_sync(key, prototype=prototype, byte_range=byte_range))
-
-    def _checked(self, key: str, found: Buffer | None) -> Buffer | None:
-        name, _, chunk = key.rpartition("/")
-        index = chunk.split(".")
-        if index[0] != "c":
-            return found
-        status = self.root / LAST / ".".join(index[: -1 if name == "configuration" else None])
-        if found is None and (name == LAST or not status.exists()):
-            return None
-        if found is None or not _is_sound(found.to_bytes()):
-            raise MapError(
-                f"{self.root / key} is {'missing' if found is None else 'damaged'}: repeat the command that made the "
-                f"map, which evaluates this chunk again; or delete {status}, which marks it as not evaluated"
-            )
-        return found
-
-
-def _is_sound(data: bytes) -> bool:
-    """Return whether the content of a chunk's file ends with its checksum."""
-    return len(data) > _CRC and google_crc32c.value(data[:-_CRC]).to_bytes(_CRC, "little") == data[-_CRC:]
 
 
 def write_error(path: Path, error: OSError) -> MapError:

@@ -5,7 +5,8 @@ from typing import ClassVar
 from pygments.lexer import RegexLexer
 from pygments.token import Comment, Keyword, Name, Number, Punctuation, String, Text
 
-from raff2urdf.raff.syntax import STATEMENTS, TOKENS
+from raff2urdf.raff.syntax import STATEMENTS
+from raff2urdf.raff.tokens import TOKENS
 
 _BLOCKS = {word for some in STATEMENTS.values() for word, one in some.items() if one.follows.endswith("{")}
 _WORDS = {word for some in STATEMENTS.values() for word in some} | {"RAFF"}

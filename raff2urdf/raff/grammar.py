@@ -9,7 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 from raff2urdf.raff.document import UNITS_PER_METRE, CompoundKind
-from raff2urdf.raff.syntax import OF_WORDS, STATEMENTS, TOKENS, Statement
+from raff2urdf.raff.syntax import STATEMENTS, Statement
+from raff2urdf.raff.tokens import OF_WORDS, TOKENS
 
 Rule = dict[str, Any]
 

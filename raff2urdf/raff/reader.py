@@ -15,7 +15,8 @@ from raff2urdf.files import read_bytes
 from raff2urdf.raff import texts
 from raff2urdf.raff.check import check_tree
 from raff2urdf.raff.document import UNITS_PER_METRE, Document, JointType, LoopKind, SourceText
-from raff2urdf.raff.syntax import STATEMENTS, Block, Token, tokens
+from raff2urdf.raff.syntax import STATEMENTS, Block
+from raff2urdf.raff.tokens import Token, tokens
 from raff2urdf.shipped import find_robot
 
 LONGEST_LINE = 10_000  # characters: no person writes such a line, and no error could show it

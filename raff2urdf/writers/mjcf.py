@@ -14,10 +14,8 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,13 +25,14 @@ from scipy.spatial.transform import Rotation
 
 from raff2urdf.arrays import Array
 from raff2urdf.coupling import Coupling
-from raff2urdf.errors import RaffError, RaffWarning
+from raff2urdf.errors import RaffError
 from raff2urdf.escape import unique_name
 from raff2urdf.inertia import ROUNDED, Inertia, sum_of
 from raff2urdf.placement import inverse, translation
 from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.tree import BASE_JOINT, WORLD
 from raff2urdf.writers.inertia import Inertias, inertias
+from raff2urdf.writers.mjcf_meshes import MeshAssets
 from raff2urdf.writers.tree_at_home import TreeAtHome, shape_of
 from raff2urdf.writers.xml_text import comment, numeral, numerals, text_of
 
@@ -64,8 +63,6 @@ NARROW = 1e-9
 _EQUALITIES = {"rigid": "weld", "prismatic": "weld", "revolute": "connect", "ball": "connect"}
 _DYNAMICS = {"friction": "frictionloss"}
 _MOST_POWERS = 4  # of a polynomial in MuJoCo
-_MOST_FACES = 200_000  # of an STL file
-_LEAST_VERTICES = 4
 
 End = tuple[str, Array]
 """A body and a placement (4, 4) on it."""
@@ -73,7 +70,7 @@ End = tuple[str, Array]
 
 def files(translation: Translation, stem: str, options: WriteOptions) -> dict[str, bytes]:
     """Return the robot, and those of its meshes that MuJoCo can't read as they are, as binary STL."""
-    tree, meshes = TreeAtHome(translation), _MeshAssets(translation, stem)
+    tree, meshes = TreeAtHome(translation), MeshAssets(translation, stem)
     masses = inertias(tree.model, options.density, translation.surface, tree.moving)
     text = text_of(_Writer(tree, masses, meshes, translation.analysis.length).root())
     meshes.warn()
@@ -84,7 +81,7 @@ def files(translation: Translation, stem: str, options: WriteOptions) -> dict[st
 class _Writer:
     tree: TreeAtHome
     inertias: Inertias
-    meshes: _MeshAssets
+    meshes: MeshAssets
     length: float
 
     def __post_init__(self) -> None:
@@ -385,51 +382,3 @@ def add_inertial(body: etree._Element, inertia: Inertia) -> None:
 
 
 # --- meshes ------------------------------------------------------------------------------------------------------
-
-
-class _MeshAssets:
-    """The meshes of a robot as assets that MuJoCo reads.
-
-    Attributes:
-        files: of the assets, with their scales, by name.
-        converted: contents of the files that were converted, by name.
-    """
-
-    def __init__(self, translation: Translation, stem: str) -> None:
-        self.translation, self.folder = translation, f"meshes/{stem}"
-        self.files: dict[str, tuple[str, tuple[float, ...]]] = {}
-        self.converted: dict[str, bytes] = {}
-        self.names: dict[str, str | None] = {}
-
-    def name(self, mesh: str, scale: tuple[float, ...]) -> str | None:
-        """Return the name of a mesh in the assets; None if MuJoCo can't read it."""
-        if mesh not in self.names:
-            self.names[mesh] = None
-            if file := mesh if self._is_readable(mesh) else self._convert(mesh):
-                name = self.names[mesh] = unique_name(PurePosixPath(file).stem, self.files)
-                self.files[name] = file, scale
-        return self.names[mesh]
-
-    def _is_readable(self, mesh: str) -> bool:
-        suffix = PurePosixPath(mesh).suffix.lower()
-        content = self.translation.content(mesh) if suffix == ".stl" else b""
-        faces = int.from_bytes(content[80:84], "little")
-        binary = len(content) == 84 + 50 * faces and _LEAST_VERTICES <= faces <= _MOST_FACES
-        return suffix == ".obj" or binary
-
-    def _convert(self, mesh: str) -> str | None:
-        surface = self.translation.surface(mesh)
-        if len(surface.vertices) < _LEAST_VERTICES or len(surface.faces) > _MOST_FACES:
-            return None
-        name = f"{self.folder}/{PurePosixPath(mesh).name}.stl"
-        while name in self.converted:
-            name = f"{name.removesuffix('.stl')}-.stl"
-        self.converted[name] = surface.export(file_type="stl")
-        return name
-
-    def warn(self) -> None:
-        """Warn of meshes that were left out."""
-        if lost := [mesh for mesh, name in self.names.items() if name is None]:
-            reason = f"MuJoCo reads meshes from {_LEAST_VERTICES} vertices on up to {_MOST_FACES} faces"
-            robot = self.translation.robot.name
-            warnings.warn(f"robot '{robot}': left out {', '.join(lost)}: {reason}", RaffWarning, stacklevel=3)

@@ -14,7 +14,8 @@ from typing import Any
 import yaml
 from lxml import etree
 
-from raff2urdf.raff.syntax import STATEMENTS, tokens
+from raff2urdf.raff.syntax import STATEMENTS
+from raff2urdf.raff.tokens import tokens
 
 Words = Sequence[str]
 Mutation = Callable[[Random, bytes, Words], bytes]

@@ -16,8 +16,8 @@ import tornado.websocket
 from browsers import Browser, becomes, get
 
 from cinegen.cockpit import Cockpit
+from cinegen.cockpit.clients import MOST
 from cinegen.cockpit.handlers import _TURN
-from cinegen.cockpit.hub import MOST
 from cinegen.cockpit.server import CONNECTIONS
 from cinegen.session import arrange
 

@@ -5,7 +5,7 @@ import re
 
 from raff2urdf.cli import main
 from raff2urdf.raff.grammar import grammar
-from raff2urdf.raff.syntax import tokens
+from raff2urdf.raff.tokens import tokens
 
 
 def scopes(text):

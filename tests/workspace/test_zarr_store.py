@@ -22,9 +22,10 @@ from hypothesis import strategies as st
 from mapped import mapped
 
 from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map, open_map
+from cinegen.workspace.checked_files import is_sound
 from cinegen.workspace.chunks import chunk_cells, chunk_counts, chunk_shape
 from cinegen.workspace.evaluator import ChunkEvaluator
-from cinegen.workspace.zarr_store import _ENCODING, MapStore, _is_sound
+from cinegen.workspace.zarr_store import _ENCODING, MapStore
 
 MOST = 15  # cells of a chunk: 10 chunks, those at the end smaller
 
@@ -117,10 +118,10 @@ def test_a_chunk_with_any_bit_wrong_or_any_byte_missing_is_not_sound(seed, dtype
     array = zarr.create_array(zarr.storage.MemoryStore(), shape=(3, 4), chunks=(4, 5), dtype=dtype, **_ENCODING)
     array[:] = rng.integers(0, 2, (3, 4)).astype(dtype)
     data = array.store._store_dict["c.0.0"].to_bytes()
-    assert _is_sound(data)
+    assert is_sound(data)
     at = int(rng.integers(len(data)))
-    assert not _is_sound(data[:at] + bytes([data[at] ^ (1 << int(rng.integers(8)))]) + data[at + 1 :])
-    assert not _is_sound(data[:at])
+    assert not is_sound(data[:at] + bytes([data[at] ^ (1 << int(rng.integers(8)))]) + data[at + 1 :])
+    assert not is_sound(data[:at])
 
 
 @pytest.mark.parametrize(("name", "of"), [("delta4", of_delta), ("planar_3r", over_joints)])

@@ -8,141 +8,22 @@ count as minus its distance, and beyond a singularity they are negative.
 from __future__ import annotations
 
 import math
-from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
-from cinegen.arrays import Array, Indices
+from cinegen.arrays import Array
 from cinegen.design.dimensions import DimensionedMasses, LinkMass
 from cinegen.design.errors import DesignError
 from cinegen.design.synthesis.clearance import BarClearance
 from cinegen.design.synthesis.error_propagation import ErrorPropagation
 from cinegen.design.synthesis.quantities import QUANTITIES
 from cinegen.design.synthesis.reaching import Reached, Reaching
+from cinegen.design.synthesis.scores import ScoreRows, Scores
 from cinegen.design.synthesis.task import DesignObjective, SynthesisTask
-from cinegen.design.torques import holding_torques
 from raff2urdf.quantities import FORCE, NUMBER, TORQUE, Dimension, QuantityError, parse
 
 _INDEX = {"sigma_1": 0, "sigma_max": 1, "condition": 2}
 _SMALL = 1e-9  # reference values below are replaced by 1
-
-
-class ScoreRows(NamedTuple):
-    """Scores (n, k) of n targets, or of none (1, k), and their derivatives (n, k, variables)."""
-
-    values: Array
-    slopes: Array
-
-
-class Scores:
-    """Scores of a design at `count` targets, and their derivatives by the variables; larger is better.
-
-    Attributes:
-        reached: configurations.
-        p: (parameters,) values, m and rad.
-        scale: of the region.
-    """
-
-    def __init__(self, scoring: Scoring, reached: Reached, scale: float, growth: Array | None) -> None:
-        self._scoring, self.reached, self.p, self.scale = scoring, reached, reached.p, scale
-        reaching = scoring.reaching
-        self._reaching = reaching
-        self.here = reaching.evaluate(reached.p, reached.q)
-        self.follow = reaching.follow(self.here, growth)
-        self._growth = growth
-
-    def __len__(self) -> int:
-        return len(self.reached.q)
-
-    @property
-    def variables(self) -> int:
-        """Number of variables."""
-        return int(self.follow.shape[2])
-
-    def total(self, by_columns: Array) -> Array:
-        """Return derivatives (count, ..., variables) at targets of what depends on the columns (count, ..., columns) of
-        the design with the actuated joints' own variables."""
-        reaching = self._reaching
-        own = by_columns[..., reaching.own]
-        found = (own.reshape(len(own), -1, own.shape[-1]) @ self.follow).reshape(*own.shape[:-1], self.variables)
-        found[..., : len(reaching.free)] += by_columns[..., reaching.free]
-        return np.asarray(found)
-
-    @cached_property
-    def sigma(self) -> ScoreRows:
-        """(count, 3): smallest singular value, inverse of the largest, and their product: the inverse of the condition
-        number."""
-        reaching, reached = self._reaching, self.reached
-        rows = slice(None) if reaching.reach.is_oriented else slice(0, 3)
-        s, by_columns = self.here.singular_values(reaching.node, rows, reaching.length)
-        last = reaching.rank - 1
-        by = self.total(by_columns)
-        side = reaching.side(self.here)[:, None]
-        least, inverse = s[:, last] * side[:, 0], side[:, 0] / s[:, 0]
-        d_least, d_inverse = by[:, last] * side, -side * by[:, 0] / s[:, :1] ** 2
-        values = np.stack([least, inverse, s[:, last] * inverse], axis=1)
-        product = d_inverse * s[:, last, None] + by[:, last] * inverse[:, None]
-        slopes = np.stack([d_least, d_inverse, product], axis=1)
-        lost = np.flatnonzero(~reached.is_reached)
-        if len(lost):
-            values[lost] = -reached.distance[lost, None]
-            slopes[lost] = -self._distance_slopes(lost)[:, None]
-        return ScoreRows(values, slopes)
-
-    def _distance_slopes(self, lost: Indices) -> Array:
-        reaching, reached = self._reaching, self.reached
-        here = reaching.every.evaluate(reached.p, reached.q[lost])
-        moved = here.pose_derivative(reaching.node, "world")[:, reaching.rows] * reaching.weights[:, None]
-        unit = reached.error[lost] * reaching.weights / reached.distance[lost, None]
-        found = -np.einsum("cr,crp->cp", unit, moved)
-        if self._growth is not None:
-            grown = np.einsum("cr,cr->c", unit, self._growth[lost] * reaching.weights)
-            found = np.hstack([found, grown[:, None]])
-        return np.asarray(found)
-
-    @cached_property
-    def moved(self) -> Array:
-        """(count, nv, variables) derivative of the configuration at targets, rad and m."""
-        found = self.total(self.here.joint_derivative)
-        mechanism = self._reaching.mechanism
-        found[:, [mechanism.v_index(name) for name in self._reaching.design.fixed]] = self.follow
-        return found
-
-    @cached_property
-    def margins(self) -> ScoreRows:
-        """(count, 2 limited joints) distance to the limits, rad or characteristic lengths."""
-        scoring = self._scoring
-        q, v = scoring.limited.T
-        values, units = self.reached.q[:, q], np.tile(scoring.units, 2)
-        both = np.hstack([values - scoring.lower, scoring.upper - values]) / units
-        slopes = np.concatenate([self.moved[:, v], -self.moved[:, v]], axis=1) / units[:, None]
-        kept = np.isfinite(both).all(axis=0)
-        return ScoreRows(both[:, kept], slopes[:, kept])
-
-    @cached_property
-    def torques(self) -> ScoreRows:
-        """(count, actuated) torques or forces at rest, N m or N, or parts of their limits."""
-        scoring = self._scoring
-        masses = scoring.masses_at(self.p)
-        values, by_columns = holding_torques(self.here, scoring.wrenches, scoring.load.gravity, masses=masses)
-        return ScoreRows(values / scoring.torque_units, self.total(by_columns) / scoring.torque_units[:, None])
-
-    @cached_property
-    def accuracy(self) -> ScoreRows:
-        """(count, 1) root mean square deviation of the node's position, m."""
-        errors = self._scoring.errors
-        assert errors is not None
-        values, slopes = errors.at(self.p, self.reached.q, self.moved)
-        return ScoreRows(values[:, None], slopes[:, None])
-
-    @cached_property
-    def gaps(self) -> ScoreRows:
-        """(count, pairs) distances between bars, and from obstacles, less the least that is wanted, as parts of it."""
-        clearance = self._scoring.clearance
-        assert clearance is not None
-        values, by_columns = clearance.at(self.here, self.p, self._reaching.free)
-        return ScoreRows(values / clearance.least - 1.0, self.total(by_columns) / clearance.least)
 
 
 class Scoring:

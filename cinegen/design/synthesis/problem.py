@@ -20,9 +20,10 @@ import numpy as np
 from cinegen.arrays import Array, ArrayLike
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
-from cinegen.design.synthesis.objectives import ScoreRows, Scores, Scoring
+from cinegen.design.synthesis.objectives import Scoring
 from cinegen.design.synthesis.reaching import Reached, Reaching
 from cinegen.design.synthesis.region import Reach
+from cinegen.design.synthesis.scores import ScoreRows, Scores
 from cinegen.design.synthesis.task import DesignObjective, SynthesisTask, check_bounds
 from raff2urdf import Document
 

@@ -35,7 +35,8 @@ from raff2urdf.readers.loops.declaration import label_of, leave_out, local, tag_
 from raff2urdf.readers.loops.declared_loops import LOOP_LIKE, named_in, own_words
 from raff2urdf.readers.loops.loop_joint import LoopJoint
 from raff2urdf.readers.sdf.included import robot_of
-from raff2urdf.readers.sdf.model import GEARBOX, LOOP_KINDS, SdfAxis, SdfJoint, SdfModel, SdfModelReader, pose
+from raff2urdf.readers.sdf.model import GEARBOX, LOOP_KINDS, SdfAxis, SdfJoint, SdfModel, SdfModelReader
+from raff2urdf.readers.sdf.poses import pose
 from raff2urdf.readers.urdf import LARGEST, SIZE, check_friction, negative_mass, numbers
 from raff2urdf.readers.urdf_builder import GRAVITY, Shape, UrdfBuilder, material, shapes
 from raff2urdf.readers.urdf_file import SHAPES, parse

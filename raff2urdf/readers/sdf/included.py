@@ -23,7 +23,8 @@ from lxml import etree
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.graphics.names import MissingFileError
 from raff2urdf.placement import inverse, roll_pitch_yaw
-from raff2urdf.readers.sdf.model import PROXY, TWO_AXES, SdfPoses, named, pose
+from raff2urdf.readers.sdf.model import PROXY, TWO_AXES
+from raff2urdf.readers.sdf.poses import SdfPoses, named, pose
 from raff2urdf.readers.urdf import numbers
 from raff2urdf.readers.xml_file import FILE, error_at, parse_xml, read_text
 

@@ -1,0 +1,170 @@
+"""Poses in an SDF, each in the frame that it is relative to."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from raff2urdf.arrays import Array
+from raff2urdf.errors import did_you_mean, warn
+from raff2urdf.placement import from_origin, from_quaternion, inverse
+from raff2urdf.readers.loops.implausible import in_degrees
+from raff2urdf.readers.urdf import SIZE, numbers
+from raff2urdf.readers.xml_file import error_at
+from raff2urdf.tree import WORLD
+
+
+def pose(element: Any, name: str) -> Array:
+    """Return the placement (4, 4) of an element's <pose>, in whatever frame it names; `name` is the file's."""
+    written = element.find("pose")
+    text = "" if written is None else (written.text or "").strip()
+    if not text:
+        return np.eye(4)
+    found = numbers(text)
+    quaternion = written.get("rotation_format") == "quat_xyzw"
+    if found is None or len(found) != (7 if quaternion else 6):
+        six = "six numbers, x y z and roll pitch yaw" + (f": '{text} 0 0 0'" if found and len(found) == 3 else "")
+        raise error_at(name, written, f"the pose '{text}' must be {'seven numbers' if quaternion else six}{SIZE}")
+    if not quaternion:
+        degrees = written.get("degrees", "false") in ("1", "true")
+        if not degrees and in_degrees(found[3:]):
+            why = f"the pose '{text}' turns by more than a revolution, since angles are in radians"
+            warn(f'{name}:{written.sourceline}: {why}: if these are degrees, write <pose degrees="true">')
+        return from_origin(found[:3], [math.radians(a) if degrees else a for a in found[3:]])
+    x, y, z, w = found[3:]
+    if math.hypot(x, y, z, w) <= 1e-9:
+        raise error_at(name, written, f"the quaternion of the pose '{text}' is 0, which is not a rotation")
+    return from_quaternion(found[:3], (w, x, y, z))
+
+
+class SdfPoses:
+    """Poses of the links, joints, frames and nested models of one model, in the outermost model's frame.
+
+    Names are looked up in the model itself; `inner::name` is in a nested model.
+
+    Args:
+        name: of the file, in errors.
+        model: the element.
+        placed: (4, 4), of the model.
+        prefix: of full names of its links.
+    """
+
+    def __init__(self, name: str, model: Any, placed: Array, prefix: str) -> None:
+        self.name, self.model, self.placed, self.prefix = name, model, placed, prefix
+        self.elements: dict[str, Any] = {}
+        for tag in ("link", "model", "frame", "joint"):  # files before 1.7 give a joint and a link the same name
+            for element in model.iterchildren(tag):
+                self.elements.setdefault(str(element.get("name", "")), element)
+        for reserved in ("__model__", WORLD, ""):
+            self.elements.pop(reserved, None)
+        self._found: dict[Any, Array] = {}
+        self._nested: dict[Any, SdfPoses] = {}
+        self._pending: set[Any] = set()
+
+    def of(self, name: str, where: Any) -> Array:
+        """Return the pose of what has this name; `where` is the element that names it."""
+        poses, name = self.owner(name)
+        if name in ("__model__", ""):
+            return poses.placed
+        if name in poses.elements:
+            return poses.of_element(poses.elements[name])
+        if name == WORLD:
+            return np.eye(4)
+        raise error_at(
+            self.name, where, f"there is no frame '{name}'{did_you_mean(name, [*poses.elements, '__model__'])}"
+        )
+
+    def of_element(self, element: Any) -> Array:
+        """Return the pose of a link, joint, frame or model."""
+        chain, at = [], element  # each is placed relative to the next
+        while at is not None and at not in self._found:
+            if at in self._pending:
+                raise error_at(
+                    self.name, at, f"the pose of '{at.get('name')}' is given relative to itself: name another frame"
+                )
+            self._pending.add(at)
+            chain.append(at)
+            at = self.elements.get(self._relative_to(at)[0])
+        for one in reversed(chain):
+            self._found[one] = self.of(*self._relative_to(one)) @ pose(one, self.name)
+        self._pending.difference_update(chain)
+        return self._found[element]
+
+    def nested(self, model: Any) -> SdfPoses:
+        """Return the poses of a nested model."""
+        if model not in self._nested:
+            prefix, placed = f"{self.prefix}{model.get('name')}::", self.of_element(model)
+            if model.get("placement_frame"):  # the frame that the pose places
+                own = SdfPoses(self.name, model, np.eye(4), prefix)
+                placed = placed @ inverse(own.of(model.get("placement_frame"), model))
+            self._nested[model] = SdfPoses(self.name, model, placed, prefix)
+        return self._nested[model]
+
+    def link(self, name: str, where: Any, wrong: str = "") -> str:
+        """Return the full name of the link that a name refers to: what a frame is attached to, a joint's child.
+
+        Args:
+            name: of a link, a frame, a joint or a model.
+            where: the element that names it.
+            wrong: the error if there is none.
+        """
+        passed = set()
+        while name not in ("__model__", ""):
+            poses, own = self.owner(name)
+            if poses is not self:
+                return poses.link(own, where, wrong)
+            element = self.elements.get(name)
+            if name == WORLD:
+                return WORLD
+            if element is None:
+                near = did_you_mean(name, [WORLD, *self.elements])
+                raise error_at(self.name, where, (wrong or f"there is no link or frame '{name}'") + near)
+            if element.tag == "link":
+                return self.prefix + name
+            if element.tag == "model":
+                return self.nested(element).canonical()
+            if element in passed:
+                raise error_at(
+                    self.name, element, f"the {element.tag} '{name}' is attached to itself: name another frame"
+                )
+            passed.add(element)
+            child, where = element.find("child"), element
+            name = element.get("attached_to", "") if element.tag == "frame" else "" if child is None else named(child)
+        return self.canonical()
+
+    def canonical(self) -> str:
+        """Return the full name of the link that the model's own frame is attached to."""
+        name = self.model.get("canonical_link")
+        if name:
+            return self.link(name, self.model, f"the canonical link '{name}' does not exist")
+        for link in self.model.iterchildren("link"):
+            return self.prefix + str(link.get("name", ""))
+        for model in self.model.iterchildren("model"):
+            return self.nested(model).canonical()
+        raise error_at(self.name, self.model, f"the model '{self.model.get('name', '')}' has no link: add one")
+
+    def owner(self, name: str) -> tuple[SdfPoses, str]:
+        """Return the poses of the model, this or a nested one, that a name refers to, and the name in it."""
+        if name not in self.elements:
+            for model in self.model.iterchildren("model"):
+                if name.startswith(f"{model.get('name')}::"):
+                    return self.nested(model).owner(name[len(str(model.get("name"))) + 2 :])
+        return self, name
+
+    def _relative_to(self, element: Any) -> tuple[str, Any]:
+        """Return the name of what an element's pose is relative to, and the element that names it."""
+        pose = element.find("pose")
+        name = None if pose is None else pose.get("relative_to") or pose.get("frame")
+        if name:
+            return str(name), pose
+        if element.tag == "joint":
+            child = element.find("child")
+            return ("", element) if child is None else (named(child), child)
+        return (element.get("attached_to") or "" if element.tag == "frame" else ""), element
+
+
+def named(end: Any) -> str:
+    """Return the name in a joint's <parent> or <child>."""
+    return str(end.get("link_name") or end.text or "").strip()
