@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from threading import get_ident
 from typing import Any, NamedTuple, TypeVar, overload
 
 import numpy as np
@@ -111,9 +112,9 @@ class Solver(JointControl):
 
     __slots__ = (
         "__weakref__", "_barriers", "_blends", "_blocked", "_caught", "_changed", "_data", "_detour", "_dt", "_earlier",
-        "_gain", "_given", "_handle", "_is_in_use", "_joints", "_keeps_branch", "_keeps_linearisation", "_latest",
+        "_gain", "_given", "_handle", "_joints", "_keeps_branch", "_keeps_linearisation", "_latest",
         "_layout", "_lifted", "_memory", "_model", "_objectives", "_q", "_ranks", "_record", "_refused_at", "_tasks",
-        "_tick", "exception_log", "linearisation", "mechanism",
+        "_tick", "_user", "exception_log", "linearisation", "mechanism",
     )  # fmt: skip
 
     def __init__(
@@ -125,7 +126,7 @@ class Solver(JointControl):
         acceleration: float | Mapping[str, float] | None = None,
         keep_branch: bool = False,
     ) -> None:
-        self._is_in_use = False
+        self._user = 0
         self._tick = start(tick, SolverMemory, install=partial(setattr, self, "_tick"))
         self.mechanism = mechanism
         self._model = mechanism.model
@@ -168,13 +169,19 @@ class Solver(JointControl):
     @contextlib.contextmanager
     def _used(self) -> Iterator[None]:
         """Context in which the solver's memory is used, as by `step`."""
-        if self._is_in_use:
+        if self._user:
             raise other_thread(self, ", and not from within its own tick")
-        self._is_in_use = True
+        self._user = get_ident()
         try:
             yield
         finally:
-            self._is_in_use = False
+            self._user = 0
+
+    def _check_thread(self) -> None:
+        """Refuse to change lists that another thread reads in `step`: call it directly before the change."""
+        caller = get_ident()
+        if self._user and self._user != caller:  # no other thread comes in between, as in `step`
+            raise other_thread(self)
 
     @property
     def dt(self) -> float:
@@ -387,6 +394,7 @@ class Solver(JointControl):
         if not task.memory.is_valid:
             raise CinegenError(f"a task's weights are six finite numbers of at least 0, not {weights!r:.80}")
         task.changed, task.measure, task.find_frame = self._mark_changed, self._error_of, self.mechanism.frame_id
+        self._check_thread()
         self._tasks.append(task)
         self._changed = True
         return task
@@ -406,6 +414,7 @@ class Solver(JointControl):
             raise CinegenError(f"{task!r} is one of this solver's tasks already")
         given = GivenTask(task, self.state)
         given.changed = self._mark_changed
+        self._check_thread()
         self._tasks.append(given)
         self._changed = True
         return task
@@ -430,6 +439,7 @@ class Solver(JointControl):
         if task not in self._tasks:
             raise CinegenError(f"the task of '{task.node}' is not one of this solver's")
         blend = Blend(task, seconds, target, weight)
+        self._check_thread()
         self._blends = [other for other in self._blends if other.task is not task] + [blend]
 
     def remove_task(self, task: FrameTask | Task | Range, seconds: float = 0.0) -> None:
@@ -452,9 +462,11 @@ class Solver(JointControl):
                 raise CinegenError("the weight of a task in Python can't fade: leave out seconds")
             self.blend(task, seconds=seconds, weight=0.0)
             return
+        self._check_thread()
         self._blends = [blend for blend in self._blends if blend.task is not task]
         for i, own in enumerate(self.tasks):
             if own is task:
+                self._check_thread()
                 self._tasks.pop(i).changed = _nothing
                 self._changed = True
                 break
@@ -803,13 +815,13 @@ class Solver(JointControl):
         Raises:
             CinegenError: another thread is using the solver, whose tick this would corrupt.
         """
-        if self._is_in_use:  # Python changes threads only at calls and jumps back: not before the next line
+        if self._user:  # Python changes threads only at calls and jumps back: not before the next line
             raise other_thread(self, ", and not from within its own tick")
-        self._is_in_use = True
+        self._user = get_ident()
         try:
             return self._step()
         finally:
-            self._is_in_use = False
+            self._user = 0
 
     def _step(self) -> Step:
         """Compute one tick; for subclasses that do something before or after it."""
