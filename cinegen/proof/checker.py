@@ -511,10 +511,10 @@ def _result(
     root = read(low, high, 1.0)
     if next(tree, None) is not None:
         raise CertificateError("boxes are left over")
-    found = {"proved": 0.0, "limit": 0.0, "undecided": 0.0}
+    statuses, found = list[str](), dict[str, float]()
     witnesses, signs, branch = list[dict[str, Any]](), dict[int, Tube](), _branch(robot, root, leaves)
     for i, (leaf, share) in enumerate(zip(leaves, shares, strict=True)):
-        status = "undecided"
+        status = "undecided" if share else "outside"
         if leaf is not None and i in branch:
             status, sign = leaf.status()
             signs.setdefault(sign, leaf)
@@ -522,11 +522,13 @@ def _result(
                 witnesses.append(_witness(leaf, limit=leaf.reason))
             if leaf.claim in ("proved", "limit") and status != leaf.claim:
                 refuse(i, CertificateError(f"a box is {status}, not {leaf.claim}"))
-        found[status if status in found else "undecided"] += share
+        status = {"regular": "undecided", "limit": "refuted"}.get(status, status)
+        statuses.append(status)
+        found[status] = found.get(status, 0.0) + share
     if 1 in signs and -1 in signs:
         witnesses += [_witness(signs[s], determinant=s) for s in (1, -1)]
-    found = {{"limit": "refuted"}.get(key, key): share / sum(shares) for key, share in found.items()}
-    return {**found, "witnesses": witnesses, "boxes": sum(share > 0 for share in shares)}
+    found = {key: found.get(key, 0.0) / sum(shares) for key in ("proved", "refuted", "undecided")}
+    return {**found, "statuses": statuses, "witnesses": witnesses, "boxes": sum(share > 0 for share in shares)}
 
 
 def _witness(leaf: Tube, **why: Any) -> dict[str, Any]:

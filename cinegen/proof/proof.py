@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -46,6 +46,7 @@ class Proof:
         reasons: number of undecided boxes by reason.
         boxes: number of boxes.
         region: ranges of its coordinates, m and rad.
+        statuses: of all boxes: `proved`, `refuted` (a limit), `undecided`, or `outside` of a round region.
         certificate: JSON values; `cinegen.proof.check` reads them.
     """
 
@@ -56,6 +57,7 @@ class Proof:
     reasons: Mapping[str, int]
     boxes: int
     region: Mapping[str, tuple[float, float]]
+    statuses: Sequence[str]
     certificate: Mapping[str, Any]
 
     def __bool__(self) -> bool:
@@ -79,6 +81,12 @@ class Proof:
         scales = {True: (math.degrees(1.0), "deg"), False: (1.0, "m")}
         parts = [(name, *ends, *scales[name.startswith("r")]) for name, ends in self.region.items()]
         return ", ".join(f"{name} = {low * k:.4g}..{high * k:.4g} {unit}" for name, low, high, k, unit in parts)
+
+    def cells(self) -> Iterator[tuple[Array, str]]:
+        """Yield all boxes (coordinates, 2), m and rad, and their statuses."""
+        leaves = _leaves(np.array(list(self.region.values()), dtype=float), self.certificate["tree"])
+        for (box, _), status in zip(leaves, self.statuses, strict=True):
+            yield box, status
 
     def as_dict(self) -> dict[str, Any]:
         """Return what JSON shows: m and rad."""
@@ -260,6 +268,7 @@ def _proof(certificate: Mapping[str, Any], result: Mapping[str, Any]) -> Proof:
         result["proved"], result["refuted"], result["undecided"], tuple(result["witnesses"]), dict(reasons),
         result["boxes"],
         {certificate["variables"][int(k)]["name"]: tuple(ends) for k, ends in certificate["over"].items()},
+        tuple(result["statuses"]),
         certificate,
     )  # fmt: skip
 
@@ -285,20 +294,27 @@ def load_proof(path: Path | str, report: Callable[[int, int], None] | None = Non
 def _start(ends: Array, x: list[float], tree: Sequence[Any]) -> dict[str, list[float]]:
     """Return a pose and a configuration in a box that something is claimed of: the middle of the region, or the box
     nearest to it."""
-    nodes, middle, waiting = iter(tree), ends.mean(axis=1), [ends]
+    middle = ends.mean(axis=1)
     nearest, start = np.inf, {"pose": middle.tolist(), "x": x}
+    for box, node in _leaves(ends, tree):
+        away = float(np.abs((np.clip(middle, box[:, 0], box[:, 1]) - middle) / np.ptp(ends, axis=1)).max())
+        if "x" in node and away < nearest:
+            nearest = away
+            start = {"pose": box.mean(axis=1).tolist(), "x": node["x"]} if away else start
+    return start
+
+
+def _leaves(ends: Array, tree: Iterable[Any]) -> Iterator[tuple[Array, Mapping[str, Any]]]:
+    """Yield the boxes (parameters, 2) of a tree that are not halved, and their claims."""
+    nodes, waiting = iter(tree), [ends]
     while waiting:
         box, node = waiting.pop(), next(nodes)
         if isinstance(node, dict):
-            away = float(np.abs((np.clip(middle, box[:, 0], box[:, 1]) - middle) / np.ptp(ends, axis=1)).max())
-            if "x" in node and away < nearest:
-                nearest = away
-                start = {"pose": box.mean(axis=1).tolist(), "x": node["x"]} if away else start
+            yield box, node
             continue
         low, high = box.copy(), box.copy()
         low[node, 1] = high[node, 0] = box[node].mean()
         waiting += [high, low]
-    return start
 
 
 def _parameters(parameters: Parameters | None, mechanism: Mechanism) -> Parameters:

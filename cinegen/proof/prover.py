@@ -25,6 +25,7 @@ _ROUNDS = 4  # radii of a tube that are tried, 0 first
 _WIDER = 1.25  # times the radius that would just do: a margin for the checker
 _LOST = 4  # halvings of a box in whose middle no configuration is found
 _SURE = 0.98  # part of a bound that is used: the rest is a margin for the checker
+_LEAST = 1e-7  # part of a range of the region: boxes that are smaller are not halved
 _ROUNDED = 1e-9  # by so much a box is farther out than the edge of the region
 _TINY = 1e-11  # rad and characteristic lengths: smallest radius
 
@@ -98,12 +99,13 @@ class Prover:
             budget = boxes - self.tested - len(waiting)
             self.tested += len(batch)
             for box, (leaf, axis, halves) in zip(batch, self._tested(batch), strict=True):
+                axis = axis if halves else int(np.argmax((box.high - box.low) / (high - low)))
                 middle, lost = 0.5 * (box.low[axis] + box.high[axis]), 0 if halves else box.lost + 1
                 nearest = (np.clip(centre, box.low, box.high) - centre) / radius
                 if (nearest[:count] ** 2).sum() > 1.0 + _ROUNDED:
                     leaf = Leaf(OUTSIDE, "")
                 splits = leaf.claim in (REGULAR, OPEN) and budget >= 2 and lost <= _LOST
-                if not splits or not box.low[axis] < middle < box.high[axis]:
+                if not splits or box.high[axis] - box.low[axis] < _LEAST * (high - low)[axis]:
                     self.nodes[box.node] = leaf
                     decided += float(np.prod(box.high - box.low))
                     all_proved = all_proved and leaf.claim in (PROVED, OUTSIDE)

@@ -9,9 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from flint import arb, ctx
+from matplotlib.colors import to_rgba
 
 import cinegen.proof.proof
 from cinegen.design.parameters import Parameters
+from cinegen.plotting.proof import COLOURS, draw_proof
 from cinegen.proof import CertificateError, ProofError, check, load_proof, prove
 from cinegen.proof.checker import Robot, Value
 from cinegen.proof.equations import Equations
@@ -223,7 +225,7 @@ def test_plain_krawczyk_takes_many_times_as_many_boxes(robot, monkeypatch, size,
     assert ours
     monkeypatch.setattr(cinegen.proof.proof, "Prover", PlainProver)
     monkeypatch.setattr(cinegen.proof.proof, "check", lambda certificate, **_: {
-        "proved": 0.0, "refuted": 0.0, "undecided": 1.0, "witnesses": [], "boxes": len(certificate["tree"])
+        "proved": 0.0, "refuted": 0.0, "undecided": 1.0, "witnesses": [], "boxes": 0, "statuses": ()
     })  # fmt: skip
     plain = prove(robot("gough"), over, at, boxes=2 * factor * ours.boxes)
     claims = [node["claim"] for node in plain.certificate["tree"] if isinstance(node, dict)]
@@ -252,6 +254,22 @@ def test_certificates_are_read_again(rectangle, tmp_path):
     (tmp_path / "d.json").write_text(json.dumps({**rectangle.certificate, "length": "long"}))
     with pytest.raises(ProofError, match=r"d\.json: the certificate is rejected: it is damaged"):
         load_proof(tmp_path / "d.json")
+
+
+def test_a_picture_shows_each_box(robot):
+    proof = prove(robot("gough"), {"x": (-0.5, 0.6), "z": (0.6, 1.5)}, limits=True, boxes=60)
+    assert proof.refuted > 0.05
+    cells = list(proof.cells())
+    sizes = {
+        name: sum(np.prod(box[:, 1] - box[:, 0]) for box, status in cells if status == name) for name in proof.statuses
+    }
+    for name, size in sizes.items():
+        assert size / (1.1 * 0.9) == pytest.approx(getattr(proof, name))
+    axes = draw_proof(proof, name="gough").subfigs[0].axes[0]
+    assert len(axes.patches) == len(cells)
+    assert {patch.get_facecolor() for patch in axes.patches} == {to_rgba(COLOURS[status]) for _, status in cells}
+    for over in ({"rz": (-0.1, 0.1)}, {"x": (0.0, 0.1), "rz": (0.0, 0.1), "z": (0.85, 0.95)}):
+        assert draw_proof(prove(robot("gough"), over)).subfigs[0].axes[0].patches
 
 
 # --- derivatives --------------------------------------------------------------------------------------------------

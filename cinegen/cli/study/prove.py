@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from cinegen.cli.design.tolerance import amounts
-from cinegen.cli.files import check_outputs, print_result, write
+from cinegen.cli.files import check_outputs, print_result, write, write_figure
 from cinegen.cli.numbers import UNITS, interval_of, named, values
-from cinegen.cli.options import FILE, JSON, RobotOptions, force_option
+from cinegen.cli.options import FILE, JSON, PLOT, RobotOptions, force_option
 from cinegen.cli.progress import Progress
 from raff2urdf.command.command_line import flag, option
 from raff2urdf.escape import one_line
@@ -41,6 +41,7 @@ def run(
     output: str | None = option(
         "FILE", "certificate to write (ROBOT-proof.json)", None, "-o", "--output", endings=(".json",)
     ),
+    plot: Path | None = PLOT,
     json: bool = JSON,
     force: bool = force_option(),
 ) -> int:
@@ -57,7 +58,7 @@ def run(
 
     name, mechanism = robots.load_one(file)
     target = output_path(output, f"{name}-proof.json")
-    check_outputs(target, force=force, json=json)
+    check_outputs(target, plot, force=force, json=json)
     errors, parameters = amounts(tolerance, "--tolerance"), None
     if errors:
         from cinegen.design.parameters import Parameters
@@ -74,6 +75,10 @@ def run(
         )  # fmt: skip
     write(target, dumps({"origin": GENERATED, **proof.certificate}))
     print_result({"certificate": str(target), **proof.as_dict()}, f"{lines(name, proof)}\ncertificate: {target}", json)
+    if plot is not None:
+        from cinegen.plotting.proof import draw_proof
+
+        write_figure(plot, draw_proof(proof, name=name), quiet=json)
     return 0 if proof else 1
 
 
