@@ -38,6 +38,21 @@ class UnknownNameError(CinegenError):
         return type(self), (self.what, self.name, self.known)
 
 
+class LimitError(CinegenError):
+    """A motion on which a joint would pass its limit; the message reports where.
+
+    Attributes:
+        joint: its name.
+    """
+
+    def __init__(self, joint: str, text: str) -> None:
+        self.joint = joint
+        super().__init__(text)
+
+    def __reduce__(self) -> tuple[type[LimitError], tuple[str, str]]:
+        return type(self), (self.joint, str(self))
+
+
 class ConfigurationError(CinegenError):
     """A configuration of the wrong shape, or with numbers that are not finite."""
 

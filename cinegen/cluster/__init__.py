@@ -94,13 +94,12 @@ def connected(scheduler: str | None, workers: int) -> Iterator[Client]:
     """
     _check_installed()
     import dask
-    from distributed import Client
     from distributed.utils import silence_logging_cmgr
 
     with dask.config.set(_SETTINGS), silence_logging_cmgr("CRITICAL"):
-        if scheduler is None:
-            from cinegen.cluster.local import local_cluster
+        from cinegen.cluster.local import TidyClient, local_cluster
 
+        if scheduler is None:
             with local_cluster(workers) as client:
                 yield client
             return
@@ -110,7 +109,7 @@ def connected(scheduler: str | None, workers: int) -> Iterator[Client]:
                 "see docs/cluster.md"
             )
         try:
-            client = Client(scheduler, timeout=_PATIENCE, set_as_default=False)
+            client = TidyClient(scheduler, timeout=_PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
         except (OSError, ValueError) as error:
             raise ClusterError(f"no Dask scheduler answers at {scheduler}: {error}") from None
         with client:

@@ -61,6 +61,24 @@ class LocalWorker(_WithoutHTTP, distributed.Worker):
     """A worker without an HTTP server."""
 
 
+class TidyClient(Client):
+    """A Dask client that leaves no thread where it is refused: Dask's own leaves one until it is collected."""
+
+    def start(self, **settings: Any) -> None:
+        """Connect.
+
+        Raises:
+            OSError: no scheduler answers.
+            ValueError: the address is none.
+        """
+        try:
+            super().start(**settings)  # type: ignore[no-untyped-call]
+        except BaseException:
+            self.close()  # type: ignore[no-untyped-call]
+            self._loop_runner.stop()  # `close` leaves it before the first attempt to connect
+            raise
+
+
 @contextmanager
 def local_cluster(workers: int) -> Iterator[Client]:
     """Yield a client of a scheduler in this process and of so many workers, each a process of its own.

@@ -13,6 +13,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 
 from cinegen.cockpit.build_messages import NodePoses, hello_message, report_message, state_message
@@ -92,11 +93,16 @@ def _draw_frames(
     """Run a session, and draw its frames into files of a folder: 00001.png and so on."""
     from playwright.sync_api import sync_playwright
 
-    states = list(_played(setup, seconds, report))
+    states, changed = list(_played(setup, seconds, report)), SimpleQueue[int]()
     page = Page(title_of(setup))
     draw(page, setup)
     hub = Hub(setup, lambda command: None, lambda client: hello_message(setup, page.title, client))
     server = Server(page, hub, page.html)
+
+    def show(frame: StateMessage, frame_report: ReportMessage | None) -> None:
+        hub.show(frame, frame_report)
+        changed.put(hub.changed)
+
     server.start(7600)
     try:
         with sync_playwright() as playwright:
@@ -109,8 +115,8 @@ def _draw_frames(
             tab = chromium.new_page(viewport=view, bypass_csp=True)  # for the functions below
             tab.goto(f"{server.url}&camera=1{'&aids=1' if aids else ''}")
             for number, (frame, frame_report) in enumerate(_messages(setup, states, aids), 1):
-                server.call(hub.show, frame, frame_report)
-                tab.wait_for_function(_SHOWN, arg=number, timeout=_PATIENCE, polling=5)
+                server.call(show, frame, frame_report)
+                tab.wait_for_function(_SHOWN, arg=changed.get(), timeout=_PATIENCE, polling=5)
                 if number == 1:
                     tab.wait_for_function(_READY, timeout=_PATIENCE, polling=5)
                 tab.evaluate(_DRAWN)

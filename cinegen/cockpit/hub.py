@@ -53,6 +53,11 @@ class Hub:
         hello: returns the first message to a client, by its number.
         wake: called when the first client has come, or the last one gone.
         waiting: returns the number of commands that were sent and not begun yet.
+
+    Attributes:
+        clients: clients by number.
+        controller: number of the client that has control; None: none has.
+        changed: number of the last state that differs from the one before in more than its time: pages get no others.
     """
 
     def __init__(
@@ -75,7 +80,7 @@ class Hub:
         self._users: tuple[int, tuple[UserInfo, ...]] = (0, ())
         self._listed = 0.0  # when users were listed
         self._problem = ""
-        self._changed = 0  # number of the last state that differs from the one before in more than its time
+        self.changed = 0
         self._content: tuple[object, ...] | None = None  # of that: what must change for the next
         self._shown: tuple[bytes, bytes] | None = None  # of the newest state, as pages get it, once one does
         self._rows: dict[str, Integers] = {}  # poses that pages get
@@ -277,7 +282,7 @@ class Hub:
         self._shown = shown_of(state, self._rows) if is_seen else None
         content = self._shown, self.controller, self._report[0], self._users[0]
         if not is_seen or content != self._content:
-            self._changed, self._content = number, content
+            self.changed, self._content = number, content
         for client in tuple(self.clients.values()):
             if client.unacknowledged is None:
                 self._feed(client)
@@ -308,7 +313,7 @@ class Hub:
     def _feed(self, client: Client) -> None:
         """Send the newest state, unless the client has it."""
         number, state = self._state
-        newest = self._changed if client.is_page else number
+        newest = self.changed if client.is_page else number
         if state is None or newest <= client.sent or client.unacknowledged is not None:
             return
         new = self._report[0] > client.reported, self._users[0] > client.informed, client.is_page

@@ -118,7 +118,8 @@ class _Sphere(ShapeKind):
         return coal.Sphere(*numbers)
 
     def surface(self, shape: Any, sides: int = SIDES) -> Surface:
-        return _turned(sides, _arc(shape.radius, 0.0, sides))
+        corners, faces = _ball(sides)
+        return shape.radius * corners, faces
 
 
 class _OfRevolution(ShapeKind):
@@ -152,7 +153,9 @@ class _Capsule(_OfRevolution):
         return np.asarray(np.linalg.norm(beyond, axis=1) - shape.radius)
 
     def surface(self, shape: Any, sides: int = SIDES) -> Surface:
-        return _turned(sides, _arc(shape.radius, shape.halfLength, sides))
+        corners, faces = _ball(sides, 1.0)
+        ends = np.outer(np.sign(corners[:, 2]), [0.0, 0.0, shape.halfLength - shape.radius])
+        return shape.radius * corners + ends, faces
 
 
 class _Cylinder(_OfRevolution):
@@ -175,8 +178,8 @@ class _Cylinder(_OfRevolution):
         return _along(2, shape.radius, shape.halfLength), shape, shape.computeVolume()
 
     def surface(self, shape: Any, sides: int = SIDES) -> Surface:
-        low, high = [shape.radius, -shape.halfLength], [shape.radius, shape.halfLength]
-        return _turned(sides, [[0.0, low[1]], low], [low, high], [high, [0.0, high[1]]])
+        corners, faces = _can(sides)
+        return corners * [shape.radius, shape.radius, shape.halfLength], faces
 
 
 class _Cone(ShapeKind):
@@ -337,12 +340,19 @@ def _cube() -> Surface:
     return _facets(hull(box_corners(-np.ones(3), np.ones(3))).shape)
 
 
-def _arc(radius: float, half: float, sides: int) -> Array:
-    """Return the profile (n, 2) of a capsule: radii and heights, upwards."""
+@cache
+def _can(sides: int) -> Surface:
+    """Return a cylinder of radius 1 from -1 to 1."""
+    return _turned(sides, [[0, -1], [1, -1]], [[1, -1], [1, 1]], [[1, 1], [0, 1]])
+
+
+@cache
+def _ball(sides: int, half: float = 0.0) -> Surface:
+    """Return a capsule of radius 1 about an axis from -half to half."""
     rise = np.linspace(0.0, 0.5 * math.pi, sides // 4 + 1)
     angles = np.concatenate([-rise[::-1], rise[half == 0.0 :]])
     ends = np.repeat([-half, half], [len(rise), len(angles) - len(rise)])
-    return np.column_stack([radius * np.cos(angles).round(15), radius * np.sin(angles) + ends])
+    return _turned(sides, np.column_stack([np.cos(angles).round(15), np.sin(angles) + ends]))
 
 
 def _turned(sides: int, *profiles: ArrayLike) -> Surface:

@@ -6,6 +6,7 @@ import contextlib
 import math
 from collections.abc import Iterator, Mapping
 from functools import partial
+from threading import get_ident
 from typing import NamedTuple
 
 import numpy as np
@@ -95,7 +96,7 @@ class Solver(TaskControl):
     """
 
     __slots__ = (
-        "__weakref__", "_handle", "_is_in_use", "_joints", "_keeps_linearisation", "_q", "_refused_at", "_tick",
+        "__weakref__", "_handle", "_joints", "_keeps_linearisation", "_q", "_refused_at", "_tick", "_user",
         "linearisation", "mechanism",
     )  # fmt: skip
 
@@ -108,7 +109,7 @@ class Solver(TaskControl):
         acceleration: float | Mapping[str, float] | None = None,
         keep_branch: bool = False,
     ) -> None:
-        self._is_in_use = False
+        self._user = 0
         self._tick = start(tick, SolverMemory, install=partial(setattr, self, "_tick"))
         self.mechanism = mechanism
         self._model = mechanism.model
@@ -151,13 +152,19 @@ class Solver(TaskControl):
     @contextlib.contextmanager
     def _used(self) -> Iterator[None]:
         """Context in which the solver's memory is used, as by `step`."""
-        if self._is_in_use:
+        if self._user:
             raise other_thread(self, ", and not from within its own tick")
-        self._is_in_use = True
+        self._user = get_ident()
         try:
             yield
         finally:
-            self._is_in_use = False
+            self._user = 0
+
+    def _check_thread(self) -> None:
+        """Refuse to change lists that another thread reads in `step`: call it directly before the change."""
+        caller = get_ident()
+        if self._user and self._user != caller:  # no other thread comes in between, as in `step`
+            raise other_thread(self)
 
     @property
     def q(self) -> Array:
@@ -292,13 +299,13 @@ class Solver(TaskControl):
         Raises:
             CinegenError: another thread is using the solver, whose tick this would corrupt.
         """
-        if self._is_in_use:  # Python changes threads only at calls and jumps back: not before the next line
+        if self._user:  # Python changes threads only at calls and jumps back: not before the next line
             raise other_thread(self, ", and not from within its own tick")
-        self._is_in_use = True
+        self._user = get_ident()
         try:
             return self._step()
         finally:
-            self._is_in_use = False
+            self._user = 0
 
     def _step(self) -> Step:
         """Compute one tick; for subclasses that do something before or after it."""

@@ -13,7 +13,7 @@ from types import MappingProxyType
 import numpy as np
 
 from cinegen.arrays import Array, ArrayLike, Indices
-from cinegen.errors import CinegenError, ClosureError, ConfigurationError, UnknownNameError
+from cinegen.errors import CinegenError, ClosureError, ConfigurationError, LimitError, UnknownNameError
 from cinegen.jit.one_thread import OneThread, in_one_thread, other_thread
 from cinegen.jit.starting import start
 from cinegen.loops._kernels.follow import follow
@@ -136,7 +136,8 @@ class ForwardKinematics(OneThread):
         Raises:
             UnknownNameError: no such joint.
             ConfigurationError: a value is not a finite number, or too far away.
-            CinegenError: a joint is not actuated; or one would pass its limit, if they count: reports where.
+            CinegenError: a joint is not actuated.
+            LimitError: a joint would pass its limit, if they count: reports where.
             ClosureError: the loops can't be closed along that motion on this branch; reports where it ended.
             CinegenError: another thread moves it meanwhile.
         """
@@ -241,7 +242,7 @@ class ForwardKinematics(OneThread):
             f"the motion ends at {reached}{', near a singularity' if self._memory.is_proved else ''}"
         )
 
-    def _passed(self, column: int) -> CinegenError:
+    def _passed(self, column: int) -> LimitError:
         """Return the error for the passive joint of a column whose limit ended the motion."""
         mechanism, begin, end = self.mechanism, self._q[self._q_indices], self._memory.q[self._q_indices]
         name = next(name for name in mechanism.joints if mechanism.v_index(name) == column)
@@ -253,20 +254,20 @@ class ForwardKinematics(OneThread):
         at = ", ".join(
             f"{joint} at {end[i]:.6g} {self._unit(joint)}" for i, joint in enumerate(self._actuated) if moves[i] != 0.0
         )
-        return CinegenError(
+        return LimitError(
+            name,
             f"{name} would pass its limit {limit:.6g} {self._unit(name)}, as it follows, with {at} "
-            f"({100.0 * part:.3g} % of the motion): nothing moves"
+            f"({100.0 * part:.3g} % of the motion): nothing moves",
         )
 
     def _check_limits(self, name: str, value: float, now: float) -> None:
-        """Raise a `CinegenError` if the value of an actuated joint is beyond a limit, and further than now."""
+        """Raise a `LimitError` if the value of an actuated joint is beyond a limit, and further than now."""
         limits = self.mechanism.limits[name]
         if not min(limits.lower - AT_LIMIT, now) <= value <= max(limits.upper + AT_LIMIT, now):
             limit = limits.lower if value < limits.lower else limits.upper
             unit = self._unit(name)
-            raise CinegenError(
-                f"{name} would be at {value:.6g} {unit}, beyond its limit {limit:.6g} {unit}: nothing moves"
-            )
+            why = f"{name} would be at {value:.6g} {unit}, beyond its limit {limit:.6g} {unit}: nothing moves"
+            raise LimitError(name, why)
 
     def _unit(self, joint: str) -> str:
         return "m" if self.mechanism.is_prismatic(joint) else "rad"

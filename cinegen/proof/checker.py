@@ -18,6 +18,7 @@ _UP = arb(1 + 2.0**-20)  # more than rounding does to radii
 _PAIRS = {0: [], 2: [(0, 2), (1, 2)], 3: [(0, 1), (1, 2), (2, 0)]}  # by the number of rotations: u_i . v_j
 _ONE, _ZERO = arb_mat(4, 4, [int(i % 5 == 0) for i in range(16)]), arb_mat(4, 4)
 _POINT, _ALONG = (arb_mat(4, 4, [int(i == k) for i in range(16)]) for k in (15, 11))  # origin; z
+_AXES = _ONE - _POINT
 
 
 class CertificateError(Exception):
@@ -71,9 +72,10 @@ class Robot:
         self.columns = [*self.unknown, *self.over, *(k for k in data["given"] if k not in self.over)]
         self.units = [arb(self.variables[k]["unit"]) for k in self.columns]
         radius, self.placements = arb(data["radius"]), list[arb_mat]()
-        for row in data["placements"]:
+        self.radii = data.get("radii") or [[0] * 12 for _ in data["placements"]]
+        for row, more in zip(data["placements"], self.radii, strict=True):
             r = [0 if x in (0, 1, -1) else radius for x in row[:9]] + [radius * self.length * (x != 0) for x in row[9:]]
-            m = [arb(x, w) for x, w in zip(row, r, strict=True)]
+            m = [arb(x, (w + arb(y)).upper()) for x, w, y in zip(row, r, more, strict=True)]
             self.placements.append(arb_mat([[*m[3 * i : 3 * i + 3], m[9 + i]] for i in range(3)] + [[0, 0, 0, 1]]))
         self.is_positive = list[bool]()
         for closure in data["closures"]:
@@ -104,11 +106,16 @@ class Robot:
         for index, k in chain:
             value, slides, moved = values[k], self.variables[k]["prismatic"], turned * self.placements[index]
             names, before, turned = [k], moved, _ONE
-            if is_turn and not slides and self.data["placements"][index][8] == 1:
+            if is_turn and not slides and self.data["placements"][index][8] == 1 and not any(self.radii[index][2:9:3]):
                 last, offset = slots[-1], moved * _POINT - _POINT
                 powers = [power * offset for power in last.powers]
                 slots[-1] = last._replace(powers=[_ONE + powers[0], *powers[1:]])
-                names, value, before, turned = [*last.variables, k], last.value.plus(value), _ONE, moved - offset
+                names, value, before, turned = (
+                    [*last.variables, k],
+                    last.value.plus(value),
+                    _ONE,
+                    moved * _AXES + _POINT,
+                )
             q = arb(value.c.mid(), (value.c.rad() + value.spread() + value.r).upper()) if wide else value.c
             powers = [_ONE + _ALONG * q, _ALONG, _ZERO] if slides else [_turn(q, n) for n in range(3)]
             slots.append(Slot(names, value, before, powers))
@@ -136,7 +143,7 @@ class Robot:
         turns, linear, n = closure["rotations"], closure["translations"], len(slots)
 
         def back(m: arb_mat) -> arb_mat:
-            return (m - m * _POINT).transpose()
+            return (m * _AXES).transpose()
 
         def residuals(v: arb_mat, *products: tuple[arb_mat, arb_mat]) -> list[arb]:
             if not turns and len(linear) == 3:
@@ -300,10 +307,12 @@ class Tube:
         z += _abs(c) * (_pick(self.parts[-2], rows, all_columns) * _reach(self.along)) / 3
         # equation 4: z + E y < y
         defect = _sum([_abs(m) for m in [constant, *by[:n]]]) + squares + unsure
-        image = [x.upper() for x in (z + defect * _column(self.y)).entries()]
+        drawn = (defect * _column(self.y)).entries()
+        image = [(a + b).upper() for a, b in zip(z.entries(), drawn, strict=True)]
         if not all(a < y for a, y in zip(image, self.y, strict=True)):
             raise CertificateError("existence and uniqueness are not confirmed")
-        self.share = max((a / y).upper() for a, y in zip(image, self.y, strict=True))
+        self.defect = arb_mat(k, k, [a.upper() for a in defect.entries()])
+        self.resolvent = _inverse(_identity(k) - self.defect)
         away = [(a + b).upper() for a, b in zip(_reach(self.along).entries(), image, strict=False)]
         self.ranges = [(x - a, x + a) for x, a in zip(self.x, away, strict=True)]
 
@@ -342,9 +351,13 @@ class Tube:
             x = [a.mid() for a in x]
             residual = self.robot.residual(self.robot.point(x, p))
             step = (self.inverse * _column([residual[i] for i in self.robot.data["rows"]])).entries()
-            away = max((abs(s) / y).upper() for s, y in zip(step, self.y, strict=True)) / (1 - self.share)
+            size = _column([abs(a).upper() for a in step])
+            away = _column([a.upper() for a in (self.resolvent * size * _UP).entries()])
+            solved = (size + self.defect * away).entries()
             inside = all(abs(a - b) < y for a, b, y in zip(x, self.at(p), self.y, strict=True))
-            near = [abs(a - b) + away * y < w for a, b, y, w in zip(x, other.at(p), self.y, other.y, strict=True)]
+            inside = inside and all(a <= b for a, b in zip(solved, away.entries(), strict=True))
+            ends = zip(x, other.at(p), away.entries(), other.y, strict=True)
+            near = [abs(a - b) + v < w for a, b, v, w in ends]
             if inside and all(near):
                 return True
             x = [a - s for a, s in zip(x, step, strict=True)]
@@ -467,11 +480,14 @@ def _result(
     def read(low: list[float], high: list[float], share: float) -> Any:
         node = next(tree)
         if isinstance(node, dict):
+            is_in = node["claim"] != "outside"
+            if not is_in and not square(low, high) > 1:
+                raise CertificateError("a box that is called outside is not")
             leaves.append(None)
-            shares.append(share)
+            shares.append(share * is_in)
             report(len(leaves), len(certificate["tree"]))
             try:
-                leaves[-1] = None if node["claim"] == "open" else Tube(robot, low, high, node)
+                leaves[-1] = Tube(robot, low, high, node) if is_in and node["claim"] != "open" else None
             except CertificateError as error:
                 refuse(len(leaves) - 1, error)
             return leaves[-1]
@@ -480,6 +496,14 @@ def _result(
             raise CertificateError("a box is empty")
         ends = [*high[:node], middle, *high[node + 1 :]], [*low[:node], middle, *low[node + 1 :]]
         return Node(node, (read(low, ends[0], share / 2), read(ends[1], high, share / 2)))
+
+    def square(low: Sequence[float], high: Sequence[float]) -> arb:
+        """Return the square of a box's distance from the centre, in the axes of the round part of the region."""
+        total, count = arb(0), {"box": 0, "cylinder": 2, "ball": 6}[certificate["shape"]]
+        for a, b, (start, end) in list(zip(low, high, certificate["over"].values(), strict=True))[:count]:
+            c, r = (arb(start) + end) / 2, (arb(end) - start) / 2
+            total += (max(a - c, c - b, arb(0)) / r) ** 2
+        return total
 
     low, high = ([float(x[i]) for x in certificate["over"].values()] for i in range(2))
     if not all(-inf < a < b < inf for a, b in zip(low, high, strict=True)):
@@ -501,8 +525,8 @@ def _result(
         found[status if status in found else "undecided"] += share
     if 1 in signs and -1 in signs:
         witnesses += [_witness(signs[s], determinant=s) for s in (1, -1)]
-    found["refuted"] = found.pop("limit")
-    return {**found, "witnesses": witnesses, "boxes": len(leaves)}
+    found = {{"limit": "refuted"}.get(key, key): share / sum(shares) for key, share in found.items()}
+    return {**found, "witnesses": witnesses, "boxes": sum(share > 0 for share in shares)}
 
 
 def _witness(leaf: Tube, **why: Any) -> dict[str, Any]:

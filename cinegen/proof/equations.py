@@ -18,6 +18,8 @@ from cinegen.jit.compiled import prepare
 from cinegen.proof._kernels import SLIDES, TURNS, TURNS_OFFSET, BoxMemory, evaluate_boxes
 
 _ORIGIN = np.diag([0.0, 0.0, 0.0, 1.0])
+_SHORT = 1e-9  # part of a box: as good as its centre
+_ONE = np.stack([np.eye(4), np.zeros((4, 4))])
 
 
 class Point(NamedTuple):
@@ -71,8 +73,11 @@ class Equations:
     def __init__(self, document: Mapping[str, Any]) -> None:
         self._document, variables = document, document["variables"]
         numbers = np.array(document["placements"])
-        self._placements = np.tile(np.eye(4), (len(numbers), 1, 1))
-        self._placements[:, :3, :3], self._placements[:, :3, 3] = numbers[:, :9].reshape(-1, 3, 3), numbers[:, 9:]
+        radii = np.array(document.get("radii", np.zeros(numbers.shape)))
+        self._placements, self._has_radii = np.zeros((len(numbers), 2, 4, 4)), "radii" in document
+        for k, part in enumerate((numbers, radii)):
+            self._placements[:, k, :3, :3], self._placements[:, k, :3, 3] = part[:, :9].reshape(-1, 3, 3), part[:, 9:]
+        self._placements[:, 0, 3, 3] = 1.0
         self._at = np.array([one["at"] for one in variables])
         self._slides = [one["prismatic"] for one in variables]
         self.unknown, self.over = list(document["unknown"]), [int(k) for k in document["over"]]
@@ -148,6 +153,10 @@ class Equations:
         r[:, self.unknown] = y * self.units
         whole = Change(np.zeros((n, m, rows, columns)), np.zeros((n, rows, columns)), np.zeros((n, rows, columns)))
         self._run(2, values, g, r, None, whole)
+        if self._has_radii:  # those of the second derivatives at the centre are not halved
+            point = Change(*(0.0 * part for part in whole))
+            self._run(2, values, _SHORT * g, 0.0 * r, None, point)
+            whole.bent[:] += 2.0 / _SHORT * point.bent
         for row, coupling in enumerate(self._document["couplings"], rows - len(self._document["couplings"])):
             for k, c in coupling["terms"]:
                 bend, column = np.polynomial.Polynomial([0.0, *c]).deriv(2), self._column[k] / coupling["size"]
@@ -180,20 +189,21 @@ class Equations:
         self._evaluate(memory.handle)
 
     def _slots(self, chain: Sequence[Sequence[int]], end: int) -> tuple[list[_Slot], Array]:
-        """Return the slots of a chain, and the placement of its end behind the last one."""
-        slots, turned, is_turn = list[_Slot](), np.eye(4), False
+        """Return the slots of a chain, and the placement of its end behind the last one; matrices (2, 4, 4)."""
+        slots, turned, is_turn, none = list[_Slot](), _ONE, False, np.zeros((2, 4, 4))
         for index, k in chain:
-            moved, slides = turned @ self._placements[index], self._slides[k]
-            if is_turn and not slides and self._placements[index, 2, 2] == 1.0:
-                offset = moved @ _ORIGIN - _ORIGIN
+            placement, slides = self._placements[index], self._slides[k]
+            moved = _product(turned, placement)
+            if is_turn and not slides and placement[0, 2, 2] == 1.0 and not placement[1, :3, 2].any():
+                offset = moved @ _ORIGIN - _ORIGIN * [[[1.0]], [[0.0]]]
                 slots[-1] = slots[-1]._replace(kind=TURNS_OFFSET, offset=offset)
-                slots.append(_Slot(TURNS, [*slots[-1].variables, k], np.eye(4), np.zeros((4, 4))))
+                slots.append(_Slot(TURNS, [*slots[-1].variables, k], _ONE, none))
                 turned = moved - offset
             else:
-                slots.append(_Slot(SLIDES if slides else TURNS, [k], moved, np.zeros((4, 4))))
-                turned = np.eye(4)
+                slots.append(_Slot(SLIDES if slides else TURNS, [k], moved, none))
+                turned = _ONE
             is_turn = not slides
-        return slots, turned @ self._placements[end]
+        return slots, _product(turned, self._placements[end])
 
     def _arranged(self) -> tuple[BoxMemory, Bools]:
         """Return the memory of the kernel, and which rows (rows,) are to be positive."""
@@ -224,8 +234,14 @@ class Equations:
                 closure["rotations"],
                 rows[c],
             )
-            memory.end[c, :, 0] = [end for _, end in pair]
+            memory.end[c] = [end for _, end in pair]
         for i, slot in enumerate(slots):
-            memory.kind[i], memory.before[i, 0], memory.offset[i, 0] = slot.kind, slot.before, slot.offset
+            memory.kind[i], memory.before[i], memory.offset[i] = slot.kind, slot.before, slot.offset
         memory.by_slot[:] = self._sums @ self._column
         return memory, np.array(is_positive)
+
+
+def _product(a: Array, b: Array) -> Array:
+    """Return the product of matrices (2, 4, 4): midpoints and radii."""
+    size = np.abs(a[0])
+    return np.stack([a[0] @ b[0], size @ b[1] + a[1] @ (np.abs(b[0]) + b[1])])

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import json
+import math
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cinegen.arrays import ArrayLike
+from cinegen.arrays import Array, ArrayLike
+from cinegen.design.amounts import Amounts
+from cinegen.design.parameters import Parameters
 from cinegen.model import Mechanism
 from cinegen.proof.checker import CertificateError, check
 from cinegen.proof.document import Exporter, ProofError
 from cinegen.proof.equations import Equations
-from cinegen.proof.prover import BOXES, Prover
+from cinegen.proof.prover import BOXES, ROUND, Prover
+from cinegen.proof.tolerances import with_tolerances
 from cinegen.singularities.slice import POSE, Coordinates
 
 _FORMAT = "cinegen proof 1"
@@ -24,6 +28,8 @@ _FORMAT = "cinegen proof 1"
 _CONSTANT = 1e-9  # rad or characteristic lengths: a coordinate that changes by less never does
 _EXACT = 1e-12  # m or rad: a fixed coordinate that is off by less is 0
 _STEPS = 40  # from a configuration to the middle of the region
+_RATIO, _SMALLEST = 1.01, 2.0**-10  # of regions that grow: accuracy, and smallest part of what is given
+_SHRINKS = 5  # by that ratio, until the checker confirms a region
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -39,6 +45,7 @@ class Proof:
             type 2, two poses on the branch where the determinants of the locked joints' matrix have opposite signs.
         reasons: number of undecided boxes by reason.
         boxes: number of boxes.
+        region: ranges of its coordinates, m and rad.
         certificate: JSON values; `cinegen.proof.check` reads them.
     """
 
@@ -48,6 +55,7 @@ class Proof:
     witnesses: tuple[Mapping[str, Any], ...]
     reasons: Mapping[str, int]
     boxes: int
+    region: Mapping[str, tuple[float, float]]
     certificate: Mapping[str, Any]
 
     def __bool__(self) -> bool:
@@ -65,10 +73,18 @@ class Proof:
             parts += [f"{name} {100.0 * share:.4g} %"] if share else []
         return f"{', '.join(parts)} of the region, in {self.boxes} boxes"
 
+    @property
+    def region_text(self) -> str:
+        """The region as a text: m and degrees."""
+        scales = {True: (math.degrees(1.0), "deg"), False: (1.0, "m")}
+        parts = [(name, *ends, *scales[name.startswith("r")]) for name, ends in self.region.items()]
+        return ", ".join(f"{name} = {low * k:.4g}..{high * k:.4g} {unit}" for name, low, high, k, unit in parts)
+
     def as_dict(self) -> dict[str, Any]:
         """Return what JSON shows: m and rad."""
         return {
             "proved": self.proved, "refuted": self.refuted, "undecided": self.undecided, "boxes": self.boxes,
+            "region": {name: list(ends) for name, ends in self.region.items()},
             "witnesses": list(self.witnesses), "reasons": dict(self.reasons),
         }  # fmt: skip
 
@@ -76,6 +92,7 @@ class Proof:
 def prove(
     mechanism: Mechanism, over: Mapping[str, tuple[float, float]], at: Mapping[str, float] | None = None,
     node: str | None = None, q: ArrayLike | None = None, limits: bool = False, boxes: int = BOXES,
+    shape: str = "box", grow: bool = False, tolerances: Amounts | None = None, parameters: Parameters | None = None,
     report: Callable[[float], None] | None = None,
 ) -> Proof:  # fmt: skip
     """Prove that each pose of a region has exactly one configuration on a branch, and that none is singular.
@@ -87,11 +104,18 @@ def prove(
         node: whose pose; the mechanism's end by default.
         q: (nq,) a configuration of the branch; home by default.
         limits: whether all joints must stay within their limits.
-        boxes: number of boxes that are tested.
-        report: is called with the share of the region that is decided.
+        boxes: number of boxes that are tested; of each region, with `grow`.
+        shape: `box`; `cylinder`, whose ellipse lies in the ranges of the first two coordinates; `ball`, an ellipsoid.
+        grow: find the largest region of these proportions about the centre that is proved as a whole, up to 1 %.
+        tolerances: largest errors of dimensions, by name or pattern: m, rad, or texts with a unit. The proof then holds
+            for all robots within them.
+        parameters: the dimensions of the mechanism, with tolerances.
+        report: is called with the share of the region that is decided; not with `grow`.
 
     Raises:
-        ProofError: there is no range, or an empty one.
+        ProofError: there is no range, or an empty one; no such shape; tolerances without parameters, or that loops
+            can't follow.
+        DesignError: an unknown dimension, or a wrong unit.
         SliceError: coordinates that don't exist, or that can't be given independently.
         UnknownNameError: no such node.
     """
@@ -101,41 +125,115 @@ def prove(
         raise ProofError(f"{mechanism.name}: a proof is over coordinates of a pose: give ranges of {', '.join(POSE)}")
     if any(not low < high for low, high in over.values()):
         raise ProofError("a range is empty: give the lower end first")
+    if shape not in ROUND or ROUND[shape] == 2 > len(over):
+        raise ProofError(
+            f"no region '{shape}' over {len(over)} coordinates: {', '.join(ROUND)}, a cylinder over 2 or more"
+        )
     start = whole.q_home if q is None else whole.structure.checked(q)
     known = coordinates.coordinates(start)
     pose = np.array([(at or {}).get(name, known[name]) for name in POSE])
     constant = [name for name in POSE if name not in coordinates.independent and not _moves(coordinates, name)]
     pose[np.abs(pose) < _EXACT] = 0.0
-    exporter = Exporter(whole, coordinates.node, pose, over, coordinates.independent, constant, limits)
-    document = {"format": _FORMAT, **exporter.document(start), "bounds": {"limits": limits}}
+
+    def export(one: Mechanism) -> dict[str, Any]:
+        exporter = Exporter(one.successive, coordinates.node, pose, over, coordinates.independent, constant, limits)
+        return {"format": _FORMAT, **exporter.document(start), "bounds": {"limits": limits}, "shape": shape}
+
+    document = export(whole)
+    if tolerances:
+        document = with_tolerances(document, _parameters(parameters, mechanism), tolerances, export)
     with np.errstate(all="ignore"):
-        equations = Equations(document)
-        low, high = np.array(list(over.values()), dtype=float).T
-        first, middle = np.array([known[name] for name in over]), 0.5 * (low + high)
-        x = equations.start
-        equations.select(x, first)
-        reason, prover = _not_square(len(equations.rows), len(x)), Prover(equations, limits)
-        for part in np.linspace(0.0, 1.0, _STEPS + 1)[1:] if not reason else ():
-            equations.pose = (1.0 - part) * np.array([known[name] for name in POSE]) + part * pose
-            found, _, done = prover.solve((first + part * (middle - first))[None], x[None])
+        question = _Question(document, np.array([known[name] for name in POSE]), pose, limits, boxes)
+        ends = np.array(list(over.values()), dtype=float)
+        return question.largest(ends) if grow else question.answer(ends, report)
+
+
+class _Question:
+    """A question: what is to be proved, over any region about a centre.
+
+    Args:
+        document: the equations.
+        known: (6,) the pose of the configuration that they were written in.
+        pose: (6,) that of what does not vary.
+        limits: whether all joints must stay within their limits.
+        boxes: number of boxes that are tested.
+    """
+
+    def __init__(self, document: Mapping[str, Any], known: Array, pose: Array, limits: bool, boxes: int) -> None:
+        self._document, self._known, self._pose, self._boxes = document, known, pose, boxes
+        self._equations = Equations(document)
+        self._over = [POSE.index(document["variables"][k]["name"]) for k in self._equations.over]
+        self._equations.select(self._equations.start, known[self._over])
+        self._reason = _not_square(len(self._equations.rows), len(self._equations.start))
+        self._prover = Prover(self._equations, limits)
+
+    def answer(self, ends: Array, report: Callable[[float], None] | None = None) -> Proof:
+        """Return what is proved of a region, whose coordinates have these ends (parameters, 2)."""
+        x, tree = self._at_centre(ends), [{"claim": "open", "reason": self._reason}]
+        if not self._reason:
+            self._prover.run(ends[:, 0], ends[:, 1], x, self._boxes, self._document["shape"], report=report)
+            tree = self._prover.tree()
+        return self._checked(ends, x, tree)
+
+    def largest(self, ends: Array) -> Proof:
+        """Return the proof of the largest region of the same proportions and centre that is proved as a whole."""
+        x, centre, half = self._at_centre(ends), ends.mean(axis=1), 0.5 * (ends[:, 1] - ends[:, 0])
+        if self._reason:
+            return self._checked(ends, x, [{"claim": "open", "reason": self._reason}])
+
+        def at(scale: float) -> Array:
+            return np.stack([centre - scale * half, centre + scale * half], axis=1)
+
+        def holds(scale: float) -> bool:
+            low, high = at(scale).T
+            return self._prover.run(low, high, x, self._boxes, self._document["shape"], whole=True)
+
+        low, high, factor = 1.0, 1.0, 2.0 if holds(1.0) else 0.5
+        while _SMALLEST < low < 1.0 / _SMALLEST and holds(low * factor) is (factor > 1.0):
+            low = high = low * factor
+        low, high = (low, low * factor) if factor > 1.0 else (low * factor, low)
+        while high > _RATIO * low:
+            middle = math.sqrt(low * high)
+            low, high = (middle, high) if holds(middle) else (low, middle)
+        proof = self.answer(at(low))
+        for _ in range(_SHRINKS):  # what the checker does not confirm
+            if proof:
+                break
+            low /= _RATIO
+            proof = self.answer(at(low))
+        return proof
+
+    def _at_centre(self, ends: Array) -> Array:
+        """Return the configuration at a region's centre, on the branch; there may be a reason why there is none."""
+        x, middle = self._equations.start, ends.mean(axis=1)
+        for part in np.linspace(0.0, 1.0, _STEPS + 1)[1:] if not self._reason else ():
+            self._equations.pose = (1.0 - part) * self._known + part * self._pose
+            first = self._known[self._over]
+            found, _, done = self._prover.solve((first + part * (middle - first))[None], x[None])
             x = found[0]
             if not done[0]:
-                reason = "the branch ends before the middle of the region"
+                self._reason = "the branch ends before the middle of the region"
                 break
-        if not reason:
-            prover.run(low, high, x, boxes, report)
-        tree = [{"claim": "open", "reason": reason}] if reason else prover.tree()
-    document |= {
-        "rows": equations.rows.tolist(),
-        "start": {"pose": middle.tolist(), "x": (x * equations.units).tolist()},
-        "tree": tree,
-    }
-    dropped = set[int]()
-    result = check(document, dropped=dropped)
-    leaves = [node for node in tree if isinstance(node, dict)]
-    for box in dropped:
-        leaves[box] |= {"claim": "open", "reason": "the checker does not confirm it"}
-    return _proof(document, check(document) if dropped else result)
+        return x
+
+    def _checked(self, ends: Array, x: Array, tree: list[Any]) -> Proof:
+        names = list(self._document["over"])
+        document = {
+            **self._document,
+            "over": dict(zip(names, ends.tolist(), strict=True)),
+            "rows": self._equations.rows.tolist(),
+            "tree": tree,
+        }
+        leaves, dropped = [node for node in tree if isinstance(node, dict)], set[int]()
+        while True:
+            document["start"] = _start(ends, (x * self._equations.units).tolist(), tree)
+            result = check(document, dropped=dropped)
+            if not dropped:
+                return _proof(document, result)
+            for box in dropped:
+                leaves[box].clear()
+                leaves[box] |= {"claim": "open", "reason": "the checker does not confirm it"}
+            dropped.clear()
 
 
 def read_proof(certificate: Mapping[str, Any], report: Callable[[int, int], None] | None = None) -> Proof:
@@ -160,7 +258,9 @@ def _proof(certificate: Mapping[str, Any], result: Mapping[str, Any]) -> Proof:
     reasons = Counter(leaf["reason"] for leaf in leaves if leaf["claim"] in ("open", "regular"))
     return Proof(
         result["proved"], result["refuted"], result["undecided"], tuple(result["witnesses"]), dict(reasons),
-        result["boxes"], certificate,
+        result["boxes"],
+        {certificate["variables"][int(k)]["name"]: tuple(ends) for k, ends in certificate["over"].items()},
+        certificate,
     )  # fmt: skip
 
 
@@ -180,6 +280,31 @@ def load_proof(path: Path | str, report: Callable[[int, int], None] | None = Non
         return read_proof(certificate, report)
     except ProofError as error:
         raise ProofError(f"{path}: {error}") from None
+
+
+def _start(ends: Array, x: list[float], tree: Sequence[Any]) -> dict[str, list[float]]:
+    """Return a pose and a configuration in a box that something is claimed of: the middle of the region, or the box
+    nearest to it."""
+    nodes, middle, waiting = iter(tree), ends.mean(axis=1), [ends]
+    nearest, start = np.inf, {"pose": middle.tolist(), "x": x}
+    while waiting:
+        box, node = waiting.pop(), next(nodes)
+        if isinstance(node, dict):
+            away = float(np.abs((np.clip(middle, box[:, 0], box[:, 1]) - middle) / np.ptp(ends, axis=1)).max())
+            if "x" in node and away < nearest:
+                nearest = away
+                start = {"pose": box.mean(axis=1).tolist(), "x": node["x"]} if away else start
+            continue
+        low, high = box.copy(), box.copy()
+        low[node, 1] = high[node, 0] = box[node].mean()
+        waiting += [high, low]
+    return start
+
+
+def _parameters(parameters: Parameters | None, mechanism: Mechanism) -> Parameters:
+    if parameters is None or parameters.mechanism.joints != mechanism.joints:
+        raise ProofError(f"{mechanism.name}: tolerances need the robot's Parameters: prove(parameters.mechanism, ...)")
+    return parameters
 
 
 def _not_square(equations: int, unknowns: int) -> str:

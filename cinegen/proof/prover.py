@@ -25,11 +25,15 @@ _ROUNDS = 4  # radii of a tube that are tried, 0 first
 _WIDER = 1.25  # times the radius that would just do: a margin for the checker
 _LOST = 4  # halvings of a box in whose middle no configuration is found
 _SURE = 0.98  # part of a bound that is used: the rest is a margin for the checker
+_ROUNDED = 1e-9  # by so much a box is farther out than the edge of the region
 _TINY = 1e-11  # rad and characteristic lengths: smallest radius
 
-PROVED, REGULAR, LIMIT, OPEN = "proved", "regular", "limit", "open"
+PROVED, REGULAR, LIMIT, OPEN, OUTSIDE = "proved", "regular", "limit", "open", "outside"
 """Claims of a box: everything holds; one configuration, no more is claimed; ... and a joint is beyond a limit in all of
-it; nothing."""
+it; nothing; it is not in the region."""
+
+ROUND = {"box": 0, "cylinder": 2, "ball": 6}
+"""Shapes of regions: so many coordinates, the first ones, lie in an ellipse or ellipsoid that touches their ranges."""
 
 
 @dataclass(frozen=True)
@@ -68,30 +72,41 @@ class Prover:
 
     def __init__(self, equations: Equations, limits: bool) -> None:
         self.equations, self._limits = equations, limits
-        self.nodes: list[tuple[int, int, int] | Leaf | None] = [None]
+        self.nodes = list[tuple[int, int, int] | Leaf | None]()
         self.tested = 0
 
-    def run(self, low: Array, high: Array, x: Array, boxes: int, report: Callable[[float], None] | None = None) -> None:
-        """Prove a region.
+    def run(
+        self, low: Array, high: Array, x: Array, boxes: int, shape: str = "box", whole: bool = False,
+        report: Callable[[float], None] | None = None,
+    ) -> bool:  # fmt: skip
+        """Prove a region; return whether all of it is.
 
         Args:
             low: (parameters,) its lower ends, m and rad.
             high: its upper ends.
             x: (unknowns,) dimensionless configuration at its centre.
             boxes: number of boxes that are tested.
+            shape: of `ROUND`.
+            whole: whether to stop at the first box that is not proved.
             report: is called with the share of the volume that is not halved any more.
         """
-        waiting, decided, volume = [_Box(0, low, high, x)], 0.0, float(np.prod(high - low))
+        self.nodes, self.tested, waiting = [None], 0, [_Box(0, low, high, x)]
+        decided, volume, all_proved = 0.0, float(np.prod(high - low)), True
+        centre, radius, count = 0.5 * (low + high), 0.5 * (high - low), ROUND[shape]
         while waiting:
             batch, waiting = waiting[:_BATCH], waiting[_BATCH:]
             budget = boxes - self.tested - len(waiting)
             self.tested += len(batch)
             for box, (leaf, axis, halves) in zip(batch, self._tested(batch), strict=True):
                 middle, lost = 0.5 * (box.low[axis] + box.high[axis]), 0 if halves else box.lost + 1
+                nearest = (np.clip(centre, box.low, box.high) - centre) / radius
+                if (nearest[:count] ** 2).sum() > 1.0 + _ROUNDED:
+                    leaf = Leaf(OUTSIDE, "")
                 splits = leaf.claim in (REGULAR, OPEN) and budget >= 2 and lost <= _LOST
                 if not splits or not box.low[axis] < middle < box.high[axis]:
                     self.nodes[box.node] = leaf
                     decided += float(np.prod(box.high - box.low))
+                    all_proved = all_proved and leaf.claim in (PROVED, OUTSIDE)
                     continue
                 budget, first = budget - 2, len(self.nodes)
                 self.nodes[box.node] = (axis, first, first + 1)
@@ -101,8 +116,11 @@ class Prover:
                 x_low, x_high = halves or (box.x, box.x)
                 waiting.append(_Box(first, box.low, ends[0], x_low, lost))
                 waiting.append(_Box(first + 1, ends[1], box.high, x_high, lost))
+            if whole and not all_proved:
+                return False
             if report is not None:
                 report(decided / volume)
+        return all_proved
 
     def tree(self) -> list[Any]:
         """Return the nodes in preorder: the axis of a halved box, or a leaf as JSON values."""
@@ -141,14 +159,12 @@ class Prover:
         both halves; None where none is found."""
         e, count = self.equations, len(self.equations.unknown)
         low, high = np.array([box.low for box in batch]), np.array([box.high for box in batch])
-        centre, n = 0.5 * (low + high), low.shape[1]
+        centre = 0.5 * (low + high)
         radius = np.maximum(high - centre, centre - low)
         x, inverse, done = self.solve(centre, np.array([box.x for box in batch]))
         x, inverse = np.where(done[:, None], x, 0.0), np.where(done[:, None, None], inverse, 0.0)
         at = e.at(x, centre)
-        slopes = -(inverse @ at.jacobian[:, 0, e.rows, count : count + n]) * radius[:, None, :]
-        along = np.concatenate([slopes, radius[..., None] * np.eye(n)], axis=1)
-        along = _curved(inverse[:, None] @ e.change(x, centre, along, 0.0 * x).by[:, :, e.rows], along)
+        along = self._along(x, centre, radius, inverse, at)
         y, image, regular = np.zeros(x.shape), np.zeros(x.shape), np.zeros(len(x), dtype=bool)
         for k in range(_ROUNDS):
             change = e.change(x, centre, along, y)
@@ -164,13 +180,20 @@ class Prover:
         claims = self._claims(x, np.abs(along[:, :count]).sum(axis=-1) + image, at, change)
         found = list[tuple[Leaf, int, tuple[Array, Array] | None]]()
         for i, axis in enumerate(axes):
-            leaf, step = Leaf(OPEN, "no configuration is found"), 0.5 * slopes[i][:, axis]
+            leaf, step = Leaf(OPEN, "no configuration is found"), 0.5 * along[i, :count, axis]
             if done[i]:
                 leaf = Leaf(OPEN, "no unique configuration is proved")
             if regular[i] and claims[i][0] != OPEN:
                 leaf = Leaf(*claims[i], (x[i] * e.units).tolist(), (y[i] * e.units).tolist())
             found.append((leaf, axis, (x[i] - step, x[i] + step) if done[i] else None))
         return found
+
+    def _along(self, x: Array, centre: Array, radius: Array, inverse: Array, at: Point) -> Array:
+        """Return how X and P (boxes, unknowns + parameters, .) change by eps and by its products."""
+        e, count, n = self.equations, x.shape[1], centre.shape[1]
+        slopes = -(inverse @ at.jacobian[:, 0, e.rows, count : count + n]) * radius[:, None, :]
+        along = np.concatenate([slopes, radius[..., None] * np.eye(n)], axis=1)
+        return _curved(inverse[:, None] @ e.change(x, centre, along, 0.0 * x).by[:, :, e.rows], along)
 
     def _image(self, at: Point, change: Change, inverse: Array, along: Array) -> tuple[Array, Array, Array]:
         """Return z (boxes, unknowns), how much each eps changes C F_x (boxes, n), and E (boxes, unknowns, unknowns).

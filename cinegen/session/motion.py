@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from cinegen.arrays import Array
-from cinegen.errors import CinegenError
+from cinegen.errors import CinegenError, LimitError
 from cinegen.ik import Solver
 from cinegen.ik.objectives import Posture
 from cinegen.ik.tasks.blend import eased
@@ -22,7 +22,6 @@ from cinegen.model import ForwardKinematics, Mechanism
 from cinegen.tolerances import CLOSURE
 
 _FASTEST = 2.0  # rad/s, or characteristic lengths per second: of a joint without a velocity limit
-_LIMIT = 1e-9  # rad or m: rounding at a limit
 _SHORTEST, _LONGEST = 0.3, 30.0  # s for a motion to a configuration
 _THERE = 1e-6  # rad or lengths: distance at which a configuration is reached
 PATIENCE = 0.5
@@ -62,7 +61,8 @@ class RobotMotion(Protocol):
 class JointMotion:
     """Motion of single actuated joints, within their velocity limits. Passive joints follow on this branch.
 
-    If the loops can't follow, or a passive joint would pass its limit, all joints stay where they are.
+    If the loops can't follow, or a passive joint would pass its limit during a tick, all joints stay where they are
+    (see `ForwardKinematics` on steps without proof).
 
     Args:
         mechanism: mechanism to move.
@@ -75,7 +75,7 @@ class JointMotion:
         self.problem = ""
         self.goal: dict[str, float] = {}
         self._mechanism = mechanism
-        self._forward = ForwardKinematics(mechanism, q)
+        self._forward = ForwardKinematics(mechanism, q, within_limits=True)
         self._q = q.copy()
         self._speeds = _speeds(mechanism)
         self._ends = False
@@ -101,18 +101,12 @@ class JointMotion:
             return None if self._ends else self._q
         self.problem = ""
         try:
-            q = self._forward.move(values)
-            passed = _passed_limit(self._mechanism, q, self._q)
-            if passed:
-                self._forward.q = self._q
-                self.problem = f"at limit: {passed}"
+            self._q = self._forward.move(values)
         except CinegenError as error:
-            self.problem = str(error)
-        if self.problem:
+            self.problem = f"at limit: {error.joint}" if isinstance(error, LimitError) else str(error)
             self.goal = {}  # the next movement of a slider tries again
             return None if self._ends else self._q
-        self._q = q
-        return q
+        return self._q
 
     def block(self, q: Array, problem: str) -> None:
         """See `RobotMotion`; the next movement of a slider tries again."""
@@ -152,7 +146,7 @@ class _TimedMotion:
 
 class ConfigurationMotion(_TimedMotion):
     """Motion to a configuration: actuated joints are interpolated, passive ones follow. A goal that can't be reached so
-    on this branch is set at once.
+    on this branch, or within limits, is set at once.
 
     Args:
         mechanism: mechanism to move.
@@ -165,7 +159,7 @@ class ConfigurationMotion(_TimedMotion):
     def __init__(self, mechanism: Mechanism, q: Array, goal: Array, name: str, label: str) -> None:
         self.name, self.label = name, label
         self._mechanism, self._goal, self._start = mechanism, goal, q.copy()
-        self._forward = ForwardKinematics(mechanism, q)
+        self._forward = ForwardKinematics(mechanism, q, within_limits=True)
         self._indices = [(joint, mechanism.q_index(joint)) for joint in mechanism.actuated]
         seconds = np.abs(mechanism.difference(q, goal)) / _speeds(mechanism)
         longest = seconds[[mechanism.v_index(joint) for joint in mechanism.actuated]].max(initial=0.0)
@@ -179,6 +173,8 @@ class ConfigurationMotion(_TimedMotion):
         values = {joint: float((1.0 - x) * self._start[i] + x * self._goal[i]) for joint, i in self._indices}
         try:
             q = self._forward.move(values)
+        except LimitError as error:
+            return self._jump(f"{error.joint} would pass a limit in between")
         except CinegenError:
             return self._jump()
         if self._mechanism.floating:
@@ -192,9 +188,9 @@ class ConfigurationMotion(_TimedMotion):
         self._forward.q = q
         super().block(q, problem)
 
-    def _jump(self) -> Array:
+    def _jump(self, why: str = "the goal is in another assembly mode") -> Array:
         self._time, self.jumps = math.inf, True
-        self.problem = "the goal is in another assembly mode: the robot was moved there without a path"
+        self.problem = f"{why}: the robot was moved there without a path"
         return self._goal
 
 
@@ -299,12 +295,3 @@ def _speeds(mechanism: Mechanism) -> Array:
     """Return the velocity (nv,) at which joints are moved, rad/s and m/s."""
     limits = mechanism.limits.velocity
     return np.where(np.isfinite(limits), limits, _FASTEST * mechanism.scale)
-
-
-def _passed_limit(mechanism: Mechanism, q: Array, before: Array) -> str:
-    """Return the first joint that is beyond a limit at q (nq,), and further than before; empty if there is none."""
-    for joint, limit in mechanism.limits.exceeded(q, _LIMIT).items():
-        i = mechanism.q_index(joint)
-        if (q[i] - before[i]) * (q[i] - limit) > 0.0:
-            return joint
-    return ""

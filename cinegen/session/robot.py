@@ -348,7 +348,7 @@ class DrivenRobot:
             label += f": {', '.join(step.saturated[:3])}"
         elif status is Status.OUT_OF_REACH:
             metres, angle = (max(parts) for parts in zip(*step.errors, strict=True))
-            far = metres > 1e-3 * self.mechanism.length
+            far = metres > self.mechanism.length * min(1e-3, angle)  # not 0 degrees
             label += f" by {1000.0 * metres:.3g} mm" if far else f" by {math.degrees(angle):.3g}°"
         description = "; ".join([status.value, *filter(None, step.problems)])
         return RobotStatus(status.name, label, description)

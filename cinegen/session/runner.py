@@ -129,7 +129,7 @@ class _Inbox:
 
 
 class _Bell:
-    """Wakes a thread, from any process. Rings that were not heard yet are one: ringing never waits."""
+    """Wakes a thread, from any process. Rings that were not heard yet are one, so that ringing never waits."""
 
     def __init__(self, context: SpawnContext) -> None:
         self._ear, self._clapper = context.Pipe(duplex=False)

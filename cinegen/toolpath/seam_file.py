@@ -12,12 +12,14 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cinegen.arrays import Array
+from cinegen.errors import read_all
 from cinegen.model import Mechanism
 from cinegen.model.plausible import ImplausibleError, check_lengths
 from cinegen.sensor import SensorError
@@ -86,7 +88,7 @@ def read_points(path: str | Path) -> tuple[Array, Array, list[int]]:
     """Return points (n, 3) m, normals (n, 3) and the numbers of their lines (n,), from 1.
 
     Raises:
-        SensorError: the file can't be read, or is wrong; gives the line.
+        SensorError: the file can't be read, or is wrong; gives all such lines.
     """
     try:
         text = read_bytes(path).decode("utf-8-sig")
@@ -96,23 +98,29 @@ def read_points(path: str | Path) -> tuple[Array, Array, list[int]]:
         raise SensorError(f"{path}: is not UTF-8 text") from None
     where, units, width = list[int](), list[str](), 0  # positions of the columns, and their units
     rows, lines = list[list[float]](), list[int]()
-    for number, line in enumerate((line.partition("#")[0] for line in text.splitlines()), 1):
-        if not line.strip():
-            continue
+
+    def read(number: int, line: str) -> None:
+        nonlocal where, units, width
         try:
             cells = [cell.strip() for cell in next(csv.reader([line]))]
-            if not where:
-                (where, units), width = _header(cells), len(cells)
-                continue
-            if len(cells) != width:
+            if not width:
+                width = len(cells)
+                where, units = _header(cells)
+            elif len(cells) != width:
                 raise SensorError(f"{len(cells)} value{'s' * (len(cells) != 1)}, but {width} columns are named")
-            rows.append([
-                _number(cells[i], name, LENGTH if unit else NUMBER, unit)
-                for i, name, unit in zip(where, _COLUMNS, units, strict=True)
-            ])  # fmt: skip
+            elif where:
+                columns = zip(where, _COLUMNS, units, strict=True)
+                reads = (
+                    (name, partial(_number, cells[i], name, LENGTH if unit else NUMBER, unit))
+                    for i, name, unit in columns
+                )
+                rows.append([*read_all(reads, SensorError).values()])
+                lines.append(number)
         except (SensorError, csv.Error) as error:
-            raise SensorError(f"{path}:{number}: {error}") from None
-        lines.append(number)
+            raise SensorError("\n".join(f"{path}:{number}: {why}" for why in str(error).split("\n"))) from None
+
+    texts = enumerate((line.partition("#")[0] for line in text.splitlines()), 1)
+    read_all((("", partial(read, *of)) for of in texts if of[1].strip()), SensorError)
     if not where:
         raise SensorError(f"{path}: is empty; begin it with a line x,y,z,nx,ny,nz")
     values = np.array(rows).reshape(-1, 6)
@@ -147,11 +155,14 @@ def _header(cells: list[str]) -> tuple[list[int], list[str]]:
     """
     split = [re.fullmatch(r"(\w+)\s*[\[(]\s*(\S+?)\s*[\])]", cell) for cell in cells]
     names = [cell.lower() if found is None else found[1].lower() for cell, found in zip(cells, split, strict=True)]
-    for name in _COLUMNS:
+
+    def check(name: str) -> None:
         if name not in names:
             raise SensorError(f"no column '{name}'; the first line names the columns: x,y,z,nx,ny,nz")
         if names.count(name) > 1:
             raise SensorError(f"two columns '{name}'")
+
+    read_all({name: partial(check, name) for name in _COLUMNS}, SensorError)
     where = [names.index(name) for name in _COLUMNS]
     given = [split[i] for i in where]
     units = ["m" if found is None else found[2] for found in given[:3]]

@@ -36,7 +36,7 @@ class CellStatus(IntEnum):
     LOOPS_OPEN = 5
     """Over actuated joints: the loops can't be closed on the branch of the home configuration."""
     BEYOND_LIMITS = 6
-    """Over actuated joints: a joint is beyond its limits."""
+    """Over actuated joints: a joint is beyond its limits, from each reachable neighbour and from home."""
 
     @property
     def reachable(self) -> bool:

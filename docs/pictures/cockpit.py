@@ -14,7 +14,8 @@ from playwright.sync_api import sync_playwright
 
 import cinegen
 from cinegen.cockpit import Cockpit
-from cinegen.session import arrange
+from cinegen.collision import load_scene
+from cinegen.session import arrange, scene_setup
 
 PICTURES = Path(__file__).resolve().parent
 ROBOTS = PICTURES.parent.parent / "robots"
@@ -45,12 +46,12 @@ def drag(tab, robot, node, right, down):
     tab.wait_for_timeout(4000)
 
 
-def out_of_reach(tab):
-    """A delta robot whose platform is dragged further than its arms reach."""
+def at_limit(tab):
+    """A delta robot whose platform is dragged until a joint is at its limit."""
     tab.evaluate("cockpit.send({ type: 'select_sensor', robot: 'delta4', node: 'platform', sensor: null })")
     tab.evaluate("cockpit.send({ type: 'move_home' })")
     tab.wait_for_timeout(4000)
-    drag(tab, "delta4", "platform", 160, 60)
+    drag(tab, "delta4", "platform", 420, 40)
 
 
 def two_robots(tab):
@@ -58,6 +59,11 @@ def two_robots(tab):
     tab.evaluate("cockpit.send({ type: 'pin', robot: 'arm7', node: 'tool' })")
     tab.evaluate("cockpit.select('arm7', 'tool')")
     drag(tab, "gough", "link6", -35, 5)
+
+
+def pushed(tab):
+    """A planar arm that a disc pushes."""
+    drag(tab, "disc", "disc", -100, 110)
 
 
 def forces(tab):
@@ -77,8 +83,9 @@ def forces(tab):
 
 
 SHOTS = {
-    "cockpit": (out_of_reach, ["delta4"], [], "circle"),
+    "cockpit": (at_limit, ["delta4"], [], "circle"),
     "cockpit_forces": (forces, ["ankle"], [], None),
+    "cockpit_obstacles": (pushed, ["scenes/disc.toml"], [], None),
     "cockpit_two_robots": (two_robots, ["gough", "arm7"], ["arm7=gough.platform"], None),
 }
 """What is done, with which robots, their base poses, and the path that they follow before."""
@@ -87,15 +94,18 @@ SHOTS = {
 def shot(browser, name):
     """Draws one picture."""
     scene, robots, bases, follow = SHOTS[name]
-    setup = arrange({robot: cinegen.load(ROBOTS / f"{robot}.raff") for robot in robots}, bases=bases, follow=follow)
+    if robots[0].endswith(".toml"):
+        setup = scene_setup(load_scene(ROBOTS / robots[0]))
+    else:
+        setup = arrange({robot: cinegen.load(ROBOTS / f"{robot}.raff") for robot in robots}, bases=bases, follow=follow)
     with Cockpit(setup, port=7860) as cockpit:
         tab = browser.new_page(viewport=VIEW, bypass_csp=True)  # what is evaluated is not the page's own
         tab.goto(cockpit.url)
         tab.wait_for_function("document.documentElement.dataset.view === 'ready'", timeout=60_000)
         scene(tab)
-        tab.evaluate("document.querySelectorAll('.toast, #hint').forEach((note) => note.remove())")
         tab.evaluate("cockpit.view.resolution.constant = true; cockpit.view.changed();")  # all pixels, and shadows
         tab.wait_for_timeout(2000)
+        tab.evaluate("document.querySelectorAll('.toast, .hint, #hint').forEach((note) => note.remove())")
         picture = tab.screenshot(timeout=60_000)
         tab.mouse.up()
         tab.close()

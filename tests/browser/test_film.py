@@ -31,6 +31,15 @@ def test_frames_show_the_robot_as_it_moves(robot, tmp_path):
     assert told == sorted(told)
 
 
+def test_a_robot_at_rest_is_filmed(robot, tmp_path):
+    """Though pages are sent nothing while nothing moves."""
+    setup = arrange({"arm": robot("planar_3r")}, follow=None)
+    film(setup, tmp_path / "frames", 0.2, SIZE)
+    pictures = [picture.read_bytes() for picture in sorted((tmp_path / "frames").iterdir())]
+    assert len(pictures) == round(0.2 * FPS)
+    assert len(set(pictures)) == 1
+
+
 def test_what_is_missing_is_told(robot, tmp_path, monkeypatch):
     setup = arrange({"arm": robot("planar_3r")})
     with pytest.raises(FilmError, match=r"film\.xyz"):

@@ -35,6 +35,7 @@ REMADE = {
         "cinegen singular planar_3r.raff --over joint2,joint3 --grid 8 -o scan.json --plot scan.png",
         "scan.json scan.png",
     ),
+    "proof": ("cinegen prove five_bar.raff --over x=-10..10mm,y=450..460mm -o proof.json", "proof.json"),
     "png": ("cinegen modes four_bar.raff --plot modes.png", "modes.png"),
     "pdf": ("cinegen modes four_bar.raff --plot modes.pdf", "modes.pdf"),
 }
@@ -48,7 +49,7 @@ MAINS = {"raff2urdf": convert, "cinegen": cinegen, "urdf2raff": urdf2raff}
 @pytest.fixture
 def run(root, tmp_path, monkeypatch, capsys):
     """`run("raff2urdf delta4.raff -o ./")` in a folder with the robots; returns the exit code and standard error."""
-    for name in ("four_bar", "delta4", "planar_3r"):
+    for name in ("four_bar", "delta4", "planar_3r", "five_bar"):
         shutil.copy(root / "robots" / f"{name}.raff", tmp_path)
     shutil.copytree(root / "robots/graphics", tmp_path / "graphics")
     monkeypatch.chdir(tmp_path)

@@ -4,6 +4,7 @@ import json
 import re
 import shlex
 import sys
+from pathlib import Path
 
 import pytest
 from hostile_names import CONTROLS, JOINTS, LINKS, urdf
@@ -55,6 +56,17 @@ def test_the_name_of_a_robot_is_one_printable_line(arm, capsys):
     said = capsys.readouterr().out
     assert not CONTROL.search(said)
     assert json.loads(said)[0]["robot"] == SHOWN
+
+
+def test_a_certificate_adds_no_line_to_what_is_said_of_it(root, tmp_path, capsys):
+    path = str(tmp_path / "proof.json")
+    assert main(["prove", str(root / "robots/five_bar.raff"), "--over", "x=-10..10mm,y=450..460mm", "-o", path]) == 0
+    certificate = json.loads(Path(path).read_text(encoding="utf-8"))
+    Path(path).write_text(json.dumps(certificate | {"robot": CONTROLS}), encoding="utf-8")
+    capsys.readouterr()
+    assert main(["check-proof", path]) == 0
+    (line,) = capsys.readouterr().out.splitlines()
+    assert line.isprintable()
 
 
 @pytest.mark.parametrize("root", ["raff2urdf", "cinegen"])

@@ -175,6 +175,15 @@ def test_the_right_readings_are_taken_without_a_word(few):
     assert found.fit < 2.0
 
 
+@pytest.mark.parametrize(
+    ("factor", "says"), [(1e3, "these are too large, or in another unit"), (1e-3, "these are too small")]
+)
+def test_sigmas_in_another_unit_are_named(few, factor, says):
+    """Also by few readings."""
+    with pytest.warns(cinegen.CinegenWarning, match=says):
+        calibrate(FEW, replace(few, sigmas=factor * few.sigmas), folds=0)
+
+
 def test_a_sign_that_the_expected_errors_could_explain_is_named_by_the_estimate():
     """The platform of a delta rotates by its errors alone: about z by 0.1 degrees."""
     given = scaled(-1.0, 8)(right("delta4", 6, poses=20))

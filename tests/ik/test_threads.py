@@ -48,8 +48,11 @@ def _pulled(mechanism):
         lambda solver: solver.lift_limits(position=True),
         lambda solver: solver.copy_state(Solver(solver.mechanism, DT)),
         lambda solver: LookAhead(solver.mechanism, DT).copy(solver),
+        lambda solver: solver.add_task(solver.mechanism.end),
+        lambda solver: solver.remove_task(solver.tasks[0]),
+        lambda solver: solver.blend(solver.tasks[0], weight=0.0),
     ],
-    ids=["step", "q", "dt", "linearisation", "limits", "copy_to", "copy_from"],
+    ids=["step", "q", "dt", "linearisation", "limits", "copy_to", "copy_from", "add", "remove", "blend"],
 )
 def test_a_second_thread_gets_an_error_and_leaves_the_first_unharmed(robot, use):
     mechanism, meeting = robot("delta4"), Meeting()

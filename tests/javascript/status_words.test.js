@@ -35,3 +35,16 @@ test("a robot that stands near a singularity before anyone drives is quiet", () 
   assert.equal(statusesInWords(session("mine", [{ robot: "arm", source: "pointer", target: [0, 0, 0] }]), FRONT).arm.name, "SINGULAR");
   assert.equal(statusesInWords(session("mine", []), FRONT).arm.name, "IDLE");
 });
+
+test("a limit that keeps nothing from its target is none to a person", () => {
+  const name = (...errors) => {
+    const tasks = errors.map((error) => ({ robot: "arm", source: "path", target: [0, 0, 0], error }));
+    const status = { name: "AT_LIMIT", label: "at limit: a", description: "" };
+    return statusesInWords({ state: { statuses: { arm: status } }, report: {}, control: "free", tasks, robot: () => ({ length: 2 }) }, FRONT).arm.name;
+  };
+  assert.equal(name([0.0019, 0]), "FOLLOWING");
+  assert.equal(name([0.0021, 0]), "AT_LIMIT");
+  assert.equal(name([0.0019, 0], [0, 0.01]), "AT_LIMIT");
+  assert.equal(name(), "AT_LIMIT");
+  assert.equal(name(undefined), "AT_LIMIT");
+});

@@ -10,6 +10,7 @@ import pytest
 
 import cinegen
 from cinegen.model import ForwardKinematics
+from cinegen.session.motion import ConfigurationMotion, JointMotion
 from raff2urdf import closure
 
 AGAIN = re.compile(r"(\w+) would pass its limit (\S+) (?:rad|m), as it follows, with (.*) \((\S+) % of the motion\)")
@@ -124,3 +125,19 @@ def test_a_joint_beyond_its_limit_may_come_back_only(robot):
     with pytest.raises(cinegen.CinegenError, match="joint3 would pass"):
         motion.move(goals(bar, np.array([0.0])))
     assert pickle.loads(pickle.dumps(motion)).within_limits
+
+
+def test_motions_of_a_session_keep_limits_within_a_tick(robot):
+    """The crank of a four-bar turns once in a tick; its coupler's joint leaves its range and comes back."""
+    mechanism, change = robot("four_bar"), np.array([6.2])
+    top = out_and_back(mechanism, change, "joint3")
+    narrow, goal = limited(mechanism, joint3=(-9.0, top - 1e-3)), goals(mechanism, change)
+    end = ForwardKinematics(mechanism).move(goal)
+    slider = JointMotion(narrow, mechanism.q_home)
+    for joint, value in goal.items():
+        slider.move(joint, value)
+    assert np.array_equal(slider.advance(100.0), mechanism.q_home)
+    assert slider.problem == "at limit: joint3"
+    motion = ConfigurationMotion(narrow, mechanism.q_home, end, "home", "moving home")
+    assert np.array_equal(motion.advance(100.0), end)
+    assert motion.problem == "joint3 would pass a limit in between: the robot was moved there without a path"

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from flint import arb, ctx
 
+import cinegen.proof.proof
+from cinegen.design.parameters import Parameters
 from cinegen.proof import CertificateError, ProofError, check, load_proof, prove
 from cinegen.proof.checker import Robot, Value
 from cinegen.proof.equations import Equations
@@ -122,6 +124,110 @@ def test_mechanisms_whose_pose_is_not_enough_are_undecided(robot):
         proof = prove(robot(name), {key: (home[key], home[key] + width) for key, width in over.items()})
         assert proof.undecided == 1.0
         assert proof.reasons == {"the pose does not determine the configuration": 1}
+
+
+# --- regions that grow, tolerances --------------------------------------------------------------------------------
+
+
+def five_bar_reach(half, centre=(0.0, 0.475), width=0.65):
+    """How much farther the upper corners of a box are from a base of the five-bar than both its bars reach."""
+    return math.hypot(half[0] + 0.15, centre[1] + half[1]) - width
+
+
+def test_the_largest_box_of_a_five_bar_is_that_of_plane_geometry(robot):
+    proof = prove(robot("five_bar"), RECTANGLE, grow=True, boxes=1000)
+    assert proof
+    half = np.array([0.5 * (high - low) for low, high in proof.region.values()])
+    np.testing.assert_allclose(half / half[0], np.array([0.08, 0.075]) / 0.08)
+    assert five_bar_reach(half) < 0.0 < five_bar_reach(1.03 * half)
+
+
+def test_a_round_region_leaves_out_corners_that_are_out_of_reach(robot):
+    mechanism, over = robot("five_bar"), {"x": (-0.15, 0.15), "y": (0.335, 0.615)}
+    box, ball = (prove(mechanism, over, shape=shape, boxes=300) for shape in ("box", "ball"))
+    assert ball, ball
+    assert not box
+    outside = [node for node in ball.certificate["tree"] if isinstance(node, dict) and node["claim"] == "outside"]
+    assert outside
+    other = copy.deepcopy(ball.certificate)
+    leaves = [node for node in other["tree"] if isinstance(node, dict) and node["claim"] != "outside"]
+    leaves[len(leaves) // 2]["claim"] = "outside"
+    with pytest.raises(CertificateError, match="called outside is not"):
+        check(other)
+    with pytest.raises(ProofError, match="no region 'cylinder' over 1 coordinates"):
+        prove(robot("five_bar"), {"x": (0.0, 0.1)}, shape="cylinder")
+
+
+@pytest.mark.parametrize(
+    ("name", "over", "tolerances"),
+    [
+        ("five_bar", RECTANGLE, {"link*.d": "0.05mm"}),
+        ("delta4", INSIDE["delta4"][0], {"link*.d": "0.05mm"}),
+        pytest.param("delta4", INSIDE["delta4"][0], {"*": "0.05mm"}, marks=pytest.mark.slow),
+        ("gough", {"x": (0.02, 0.12), "y": (-0.1, 0.0)}, {"link1.*": "0.05mm", "link*.alpha": "0.02deg"}),
+    ],
+)
+def test_all_robots_within_tolerances(name, over, tolerances):
+    parameters = Parameters(name)
+    proof = prove(parameters.mechanism, over, limits=True, tolerances=tolerances, parameters=parameters)
+    assert proof, proof
+    errors, rng = proof.certificate["bounds"]["tolerances"], np.random.default_rng(2)
+    for _ in range(4):
+        values = {one: parameters.values[parameters.index(one)] + rng.uniform(-e, e) for one, e in errors.items()}
+        mechanism = parameters.mechanism_with(parameters.with_changed(values))
+        coordinates = Coordinates(mechanism, list(over))
+        pose = {key: rng.uniform(*ends) for key, ends in over.items()}
+        q = coordinates.from_home(pose, steps=10)
+        assert q is not None
+        assert within_limits(mechanism, q)
+        other = prove(
+            mechanism, {key: (value, value + 1e-6) for key, value in pose.items()}, limits=True, boxes=1
+        ).certificate
+        ours, theirs = (tolerated(document) for document in (proof.certificate, other))
+        for (numbers, radii), (values, _) in zip(ours, theirs, strict=True):
+            assert (np.abs(numbers - values) <= radii + 1e-12).all()
+
+
+def tolerated(document):
+    """Placements in the order of the chains, with their radii."""
+    used = [c[side] + [[c[f"{side}_end"], -1]] for c in document["closures"] for side in ("first", "second")]
+    none = [[0.0] * 12] * len(document["placements"])
+    radii = document.get("radii", none)
+    return [(np.array(document["placements"][i]), np.array(radii[i])) for chain in used for i, _ in chain]
+
+
+def test_tolerances_that_no_joint_compensates_are_named():
+    parameters = Parameters("five_bar")
+    with pytest.raises(ProofError, match=r"no joint can compensate an error of 0\.05 mm of link1\.epsilon"):
+        prove(parameters.mechanism, RECTANGLE, tolerances={"*": "0.05mm"}, parameters=parameters)
+    with pytest.raises(ProofError, match="need the robot's Parameters"):
+        prove(parameters.mechanism, RECTANGLE, tolerances={"link*.d": 1e-4})
+
+
+class PlainProver(Prover):
+    """Krawczyk's test about a point: the configuration does not follow the pose."""
+
+    def _along(self, x, centre, radius, inverse, at):
+        n = centre.shape[1]
+        return np.concatenate([np.zeros((*x.shape, n)), radius[..., None] * np.eye(n)], axis=1)
+
+
+@pytest.mark.parametrize(
+    ("size", "angle", "factor"), [(0.2, 0.0, 10), pytest.param(0.05, 10.0, 100, marks=pytest.mark.slow)]
+)
+def test_plain_krawczyk_takes_many_times_as_many_boxes(robot, monkeypatch, size, angle, factor):
+    centre, half = (0.0, 0.0, 0.9, 0.0, 0.0, 0.0), [size] * 3 + [math.radians(angle)] * 3
+    over = {name: (c - h, c + h) for name, c, h in zip(POSE, centre, half, strict=True) if h}
+    at = {name: c for name, c in zip(POSE, centre, strict=True) if name not in over}
+    ours = prove(robot("gough"), over, at)
+    assert ours
+    monkeypatch.setattr(cinegen.proof.proof, "Prover", PlainProver)
+    monkeypatch.setattr(cinegen.proof.proof, "check", lambda certificate, **_: {
+        "proved": 0.0, "refuted": 0.0, "undecided": 1.0, "witnesses": [], "boxes": len(certificate["tree"])
+    })  # fmt: skip
+    plain = prove(robot("gough"), over, at, boxes=2 * factor * ours.boxes)
+    claims = [node["claim"] for node in plain.certificate["tree"] if isinstance(node, dict)]
+    assert set(claims) - {"proved"}  # it is not done yet
 
 
 def test_what_can_not_be_asked(robot):

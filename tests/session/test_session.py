@@ -50,6 +50,8 @@ def test_out_of_reach_is_said_with_how_far(session):
     assert number, status.label
     assert float(number[1]) == pytest.approx(49_100.0, rel=1e-3)
     assert place(state, one, "planar_3r", end) == pytest.approx([0.9, 0.0, 0.0], abs=1e-5)
+    status = run(one, 3.0, c.MoveDrag((0.9002, 0.0, 0.0))).robots["planar_3r"].status
+    assert status.label == "out of reach by 0.2 mm"
 
 
 def test_what_is_let_go_as_a_pin_stays_held_and_what_was_pinned_is_pinned_again_where_it_was_led(session):

@@ -1,10 +1,12 @@
 """Maps made by several processes: the same bytes as one makes, whatever dies meanwhile, and without a word."""
 
+import gc
 import os
 import resource
 import signal
 import subprocess
 import sys
+import threading
 import time
 import warnings
 from pathlib import Path
@@ -177,10 +179,15 @@ def test_a_task_that_fails_is_said_and_so_are_cinegen_s_own_errors(client):
 
 def test_where_no_scheduler_answers_that_is_said_and_the_map_goes_on_later(spec, whole, tmp_path, monkeypatch, capfd):
     monkeypatch.setattr(cluster, "_PATIENCE", 0.5)
-    path = tmp_path / "map.zarr"
-    for wrong in ("tcp://127.0.0.1:9", "nonsense://there"):
-        with pytest.raises(ClusterError, match=f"no Dask scheduler answers at {wrong}"):
-            make_map(spec, path, scheduler=wrong, most=MOST)
+    path, threads = tmp_path / "map.zarr", set(threading.enumerate())
+    gc.disable()  # which would end the thread of a client that was refused
+    try:
+        for wrong in ("tcp://127.0.0.1:9", "nonsense://there"):
+            with pytest.raises(ClusterError, match=f"no Dask scheduler answers at {wrong}"):
+                make_map(spec, path, scheduler=wrong, most=MOST)
+        assert "IO loop" not in {thread.name for thread in set(threading.enumerate()) - threads}
+    finally:
+        gc.enable()
     assert capfd.readouterr() == ("", "")
     make_map(spec, path, workers=1)
     assert digest(path) == digest(whole)
@@ -188,6 +195,7 @@ def test_where_no_scheduler_answers_that_is_said_and_the_map_goes_on_later(spec,
 
 SCRIPT = f"""
 import sys
+import threading
 sys.path.insert(0, {str(HERE)!r})
 import cinegen
 from cinegen.workspace import make_map, maps

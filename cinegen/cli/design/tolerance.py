@@ -80,7 +80,10 @@ def amounts(texts: Sequence[str], option: str) -> list[tuple[str, str]]:
     Raises:
         UsageError: a part has no name.
     """
-    example = {"--sigma": "link*.d=0.05mm", "--play": "joint3=0.01mm"}.get(option, "joint1=0.01deg")
+    dimensions = "link*.d=0.05mm"
+    example = {"--sigma": dimensions, "--tolerance": dimensions, "--play": "joint3=0.01mm"}.get(
+        option, "joint1=0.01deg"
+    )
     return [pair for text in texts for part in parts(text) for pair in named(part, option, example).items()]
 
 

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
+from cinegen.cli.design.tolerance import amounts
 from cinegen.cli.files import check_outputs, print_result, write
 from cinegen.cli.numbers import UNITS, interval_of, named, values
 from cinegen.cli.options import FILE, JSON, RobotOptions, force_option
 from cinegen.cli.progress import Progress
 from raff2urdf.command.command_line import flag, option
-from raff2urdf.files import output_path
+from raff2urdf.escape import one_line
+from raff2urdf.files import GENERATED, output_path
 
 if TYPE_CHECKING:
     from cinegen.proof import Proof
@@ -28,6 +30,13 @@ def run(
     at: str = option("VALUES", f"values of other coordinates, such as z=-0.9,rx=0 ({UNITS}; default: home)", ""),
     node: str | None = option("NAME", "node that is posed (default: the last of the file)"),
     limits: bool = flag("--limits", "prove that all joints stay within their limits, too"),
+    shape: Literal["box", "cylinder", "ball"] = option(
+        "", "region: the ranges; with an ellipse in the first two, or an ellipsoid in all of them", "box"
+    ),
+    grow: bool = flag("--grow", "find the largest region of these proportions and this centre that is proved (1 %)"),
+    tolerance: list[str] = option(
+        "NAME=T", "prove it for all robots whose dimensions err by less: 'link*.d=0.05mm, *.alpha=0.02deg'", ()
+    ),
     boxes: int | None = option("N", "boxes that are tested at most (10000)", min=1),
     output: str | None = option(
         "FILE", "certificate to write (ROBOT-proof.json)", None, "-o", "--output", endings=(".json",)
@@ -49,25 +58,31 @@ def run(
     name, mechanism = robots.load_one(file)
     target = output_path(output, f"{name}-proof.json")
     check_outputs(target, force=force, json=json)
+    errors, parameters = amounts(tolerance, "--tolerance"), None
+    if errors:
+        from cinegen.design.parameters import Parameters
+
+        parameters = Parameters(file, robot=robots.robot)
     ranges = {
         key: interval_of(mechanism, key, ends, "--over") for key, ends in named(over, "--over", "x=-100..100mm").items()
     }
     given = values(at, "--at", "z=-0.9, z=-900mm or rz=15", mechanism)
     with Progress() as progress:
         proof = prove(
-            mechanism, ranges, given, node, limits=limits, boxes=boxes or BOXES, report=progress.fraction,
+            mechanism, ranges, given, node, limits=limits, boxes=boxes or BOXES, shape=shape, grow=grow,
+            tolerances=errors, parameters=parameters, report=progress.fraction,
         )  # fmt: skip
-    write(target, dumps(proof.certificate))
+    write(target, dumps({"origin": GENERATED, **proof.certificate}))
     print_result({"certificate": str(target), **proof.as_dict()}, f"{lines(name, proof)}\ncertificate: {target}", json)
     return 0 if proof else 1
 
 
 def lines(name: str, proof: Proof) -> str:
     """Return the result for people: m and degrees."""
-    found = [f"{name}: {proof.message}"]
+    found = [f"{one_line(name)}: {proof.message}", f"  region: {one_line(proof.region_text)}"]
     for witness in proof.witnesses[:2]:
         why = (
-            f"{witness.get('limit')} is beyond a limit"
+            f"{one_line(str(witness['limit']))} is beyond a limit"
             if "limit" in witness
             else f"determinant {witness['determinant']:+d}"
         )

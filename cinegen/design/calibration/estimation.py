@@ -7,10 +7,10 @@
 With residuals f(theta) of all readings (module `observation`), whitened by their covariance, scipy's
 `least_squares` minimises |f|^2 over the combinations that are determined at nominal geometry (`identifiability`):
 theta = theta_0 + D V z, with the expected errors D. All other combinations W keep their nominal values. They act on
-readings by effects of second order: at the estimate J_W is not 0, and errors w along W, which nothing measures, bias z
-by B w with B = (J^T J)^-1 J^T J_W. The covariance of the estimate is the Cramer-Rao bound and that bias,
-D V ((J^T J)^-1 + s^2 B B^T) V^T D. Errors w are taken to be as large as those that are determined: s expected ones,
-the median of |z|, and 1 at least.
+readings by effects of second order: errors w along W, which nothing measures, change the readings by J_W w, as J_W is
+not 0 at the estimate, and by w^T H w / 2. Both bias z, by B = (J^T J)^-1 J^T times them. The covariance of the estimate
+is the Cramer-Rao bound and the second moment of that bias: of its linear part as it is, of its quadratic one by random
+w. Errors w are taken to be as large as those that are determined: s expected ones, the median of |z|, and 1 at least.
 
 Outliers: the estimate begins from readings that the expected errors can explain, with a convex loss (soft L1),
 continues with a redescending one (Cauchy), and ends with plain least squares of the readings whose studentised
@@ -27,6 +27,7 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.special import gammainc
 
 from cinegen.arrays import Array, Bools
 from cinegen.design.amounts import Amounts, amount_in, pairs
@@ -54,7 +55,9 @@ REJECTED = 4.0
 _STARTS = 8.0  # expected standard deviations beyond which a reading is left out at first
 _CAUCHY = 2.0  # standard deviations from which the redescending loss weakens
 _ROUNDS = 12  # of rejection
+_SAMPLES = 64  # of errors that nothing measures
 _SMALL = 0.04  # chi-square per degree of freedom below which sigmas are too large
+_UNLIKELY = 1e-6  # probability of a chi-square that is smaller
 _COMPUTED = 1e-8  # the same below which readings were computed, not measured
 _SEEN = 4  # poses that are compared for motions of the whole robot
 _OWN = 1.0 - 1e-9  # a parameter of this determined length is determined by itself
@@ -302,7 +305,8 @@ def _estimate(
     jacobian = rows @ space.basis
     covariance: Array = np.asarray(np.linalg.pinv(jacobian.T @ jacobian, hermitian=True), dtype=float)
     typical = max(1.0, float(np.median(np.abs(z))) / 0.6745)  # error, in expected ones
-    bias = typical * covariance @ jacobian.T @ (rows - jacobian @ space.basis.T)
+    curved = solver.curvature(space, theta, typical, kept)
+    bias = covariance @ jacobian.T @ np.hstack([typical * (rows - jacobian @ space.basis.T), curved])
     covariance = covariance + bias @ bias.T
     whitened = solver.whiten(after[..., None], kept)
     return Calibration(
@@ -398,6 +402,22 @@ class _Solver:
         if not done.success and loss == "linear":
             warn(f"{observation.measurements.source}: the estimate has not converged in {done.nfev} evaluations")
         return np.asarray(done.x)
+
+    def curvature(self, space: Subspace, theta: Array, size: float, kept: Bools) -> Array:
+        """Return what random errors along combinations that are not determined, of a size in expected ones, change the
+        readings by in second order, whitened (rows, samples): their second moment is the product with its transpose."""
+        random = np.random.default_rng(0).normal(size=(len(theta), _SAMPLES)) * (self.errors > 0.0)[:, None]
+        changes = size * self.errors[:, None] * (random - space.basis @ (space.basis.T @ random))
+        here, sums = self.observation.predict(theta, derivatives=False), list[Array]()
+        for change in changes.T:
+            both = [self.observation.predict(theta + sign * change, derivatives=False) for sign in (1.0, -1.0)]
+            if all((one.gap <= closure.CLOSED).all() for one in both):
+                sums.append(sum(map(self.observation.residuals, both)) / 2.0 - self.observation.residuals(here))
+        return (
+            self.whiten(np.stack(sums, axis=-1), kept) / math.sqrt(len(sums))
+            if sums
+            else np.zeros((int(kept.sum()), 0))
+        )
 
     def robust(self, space: Subspace, nominal: Prediction, before: Array) -> tuple[Array, Bools]:
         """Return combinations, and which readings (poses, outputs) are no outliers."""
@@ -556,7 +576,7 @@ def _warn(found: Calibration, instead: str) -> None:
         )
     elif instead:
         warn(f"{source}: {instead}")
-    elif _COMPUTED < found.fit < 1.0 - 5.0 * math.sqrt(2.0 / found.degrees_of_freedom) and found.fit < _SMALL:
+    elif _COMPUTED < found.fit < _SMALL and gammainc(found.degrees_of_freedom / 2, found.chi2 / 2) < _UNLIKELY:
         warn(
             f"{source}: the residuals are only {math.sqrt(found.fit):.2g} times what the sigmas of the readings allow: "
             "these are too large, or in another unit"

@@ -57,6 +57,7 @@ class JointControl:
     mechanism: Mechanism
     _joints: JointSettings
     _used: Callable[[], Any]
+    _check_thread: Callable[[], None]
     _rewrite_joints: Callable[[bool], None]
     _q: Array
 

@@ -131,6 +131,7 @@ class TaskControl(ObjectiveControl):
         if not task.memory.is_valid:
             raise CinegenError(f"a task's weights are six finite numbers of at least 0, not {weights!r:.80}")
         task.changed, task.measure, task.find_frame = self._mark_changed, self._error_of, self.mechanism.frame_id
+        self._check_thread()
         self._tasks.append(task)
         self._changed = True
         return task
@@ -150,6 +151,7 @@ class TaskControl(ObjectiveControl):
             raise CinegenError(f"{task!r} is one of this solver's tasks already")
         in_python = GivenTask(task, self.state)
         in_python.changed = self._mark_changed
+        self._check_thread()
         self._tasks.append(in_python)
         self._changed = True
         return task
@@ -174,6 +176,7 @@ class TaskControl(ObjectiveControl):
         if task not in self._tasks:
             raise CinegenError(f"the task of '{task.node}' is not one of this solver's")
         blend = Blend(task, seconds, target, weight)
+        self._check_thread()
         self._blends = [other for other in self._blends if other.task is not task] + [blend]
 
     def remove_task(self, task: FrameTask | Task | Range, seconds: float = 0.0) -> None:
@@ -196,9 +199,11 @@ class TaskControl(ObjectiveControl):
                 raise CinegenError("the weight of a task in Python can't fade: leave out seconds")
             self.blend(task, seconds=seconds, weight=0.0)
             return
+        self._check_thread()
         self._blends = [blend for blend in self._blends if blend.task is not task]
         for i, other in enumerate(self.tasks):
             if other is task:
+                self._check_thread()
                 self._tasks.pop(i).changed = _nothing
                 self._changed = True
                 break

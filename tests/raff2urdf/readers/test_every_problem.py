@@ -11,6 +11,8 @@ from cinegen.design.calibration.measurements import Measurements
 from cinegen.design.errors import DesignError
 from cinegen.design.synthesis.task_file import load_task
 from cinegen.mission import MissionError, MissionRecorder, Player, Recording, RobotSample
+from cinegen.sensor import SensorError
+from cinegen.toolpath.seam_file import read_points
 from raff2urdf import RaffError
 
 URDF = """<robot name="a"><link name="base"/><link name="arm"/>
@@ -267,6 +269,21 @@ def test_measurements():
     said = str(found.value).splitlines()
     parts = ("line 3, column tool.x", "line 5, column tool.y")  # of each column the first
     assert [part in line for part, line in zip(parts, said, strict=True)] == [True, True]
+
+
+def test_a_seam(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("x [mm], y, z, nx, ny, nz\n1,2,3,0,0,1\na,2,b,0,0,1\n1,2,3\n\n4,5,6,0,0,u", encoding="utf-8")
+    with pytest.raises(SensorError) as found:
+        read_points(path)
+    said = str(found.value).splitlines()
+    wanted = (":3: x:", ":3: z:", ":4: 3 values", ":6: nz:")
+    assert [part in line for part, line in zip(wanted, said, strict=True)] == [True] * len(wanted), said
+    path.write_text("x, y, z, nx\n1,2,3,0", encoding="utf-8")
+    with pytest.raises(SensorError) as found:
+        read_points(path)
+    said = [line.partition(":1: ")[2] for line in str(found.value).splitlines()]
+    assert [line.partition(";")[0] for line in said] == ["no column 'ny'", "no column 'nz'"]
 
 
 def test_a_mission(tmp_path):

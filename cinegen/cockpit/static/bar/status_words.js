@@ -7,6 +7,7 @@ import { valueOf } from "../base/names.js";
 
 const ALONG = 0.3; // cosine: a pull that is further from the lost direction doesn't meet it
 const PULLED = 3e-3; // characteristic lengths: a smaller pull is none
+const REACHED = 1e-3; // characteristic lengths, rad: a limit at which all targets are as near as that bars nothing
 const STRAIGHT = 0.5; // of a lost motion that has a translation this large, the translation is what is told
 /** @type {[string, string][]} along the axes of the view, both ways */
 const WAYS = [["to the right", "to the left"], ["upwards", "downwards"], ["towards you", "away from you"]];
@@ -53,12 +54,15 @@ export function statusesInWords(session, axes) {
   const driven = session.control !== "free" && (session.tasks.length > 0 || Boolean(report?.moving));
   return Object.fromEntries(
     Object.entries(state?.statuses ?? {}).map(([robot, status]) => {
-      const task = session.tasks.find((one) => one.robot === robot && one.source === "pointer");
+      const [tasks, length] = [session.tasks.filter((one) => one.robot === robot), session.robot(robot)?.length ?? 1];
+      const isReached = tasks.every(({ error }) => error && error[0] < REACHED * length && error[1] < REACHED);
+      if (status.name === "AT_LIMIT" && tasks.length > 0 && isReached) return [robot, { name: "FOLLOWING", label: "following", description: status.description }];
+      const task = tasks.find((one) => one.source === "pointer");
       const [target, position] = [task?.target ?? [0, 0, 0], task?.position ?? task?.target ?? [0, 0, 0]];
       const pull = /** @type {Vector} */ ([0, 1, 2].map((i) => target[i] - position[i]));
       const near = ["SINGULAR", "UNCONTROLLED", "DAMPED"].includes(status.name ?? "");
       if (near && !driven) return [robot, { name: "IDLE", label: "idle", description: status.description }];
-      return [robot, inWords(status, valueOf(report?.robots, robot), axes, pull, session.robot(robot)?.length ?? 1)];
+      return [robot, inWords(status, valueOf(report?.robots, robot), axes, pull, length)];
     }),
   );
 }

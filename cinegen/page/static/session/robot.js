@@ -153,7 +153,7 @@ export class DrivenRobot {
     if (step.status === "AT_LIMIT" && step.saturated.length > 0) label += `: ${step.saturated.slice(0, 3).join(", ")}`;
     if (step.status === "OUT_OF_REACH") {
       const [metres, angle] = [0, 1].map((i) => Math.max(...step.errors.map((error) => error[i])));
-      const far = metres > FAR * this.kinematics.length;
+      const far = metres > this.kinematics.length * Math.min(FAR, angle); // not 0 degrees
       label += far ? ` by ${short(1e3 * metres)} mm` : ` by ${short((180 / Math.PI) * angle)}°`;
     }
     return { name: step.status, label, description: DESCRIPTIONS[step.status] ?? "" };
