@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import pytest
 from msgspec.structs import replace
 
+from cinegen.cockpit import clients
 from cinegen.cockpit import hub as hubs
 from cinegen.cockpit.hub import Hub
 from cinegen.cockpit.messages import PROTOCOL, HelloMessage, ReportMessage, StateMessage, TickRate
@@ -23,6 +24,12 @@ REPORT = ReportMessage(
     robots={}, switches=(), rate=TickRate(1000.0, 0, 0, 0.1, False), clients=1, sensors=(), undo=0, redo=0,
     paused=False, settings=Settings(100.0, 0.05, 0.1, 0.5, "world"), moving=None, recording=None, playback=None,
 )  # fmt: skip
+
+
+def at(monkeypatch, clock):
+    """Let the hub and its clients read the time of a clock."""
+    for module in (hubs, clients):
+        monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=clock))
 
 
 def state(time=0.0):
@@ -176,24 +183,24 @@ def test_who_talks_nonsense_is_dropped_and_told_why(hub, message):
 
 def test_who_floods_is_dropped(hub):
     client, line = join(hub)
-    for _ in range(2 * hubs.FASTEST):
+    for _ in range(2 * clients.FASTEST):
         says(hub, client, **MOVE)
-    assert line.closed == (1008, f"more than {hubs.FASTEST} messages per second")
-    assert len(hub.obeyed) < 1.5 * hubs.FASTEST
+    assert line.closed == (1008, f"more than {clients.FASTEST} messages per second")
+    assert len(hub.obeyed) < 1.5 * clients.FASTEST
 
 
 def test_who_takes_no_frame_for_long_is_given_up(hub, monkeypatch):
     _, line = join(hub)
     hub.show(state())
     now = hubs.time.monotonic()
-    monkeypatch.setattr(hubs, "time", SimpleNamespace(monotonic=lambda: now + hubs.PATIENCE + 1))
+    at(monkeypatch, lambda: now + hubs.PATIENCE + 1)
     hub.show(state())
     assert line.closed[0] == 1001
     assert not hub.clients
 
 
 def test_messages_beyond_the_budget_of_all_wait_but_not_those_of_who_has_control_or_sends_little(hub, monkeypatch):
-    monkeypatch.setattr(hubs, "time", SimpleNamespace(monotonic=lambda: now))
+    at(monkeypatch, lambda: now)
     now = 100.0
     hub = Hub(SETUP, lambda command: None, lambda number: replace(HELLO, client=number))
     greedy = [join(hub)[0] for _ in range(20)]
@@ -213,16 +220,16 @@ def test_messages_beyond_the_budget_of_all_wait_but_not_those_of_who_has_control
         if step % 3 == 0:  # a client sends at most 400 per second
             assert hub.pause(driver) == 0.0
     assert waited == 0.0
-    assert sum(read.values()) < 1.2 * 5.0 * hubs.BUDGET
+    assert sum(read.values()) < 1.2 * 5.0 * clients.BUDGET
     assert max(read.values()) < 1.1 * min(read.values())
     calm = Hub(SETUP, lambda command: None, lambda number: replace(HELLO, client=number))
     client, _ = join(calm)
-    assert not any(calm.pause(client) for _ in range(hubs.FASTEST))
+    assert not any(calm.pause(client) for _ in range(clients.FASTEST))
 
 
 def test_messages_wait_while_the_session_has_many_commands(hub):
     hub = Hub(SETUP, lambda command: None, lambda number: replace(HELLO, client=number), waiting=lambda: waiting)
-    waiting = hubs.QUEUE
+    waiting = clients.QUEUE
     assert not hub.queue_is_full()
     waiting += 1
     assert hub.queue_is_full()
@@ -264,7 +271,7 @@ def users_of(line):
 
 def test_users_and_their_pointers_are_seen_by_all_as_often_as_is_useful(hub, monkeypatch):
     now = 100.0
-    monkeypatch.setattr(hubs, "time", SimpleNamespace(monotonic=lambda: now))
+    at(monkeypatch, lambda: now)
     monkeypatch.setattr(hubs, "USERS", 0.05)
     first, one = join(hub)
     second, other = join(hub)
@@ -312,15 +319,15 @@ def test_users_and_pointers_that_are_not_valid_are_refused(hub, message, reason)
 
 
 def test_clients_that_take_control_in_turns_gain_nothing(hub, monkeypatch):
-    monkeypatch.setattr(hubs, "time", SimpleNamespace(monotonic=lambda: now))
+    at(monkeypatch, lambda: now)
     now = 100.0
     hub = Hub(SETUP, lambda command: None, lambda number: replace(HELLO, client=number))
     read = 0
     while now < 105.0:
         client, _ = join(hub)
         says(hub, client, type="request_control", on=True)
-        for _ in range(hubs.FASTEST):
+        for _ in range(clients.FASTEST):
             now += 1e-4 + hub.pause(client)
             read += 1
         hub.leave(client)
-    assert read < 1.2 * 5.0 * (hubs.BUDGET + hubs.FASTEST)
+    assert read < 1.2 * 5.0 * (clients.BUDGET + clients.FASTEST)
