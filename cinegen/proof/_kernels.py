@@ -3,6 +3,8 @@
 The placement of a chain's end is a product of matrices (4, 4), one for each slot; a derivative replaces a factor by its
 own derivative, a second one two of them. With the placements A and B of both ends of a closure, V = B - A and
 E = A^T V (rotations by columns), an equation is V_i4 / L, E_i4 / L, E_ij or E_ij - E_ji (L: characteristic length).
+Rates, of which only derivatives matter, are E_34 / L, or the ends' relative angular velocity: by an axis a_s +- a_s,
+whose derivative by a joint r before s is a_r x a_s.
 
 Matrices are (2, 4, 4), a midpoint and a radius. Radii do not include what rounding does: they decide what is claimed,
 and the checker of the claims computes all again.
@@ -17,6 +19,9 @@ from cinegen.jit.memory import Memory, array, foreign, parameter
 
 SLIDES, TURNS, TURNS_OFFSET = range(3)
 """Kinds of slots: a translation along z; a rotation about z; a translation that is rotated about z."""
+
+NO_RATES, SLIDE_RATE, TURN_RATES = range(3)
+"""Rates of a closure, and their rows: none; one; three."""
 
 
 class BoxMemory(Memory):
@@ -34,6 +39,7 @@ class BoxMemory(Memory):
     chain: Table = array("closures", 3, dtype=int)  # first slot of both chains, and the end of the second
     linear: Table = array("closures", dtype=int)  # number of constrained translations
     turns: Table = array("closures", dtype=int)  # ... and rotations
+    rates: Table = array("closures", dtype=int)  # which
     row: Table = array("closures", dtype=int)  # the first
     kind: Table = array("slots", dtype=int)
     before: Array = array("slots", 2, 4, 4)
@@ -57,9 +63,10 @@ class BoxMemory(Memory):
     at: Array = array(2, 2, 4, 4)  # both ends
     first: Array = array(2, "longest", 2, 4, 4)
     second: Array = array(2, "longest", "longest", 2, 4, 4)
+    axis: Array = array(2, "longest", 2, 3)
     scratch: Array = array(6, 2, 4, 4)
-    values: Array = array(2, 8)  # of a closure's rows
-    part: Array = array("slots", 8, "sums")  # of a slot: rows by parameters, then bent, then apart
+    values: Array = array(2, 10)  # of a closure's rows
+    part: Array = array("slots", 10, "sums")  # of a slot: rows by parameters, then bent, then apart
 
 
 @entry
@@ -143,6 +150,14 @@ def _write_power(memory: BoxMemory, slot: int, i: int, q: float, r: float) -> No
 
 
 @compiled
+def _varies(memory: BoxMemory, box: int, slot: int) -> bool:
+    spread = memory.away[box, slot]
+    for k in range(memory.parameters):
+        spread += abs(memory.along[box, slot, k])
+    return bool(spread != 0.0)
+
+
+@compiled
 def _follow(memory: BoxMemory, box: int, c: int, side: int) -> None:
     """Write the placement of a chain's end and its derivatives."""
     start, n = memory.chain[c, side], memory.chain[c, side + 1] - memory.chain[c, side]
@@ -164,12 +179,19 @@ def _follow(memory: BoxMemory, box: int, c: int, side: int) -> None:
     for i in range(n):
         _product(before, memory.power[i, 1], along)
         _product(along, memory.after[i + 1], memory.first[side, i])
+        memory.axis[side, i] = 0.0
+        if memory.kind[start + i] == TURNS and memory.rates[c] == TURN_RATES:
+            _product(before, memory.before[start + i], other)
+            for k in range(2):
+                for j in range(3):
+                    memory.axis[side, i, k, j] = other[k, j, 2] * (1.0 if side or k else -1.0)
         if memory.order == 2:
             _product(before, memory.power[i, 2], other)
             _product(other, memory.after[i + 1], memory.second[side, i, i])
             for j in range(i + 1, n):
-                _product(along, memory.power[j, 1], other)
-                _product(other, memory.after[j + 1], memory.second[side, i, j])
+                if _varies(memory, box, start + i) or _varies(memory, box, start + j):
+                    _product(along, memory.power[j, 1], other)
+                    _product(other, memory.after[j + 1], memory.second[side, i, j])
                 _product(along, memory.power[j, 0], other)
                 _copy(other, along)
         _product(before, memory.power[i, 0], other)
@@ -197,7 +219,34 @@ def _write_rows(memory: BoxMemory, c: int, v: Array, e: Array) -> int:
             out[0, n] += e[0, i, i]
             out[1, n] += e[1, i, i]
         n += 1
+    if memory.rates[c] == SLIDE_RATE:
+        out[0, n], out[1, n] = e[0, 2, 3] / memory.length, e[1, 2, 3] / memory.length
+        n += 1
+    elif memory.rates[c] == TURN_RATES:
+        out[:, n : n + 3] = 0.0
+        n += 3
     return n
+
+
+@compiled
+def _write_axis(memory: BoxMemory, side: int, s: int, n: int) -> None:
+    """Write the relative angular velocity by a slot as the last three rows."""
+    for k in range(2):
+        for i in range(3):
+            memory.values[k, n - 3 + i] = memory.axis[side, s, k, i]
+
+
+@compiled
+def _write_turn(memory: BoxMemory, side: int, s: int, t: int, n: int) -> None:
+    """Write its derivative by slot s before t."""
+    a, b, sign = memory.axis[side, s], memory.axis[side, t], 1.0 if side else -1.0
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        memory.values[0, n - 3 + i] = sign * (a[0, j] * b[0, k] - a[0, k] * b[0, j])
+        memory.values[1, n - 3 + i] = (
+            abs(a[0, j]) * b[1, k] + a[1, j] * (abs(b[0, k]) + b[1, k])
+            + abs(a[0, k]) * b[1, j] + a[1, k] * (abs(b[0, j]) + b[1, j])
+        )  # fmt: skip
 
 
 @compiled
@@ -220,7 +269,7 @@ def _write_second(memory: BoxMemory, c: int, side: int, s: int, t: int, back: Ar
     v, e, turned, other = memory.scratch[2], memory.scratch[3], memory.scratch[4], memory.scratch[5]
     e[:] = 0.0
     if side == 0:
-        if memory.turns[c] > 0 or memory.linear[c] == 2:
+        if memory.turns[c] > 0 or memory.linear[c] == 2 or memory.rates[c] == SLIDE_RATE:
             _back(memory.second[0, s, t], turned)
             _add_product(turned, gap, e)
             for k in range(2):
@@ -230,7 +279,7 @@ def _write_second(memory: BoxMemory, c: int, side: int, s: int, t: int, back: Ar
         _shift(memory.second[0, s, t], v)
     else:
         _copy(memory.second[1, s, t], v)
-    if memory.turns[c] > 0 or memory.linear[c] == 2:
+    if memory.turns[c] > 0 or memory.linear[c] == 2 or memory.rates[c] == SLIDE_RATE:
         _add_product(back, v, e)
     return _write_rows(memory, c, v, e)
 
@@ -281,6 +330,8 @@ def _evaluate(memory: BoxMemory, box: int, c: int) -> None:
     for s in range(start, stop):
         side, first = (0, start) if s < middle else (1, middle)
         _write_first(memory, c, side, s - first, back, gap)
+        if memory.rates[c] == TURN_RATES:
+            _write_axis(memory, side, s - first, height)
         for i in range(height):
             for j in range(memory.columns):
                 memory.jacobian[box, 0, row + i, j] += memory.values[0, i] * memory.by_slot[s, j]
@@ -295,16 +346,21 @@ def _evaluate_second(memory: BoxMemory, box: int, c: int, height: int, back: Arr
     memory.part[start:stop] = 0.0
     for s in range(start, stop):
         for t in range(s, stop):
+            if not (_varies(memory, box, s) or _varies(memory, box, t)):
+                continue
             if t < middle:
                 _write_second(memory, c, 0, s - start, t - start, back, gap)
             elif s >= middle:
                 _write_second(memory, c, 1, s - middle, t - middle, back, gap)
-            elif memory.turns[c] > 0 or memory.linear[c] == 2:
+            elif memory.turns[c] > 0 or memory.linear[c] == 2 or memory.rates[c] == SLIDE_RATE:
                 _write_mixed(memory, c, s - start, t - middle)
             else:
                 continue
             _add_part(memory, box, s, t, height)
             if t != s:
+                if memory.rates[c] == TURN_RATES and (t < middle or s >= middle):
+                    side, first = (0, start) if t < middle else (1, middle)
+                    _write_turn(memory, side, s - first, t - first, height)
                 _add_part(memory, box, t, s, height)
     n = memory.parameters
     memory.by[box, :, row : row + height] = 0.0

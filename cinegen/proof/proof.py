@@ -17,6 +17,8 @@ from cinegen.proof.checker import CertificateError, check
 from cinegen.proof.document import Exporter, ProofError
 from cinegen.proof.equations import Equations
 from cinegen.proof.prover import BOXES, Prover
+from cinegen.proof.singular import SingularValues
+from cinegen.proof.velocities import VelocityExporter
 from cinegen.singularities.slice import POSE, Coordinates
 
 _FORMAT = "cinegen proof 1"
@@ -32,11 +34,12 @@ class Proof:
 
     Attributes:
         proved: share of the region's volume in which each pose has exactly one configuration on the branch, within the
-            joints' limits if they are asked for, and none is singular.
-        refuted: share in which a joint is beyond a limit at each pose.
+            joints' limits if they are asked for, and none is singular, or as near as a bound of singular values.
+        refuted: share in which a joint is beyond a limit at each pose, or a singular value below its bound.
         undecided: the rest.
-        witnesses: what refutes the region: for a limit a pose, its configuration and the joint; for a singularity of
-            type 2, two poses on the branch where the determinants of the locked joints' matrix have opposite signs.
+        witnesses: what refutes the region: for a limit a pose, its configuration and the joint; for a singular value a
+            pose, its configuration, and `sigma_1` or `sigma_2`; for a singularity of type 2, two poses on the branch
+            where the determinants of the locked joints' matrix have opposite signs.
         reasons: number of undecided boxes by reason.
         boxes: number of boxes.
         certificate: JSON values; `cinegen.proof.check` reads them.
@@ -75,7 +78,8 @@ class Proof:
 
 def prove(
     mechanism: Mechanism, over: Mapping[str, tuple[float, float]], at: Mapping[str, float] | None = None,
-    node: str | None = None, q: ArrayLike | None = None, limits: bool = False, boxes: int = BOXES,
+    node: str | None = None, q: ArrayLike | None = None, limits: bool = False, sigma: float | None = None,
+    boxes: int = BOXES,
     report: Callable[[float], None] | None = None,
 ) -> Proof:  # fmt: skip
     """Prove that each pose of a region has exactly one configuration on a branch, and that none is singular.
@@ -87,11 +91,12 @@ def prove(
         node: whose pose; the mechanism's end by default.
         q: (nq,) a configuration of the branch; home by default.
         limits: whether all joints must stay within their limits.
+        sigma: what the smallest singular values of type 1 and 2 must be above, dimensionless as in maps.
         boxes: number of boxes that are tested.
         report: is called with the share of the region that is decided.
 
     Raises:
-        ProofError: there is no range, or an empty one.
+        ProofError: there is no range, or an empty one; or sigma is negative.
         SliceError: coordinates that don't exist, or that can't be given independently.
         UnknownNameError: no such node.
     """
@@ -102,19 +107,24 @@ def prove(
     if any(not low < high for low, high in over.values()):
         raise ProofError("a range is empty: give the lower end first")
     start = whole.q_home if q is None else whole.structure.checked(q)
+    if sigma is not None and not sigma >= 0.0:
+        raise ProofError(f"sigma is {sigma:g}: give a bound that is not negative")
     known = coordinates.coordinates(start)
     pose = np.array([(at or {}).get(name, known[name]) for name in POSE])
     constant = [name for name in POSE if name not in coordinates.independent and not _moves(coordinates, name)]
     pose[np.abs(pose) < _EXACT] = 0.0
-    exporter = Exporter(whole, coordinates.node, pose, over, coordinates.independent, constant, limits)
-    document = {"format": _FORMAT, **exporter.document(start), "bounds": {"limits": limits}}
+    kind = Exporter if sigma is None else VelocityExporter
+    exporter = kind(whole, coordinates.node, pose, over, coordinates.independent, constant, limits)
+    document = {"format": _FORMAT, **exporter.document(start), "bounds": {"limits": limits, "sigma": sigma}}
     with np.errstate(all="ignore"):
         equations = Equations(document)
         low, high = np.array(list(over.values()), dtype=float).T
         first, middle = np.array([known[name] for name in over]), 0.5 * (low + high)
         x = equations.start
         equations.select(x, first)
-        reason, prover = _not_square(len(equations.rows), len(x)), Prover(equations, limits)
+        reason = _not_square(len(equations.rows), len(x)) or document.get("unbounded", "")
+        values = None if sigma is None or reason else SingularValues(equations, document)
+        prover = Prover(equations, limits, sigma, values)
         for part in np.linspace(0.0, 1.0, _STEPS + 1)[1:] if not reason else ():
             equations.pose = (1.0 - part) * np.array([known[name] for name in POSE]) + part * pose
             found, _, done = prover.solve((first + part * (middle - first))[None], x[None])
