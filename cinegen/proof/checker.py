@@ -172,7 +172,7 @@ class Robot:
 
         u, v = back(a), b - a * _POINT
         if order == 0:
-            return [], residuals(v, (u, v)) + [arb(0)] * (3 * (rates == "turn"))
+            return [*slots, *others], residuals(v, (u, v)) + [arb(0)] * (3 * (rates == "turn"))
         us, vs = [back(x) for x in a1], [-(x * _POINT) for x in a1]
         if order == 1:
             first = [residuals(y, (x, v), (u, y)) for x, y in zip(us, vs, strict=True)]
@@ -211,11 +211,11 @@ class Robot:
         """Return G_1 ... G_n, R_1 and R_2 (n + 2, rows, columns) of J + sum_j G_j eta_j + [-R_1 - R_2, R_1 + R_2]."""
         whole, n = list[Any](), len(values[0].g)
         for closure, at, over in zip(self.data["closures"], here, wide, strict=True):
-            slots, parts = self.closure(closure, values, 1)[0], list[Any]()
+            slots, parts = self.closure(closure, values, 0)[0], list[Any]()
             varying = [t for t, slot in enumerate(slots) if slot.varies]
             by, spread = arb_mat([slots[t].value.g for t in varying]), [slots[t].value.spread() for t in varying]
             away = [slots[t].value.r for t in varying]
-            for s in range(len(slots)):
+            for s in range(len(slots)) if wide is not here else varying:
                 pairs = [(s, t) for t in varying]
                 rows = list(zip(*(at[pair] for pair in pairs), strict=True))
                 along = (arb_mat([list(row) for row in rows]) * by).tolist()
@@ -224,7 +224,7 @@ class Robot:
                     along[i].append(sum((r * d for r, d in zip(half, spread, strict=True)), arb(0)))
                     along[i].append(sum(((abs(m) + r) * d for m, r, d in zip(row, half, away, strict=True)), arb(0)))
                 parts.append(along)
-            whole.append((slots, parts))
+            whole.append((slots if wide is not here else [slots[t] for t in varying], parts))
         bends = list[Any]()
         for coupling in self.data["couplings"]:
             bends.append([])
@@ -283,12 +283,12 @@ def _sum(matrices: Sequence[arb_mat]) -> arb_mat:
     return sum(matrices[1:], matrices[0])
 
 
-def _norms(m: arb_mat, squarings: int = 3) -> tuple[arb, arb]:
-    """Return the largest singular value from below and above: |M|^2 is at most the largest sum of a row of
-    |(M^T M)^(2^k)|, to the power 2^-k; one of its columns is near the direction."""
-    if not any(x != 0 for x in m.entries()):
+def _norms(parts: Sequence[arb_mat], squarings: int = 3) -> tuple[arb, arb]:
+    """Return the largest singular value of matrices one above the other, from below and above: |M|^2 is at most the
+    largest sum of a row of |(M^T M)^(2^k)|, to the power 2^-k; one of its columns is near the direction."""
+    power = gram = _sum([m.transpose() * m for m in parts])
+    if not any(gram[i, i] != 0 for i in range(gram.nrows())):
         return arb(0), arb(0)
-    power = gram = m.transpose() * m if m.ncols() <= m.nrows() else m * m.transpose()
     for _ in range(squarings):
         power = power * power
     sums = [x.upper() for x in _reach(power).entries()]
@@ -298,8 +298,8 @@ def _norms(m: arb_mat, squarings: int = 3) -> tuple[arb, arb]:
     return low, max(sums).root(2 ** (squarings + 1)).upper()
 
 
-def _frobenius(m: arb_mat) -> arb:
-    return sum((x * x for x in m.entries()), arb(0)).sqrt()
+def _frobenius(parts: Sequence[arb_mat]) -> arb:
+    return sum((x * x for m in parts for x in m.entries()), arb(0)).sqrt()
 
 
 class Form(NamedTuple):
@@ -433,15 +433,17 @@ class Tube:
     def _size(self, columns: list[int], single: list[int], twist: list[int], by: arb_mat) -> tuple[arb, arb]:
         """Return bounds of |K|_2, K = N F_x^-1 F_w `by`."""
         rows, n, kinds = self.robot.data["rows"], len(self.low), self.robot.kinds
-        rates, at = [i for i, kind in enumerate(kinds) if kind == "rate"], {columns.index(k) for k in single}
+        rates = [i for i, kind in enumerate(kinds) if kind == "rate"]
         f, w, of = self._form(rows, columns), self._form(rows, twist).times(by), self._form(rates, columns)
-        bare, nothing = self._form(rates, twist).times(by), [0 * m for m in f.g]
+        bare, nothing, pick = self._form(rates, twist).times(by), 0 * f.c, arb_mat(len(single), len(columns))
+        for i, k in enumerate(single):
+            pick[i, columns.index(k)] = 1
         try:
             inverse = f.c.inv()
         except ZeroDivisionError:
             return arb(0), arb(inf)
         slopes, sizes = [-(inverse * m) for m in f.g], list[tuple[arb, arb, arb]]()
-        for right, free in ((w, bare), (Form(_identity(len(rows)), nothing, 0 * f.r), None)):
+        for right, free in ((w, bare), (Form(_identity(len(rows)), [nothing] * len(f.g), nothing), None)):
             c = inverse * right.c
             x = Form(c, [inverse * m + a * c for m, a in zip(right.g, slopes, strict=True)], 0 * right.r)
             x.add_products(slopes, x.g, n)
@@ -449,12 +451,11 @@ class Tube:
             k.add_products(of.g, x.g, n)
             if free is not None:
                 k = Form(k.c - free.c, [a - b for a, b in zip(k.g, free.g, strict=True)], k.r + free.r)
-            both = zip((x.c, *x.g), (k.c, *k.g), strict=True)
-            whole = [arb_mat([*(row for i, row in enumerate(a.tolist()) if i in at), *b.tolist()]) for a, b in both]
-            low, high = _norms(whole[0], 6)
-            rest = sum((_norms(m)[1] for m in whole[1 : n + 1]), _norms(k.r)[1])
-            rest += sum(map(_frobenius, whole[n + 1 :]), arb(0))
-            sizes.append((low - rest, high + rest, _norms(right.r + f.cubic(x, n))[1]))
+            changes = [(pick * a, b) for a, b in zip(x.g, k.g, strict=True)]
+            low, high = _norms([pick * x.c, k.c], 6)
+            rest = sum((_norms(m)[1] for m in changes[:n]), _norms([k.r])[1])
+            rest += sum(map(_frobenius, changes[n:]), arb(0))
+            sizes.append((low - rest, high + rest, _norms([right.r + f.cubic(x, n)])[1]))
         (low, high, lack), (_, left, defect) = sizes
         if not defect < 1:
             return arb(0), arb(inf)
