@@ -35,6 +35,8 @@ class BoxMemory(Memory):
     rows: int = parameter(0)
     parameters: int = parameter(0)
     sums: int = parameter(0)  # parameters + 2
+    over: int = parameter(0)  # the first of the parameters: eps
+    pairs: int = parameter(0)  # products of eps, if third derivatives are wanted
     length: float = parameter(1.0)
     chain: Table = array("closures", 3, dtype=int)  # first slot of both chains, and the end of the second
     linear: Table = array("closures", dtype=int)  # number of constrained translations
@@ -57,8 +59,10 @@ class BoxMemory(Memory):
     by: Array = foreign("count", "parameters", "rows", "columns")  # G
     bent: Array = foreign("count", "rows", "columns")  # R_1, of the second derivatives
     apart: Array = foreign("count", "rows", "columns")  # R_2, by the distance from X(eps)
+    sharper: Array = foreign("count", "pairs", "rows", "columns")  # what third derivatives add to G
+    narrow: Array = foreign("count", "rows", "columns")  # R_1 without that
 
-    power: Array = array("longest", 3, 2, 4, 4)  # factors of a chain with their derivatives
+    power: Array = array("longest", 4, 2, 4, 4)  # factors of a chain with their derivatives
     after: Array = array("ends", 2, 4, 4)
     at: Array = array(2, 2, 4, 4)  # both ends
     first: Array = array(2, "longest", 2, 4, 4)
@@ -125,7 +129,7 @@ def _write_power(memory: BoxMemory, slot: int, i: int, q: float, r: float) -> No
     raw, kind = memory.scratch[0], memory.kind[slot]
     s, c = math.sin(q), math.cos(q)
     spread_s, spread_c = abs(c) * r + 0.5 * abs(s) * r * r + r**3 / 6.0, abs(s) * r + 0.5 * abs(c) * r * r + r**3 / 6.0
-    for n in range(3):
+    for n in range(4):
         raw[:] = 0.0
         if kind == SLIDES:
             if n == 0:
@@ -309,9 +313,65 @@ def _add_part(memory: BoxMemory, box: int, s: int, t: int, height: int) -> None:
 
 
 @compiled
+def _add_third(memory: BoxMemory, box: int, c: int, side: int) -> None:
+    """Add the third derivatives of V along one chain, the one that was followed last, to G and R_1."""
+    start, out, other = memory.chain[c, side], memory.scratch[0], memory.scratch[1]
+    n = memory.chain[c, side + 1] - start
+    for a in range(n):
+        for b in range(a, n):
+            for e in range(b, n):
+                if not (_varies(memory, box, start + a) and _varies(memory, box, start + b)):
+                    continue
+                if not _varies(memory, box, start + e):
+                    continue
+                _copy(memory.after[e + 1], out)
+                for i in range(e, -1, -1):
+                    _product(memory.power[i, int(i == a) + int(i == b) + int(i == e)], out, other)
+                    _copy(other, out)
+                _add_quadratic(memory, box, c, side, a, b, e, out)
+                if b != a:
+                    _add_quadratic(memory, box, c, side, b, a, e, out)
+                if e != b:
+                    _add_quadratic(memory, box, c, side, e, a, b, out)
+
+
+@compiled
+def _add_quadratic(memory: BoxMemory, box: int, c: int, side: int, s: int, t: int, u: int, third: Array) -> None:
+    """... of a slot s by slots t and u."""
+    start, row = memory.chain[c, side], memory.row[c]
+    weight, sign, n = (0.5 if t == u else 1.0) / memory.length, 1.0 if side else -1.0, memory.over
+    of_t, of_u = memory.along[box, start + t], memory.along[box, start + u]
+    linear_t, linear_u, rest_t, rest_u = 0.0, 0.0, memory.away[box, start + t], memory.away[box, start + u]
+    for k in range(memory.parameters):
+        if k < n:
+            linear_t += abs(of_t[k])
+            linear_u += abs(of_u[k])
+        else:
+            rest_t += abs(of_t[k])
+            rest_u += abs(of_u[k])
+    for i in range(3):
+        m, r = third[0, i, 3], third[1, i, 3]
+        far = abs(m) * (linear_t * rest_u + rest_t * linear_u + rest_t * rest_u)
+        far += r / 3.0 * (linear_t + rest_t) * (linear_u + rest_u)
+        for j in range(memory.columns):
+            unit = weight * memory.by_slot[start + s, j]
+            if unit != 0.0:
+                memory.narrow[box, row + i, j] += far * unit
+                q = 0
+                for a in range(n):
+                    for b in range(a, n):
+                        value = of_t[a] * of_u[b] + (of_t[b] * of_u[a] if a != b else 0.0)
+                        memory.sharper[box, q, row + i, j] += sign * m * value * unit
+                        q += 1
+
+
+@compiled
 def _evaluate(memory: BoxMemory, box: int, c: int) -> None:
-    _follow(memory, box, c, 0)
-    _follow(memory, box, c, 1)
+    sharp = memory.order == 2 and memory.pairs > 0
+    for side in range(2):
+        _follow(memory, box, c, side)
+        if sharp and memory.turns[c] == 0 and memory.linear[c] == 3:
+            _add_third(memory, box, c, side)
     row, back, gap, e = memory.row[c], memory.scratch[0], memory.scratch[1], memory.scratch[3]
     _back(memory.at[0], back)
     _shift(memory.at[0], gap)
@@ -374,4 +434,7 @@ def _evaluate_second(memory: BoxMemory, box: int, c: int, height: int, back: Arr
                     for k in range(n):
                         memory.by[box, k, row + i, j] += memory.part[s, i, k] * unit
                     memory.bent[box, row + i, j] += memory.part[s, i, n] * unit
+                    is_known = memory.turns[c] == 0 and memory.linear[c] == 3 and i < 3 and _varies(memory, box, s)
+                    if memory.pairs > 0 and not is_known:
+                        memory.narrow[box, row + i, j] += memory.part[s, i, n] * unit
                     memory.apart[box, row + i, j] += memory.part[s, i, n + 1] * unit

@@ -7,6 +7,7 @@ region halved into boxes, and of each box a claim, a configuration x and a radiu
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import combinations_with_replacement
 from math import inf
 from typing import Any, NamedTuple
 
@@ -75,6 +76,7 @@ class Robot:
         self.columns = [*self.unknown, *self.over, *(k for k in data["given"] if k not in self.over)]
         self.width, self.virtual = len(self.columns), set(data.get("virtual", []))
         self.columns += data.get("virtual", [])
+        self.products = len(self.over) * (len(self.over) + 1) // 2 if self.virtual else 0
         self.units = [arb(self.variables[k]["unit"]) for k in self.columns]
         radius, self.placements = arb(data["radius"]), list[arb_mat]()
         for row in data["placements"]:
@@ -105,8 +107,8 @@ class Robot:
 
     def family(
         self, chain: Sequence[Sequence[int]], end: int, values: Sequence[Value], order: int, wide: bool
-    ) -> tuple[list[Slot], arb_mat, list[arb_mat], dict[tuple[int, int], arb_mat], list[arb_mat]]:
-        """Return the slots of a chain, the placement of its end, derivatives by s, and by s and t, s <= t, and axes.
+    ) -> tuple[list[Slot], arb_mat, list[arb_mat], dict[Any, arb_mat], list[arb_mat]]:
+        """Return the slots of a chain, the placement of its end, derivatives by s, and by two or three of them, and axes.
 
         Angles about parallel axes are added up. With `wide` they are over all values, else at their middle."""
         slots, turned, is_turn = list[Slot](), _ONE, False
@@ -119,11 +121,12 @@ class Robot:
                 slots[-1] = last._replace(powers=[_ONE + powers[0], *powers[1:]], turns=False)
                 names, value, before, turned = [*last.variables, k], last.value.plus(value), _ONE, moved - offset
             q = arb(value.c.mid(), (value.c.rad() + value.spread() + value.r).upper()) if wide else value.c
-            powers = [_ONE + _ALONG * q, _ALONG, _ZERO] if slides else [_turn(q, n) for n in range(3)]
+            powers = [_ONE + _ALONG * q, _ALONG, _ZERO, _ZERO] if slides else [_turn(q, n) for n in range(4)]
             slots.append(Slot(names, value, before, powers, not slides, not self.virtual.issuperset(names)))
             is_turn = not slides
-        f, d, d2 = ([slot.before * slot.powers[n] for slot in slots] for n in range(3))
-        after, before, first, second, axes = [turned * self.placements[end]], _ONE, list[arb_mat](), {}, list[arb_mat]()
+        f, d, d2, _ = factors = [[slot.before * slot.powers[n] for slot in slots] for n in range(4)]
+        after, before, first, axes = [turned * self.placements[end]], _ONE, list[arb_mat](), list[arb_mat]()
+        second = dict[Any, arb_mat]()
         for factor in reversed(f):
             after.insert(0, factor * after[0])
         for s in range(len(slots) if order else 0):
@@ -131,11 +134,17 @@ class Robot:
             first.append(along * after[s + 1])
             axes.append(before * slots[s].before * _ALONG if slots[s].turns else _ZERO)
             second[s, s] = before * d2[s] * after[s + 1]
-            for t in range(s + 1, len(slots) if order == 2 else 0):
+            for t in range(s + 1, len(slots) if order > 1 else 0):
                 if slots[s].varies or slots[t].varies:
                     second[s, t] = along * d[t] * after[t + 1]
                 along = along * f[t]
             before = before * f[s]
+        for key in combinations_with_replacement([s for s, slot in enumerate(slots) if slot.varies], 3 * (order == 3)):
+            if key:
+                third = after[key[-1] + 1]
+                for s in reversed(range(key[-1] + 1)):
+                    third = factors[key.count(s)][s] * third
+                second[key] = third
         return slots, after[0], first, second, axes
 
     def closure(self, closure: Mapping[str, Any], values: Sequence[Value], order: int, wide: bool = False) -> Any:
@@ -145,6 +154,8 @@ class Robot:
         They are of V = B - A and of E = A^T V, with the placements A and B of both ends; or the relative angular
         velocity, a sum of axes a_s, whose derivatives by t before s are a_t x a_s."""
         ends = ((closure[end], closure[f"{end}_end"]) for end in ("first", "second"))
+        if self.virtual and order == 2 and not closure["rotations"] and len(closure["translations"]) == 3:
+            order = 3  # of V alone
         (slots, a, a1, a2, on_a), (others, b, b1, b2, on_b) = (self.family(*end, values, order, wide) for end in ends)
         turns, linear, n, rates = closure["rotations"], closure["translations"], len(slots), closure.get("rates")
 
@@ -179,13 +190,18 @@ class Robot:
             first += [residuals(y, (u, y)) for y in b1]
             return [*slots, *others], [row + turn(s) for s, row in enumerate(first)]
         second = {}
+        third = {key: [-x[i, 3] / self.length for i in range(3)] for key, x in a2.items() if len(key) == 3}
+        for key, x in b2.items():
+            if len(key) == 3:
+                third[tuple(n + s for s in key)] = [x[i, 3] / self.length for i in range(3)]
+        a2, b2 = ({key: x for key, x in m.items() if len(key) == 2} for m in (a2, b2))
         for (s, t), x in a2.items():
             y = -(x * _POINT)
             second[s, t] = residuals(y, (back(x), v), (us[s], vs[t]), (us[t], vs[s]), (u, y))
         second |= {(s, t): residuals(_ZERO, (x, y)) for s, x in enumerate(us) for t, y in enumerate(b1, n)}
         second |= {(n + s, n + t): residuals(y, (u, y)) for (s, t), y in b2.items()}
         both = {(t, s): row for (s, t), row in second.items()} | second
-        return [*slots, *others], {pair: row + turn(*pair) for pair, row in both.items()}
+        return [*slots, *others], third | {pair: row + turn(*pair) for pair, row in both.items()}
 
     def residual(self, values: Sequence[Value]) -> list[arb]:
         """Return the left sides of all equations, and what is positive among them."""
@@ -210,6 +226,7 @@ class Robot:
     def change(self, values: Sequence[Value], here: list[Any], wide: list[Any]) -> list[list[list[arb]]]:
         """Return G_1 ... G_n, R_1 and R_2 (n + 2, rows, columns) of J + sum_j G_j eta_j + [-R_1 - R_2, R_1 + R_2]."""
         whole, n = list[Any](), len(values[0].g)
+        more = self.products + 1 if self.virtual and n > len(self.over) else 0
         for closure, at, over in zip(self.data["closures"], here, wide, strict=True):
             slots, parts = self.closure(closure, values, 0)[0], list[Any]()
             varying = [t for t, slot in enumerate(slots) if slot.varies]
@@ -223,6 +240,7 @@ class Robot:
                     half = [over[pair][i].rad() * _UP / 2 for pair in pairs]
                     along[i].append(sum((r * d for r, d in zip(half, spread, strict=True)), arb(0)))
                     along[i].append(sum(((abs(m) + r) * d for m, r, d in zip(row, half, away, strict=True)), arb(0)))
+                    along[i] += self._sharper(at, over, s, i, slots, varying, along[i][n])
                 parts.append(along)
             whole.append((slots if wide is not here else [slots[t] for t in varying], parts))
         bends = list[Any]()
@@ -231,8 +249,28 @@ class Robot:
             for k, c in coupling["terms"]:
                 v, bend = values[k], arb_poly([0, *c]).derivative().derivative()
                 r = bend(arb(v.c, (v.spread() + v.r).upper())).rad()
-                bends[-1].append((k, [*(bend(v.c) * g for g in v.g), r * v.spread(), (abs(bend(v.c)) + r) * v.r]))
-        return self._by_columns(whole, bends, n + 2)
+                parts = [*(bend(v.c) * g for g in v.g), r * v.spread(), (abs(bend(v.c)) + r) * v.r]
+                bends[-1].append((k, parts + ([arb(0)] * (more - 1) + [parts[n]]) * (more > 0)))
+        return self._by_columns(whole, bends, n + 2 + more)
+
+    def _sharper(
+        self, at: Any, over: Any, s: int, i: int, slots: Sequence[Slot], varying: Sequence[int], least: arb
+    ) -> list[arb]:
+        """Return what third derivatives, where they are known, add to G for products of eps, and R_1 without that."""
+        n, pairs = len(self.over), self.products if len(slots[0].value.g) > len(self.over) else 0
+        near = [t for t in varying if tuple(sorted((s, t, t))) in at] if pairs and i < 3 else []  # not of rates
+        if not near:
+            return [arb(0)] * pairs + [least] * (pairs > 0)
+        keys = [[tuple(sorted((s, t, u))) for u in near] for t in near]
+        middle = arb_mat([[at[key][i] / 2 for key in row] for row in keys])
+        radius = arb_mat([[over[key][i].rad() * _UP / 6 for key in row] for row in keys])
+        value = [slots[t].value for t in near]
+        linear = arb_mat([list(v.g[:n]) for v in value])
+        size, rest = _reach(linear), _column([sum(map(abs, v.g[n:]), v.r) for v in value])
+        by = linear.transpose() * middle * linear
+        quads = [by[j, k] + (by[k, j] if j != k else 0) for j in range(n) for k in range(j, n)]
+        far = (size * 2 + rest).transpose() * _abs(middle) * rest + (size + rest).transpose() * radius * (size + rest)
+        return [*quads, far[0, 0]]
 
     def _by_columns(self, closures: Sequence[Any], couplings: Sequence[Any], n: int) -> list[list[list[arb]]]:
         """Return (n, rows, columns) from what belongs to slots (slots, rows, n) and to the variables of couplings."""
@@ -360,7 +398,8 @@ class Tube:
         curved, rest = -second.mid(), arb_mat(width - k, len(pairs)).tolist()
         self.along = arb_mat([x + y for x, y in zip(straight.tolist(), curved.tolist() + rest, strict=True)])
         wide = self._wide(self.along, 1)
-        self.parts = [jacobian, *robot.change(wide, here, robot.second(wide, True))]  # J, G_1 ..., R_1, R_2
+        change = robot.change(wide, here, robot.second(wide, True))
+        self.parts, self.sharper = [jacobian, *change[: len(wide[0].g) + 2]], change[len(wide[0].g) + 2 :]
         self._check_rest(residual)
         # equation 3: |C F(X(eps), P(eps))| <= z
         constant, *by, unsure = self.less_identity(c, range(k))
@@ -428,7 +467,9 @@ class Tube:
 
     def _form(self, rows: Sequence[int], columns: Sequence[int]) -> Form:
         first, *by, bend, apart = (_pick(m, rows, columns) for m in self.parts)
-        return Form(first, by, _abs(bend + apart))
+        *more, bend = (_pick(m, rows, columns) for m in self.sharper)
+        n = len(self.low)
+        return Form(first, by[:n] + [a + b for a, b in zip(by[n:], more, strict=True)], _abs(bend + apart))
 
     def _size(self, columns: list[int], single: list[int], twist: list[int], by: arb_mat) -> tuple[arb, arb]:
         """Return bounds of |K|_2, K = N F_x^-1 F_w `by`."""
@@ -447,13 +488,13 @@ class Tube:
             c = inverse * right.c
             x = Form(c, [inverse * m + a * c for m, a in zip(right.g, slopes, strict=True)], 0 * right.r)
             x.add_products(slopes, x.g, n)
-            k = Form(of.c * c, [of.c * m + a * c for m, a in zip(x.g, of.g, strict=True)], of.cubic(x, n))
-            k.add_products(of.g, x.g, n)
+            whole = Form(of.c * c, [of.c * m + a * c for m, a in zip(x.g, of.g, strict=True)], of.cubic(x, n))
+            whole.add_products(of.g, x.g, n)
             if free is not None:
-                k = Form(k.c - free.c, [a - b for a, b in zip(k.g, free.g, strict=True)], k.r + free.r)
-            changes = [(pick * a, b) for a, b in zip(x.g, k.g, strict=True)]
-            low, high = _norms([pick * x.c, k.c], 6)
-            rest = sum((_norms(m)[1] for m in changes[:n]), _norms([k.r])[1])
+                whole = Form(whole.c - free.c, [a - b for a, b in zip(whole.g, free.g, strict=True)], whole.r + free.r)
+            changes = [(pick * a, b) for a, b in zip(x.g, whole.g, strict=True)]
+            low, high = _norms([pick * x.c, whole.c], 6)
+            rest = sum((_norms(m)[1] for m in changes[:n]), _norms([whole.r])[1])
             rest += sum(map(_frobenius, changes[n:]), arb(0))
             sizes.append((low - rest, high + rest, _norms([right.r + f.cubic(x, n)])[1]))
         (low, high, lack), (_, left, defect) = sizes

@@ -49,11 +49,16 @@ class Change(NamedTuple):
         by: (boxes, n, rows, columns) G.
         bent: (boxes, rows, columns) R_1, of the second derivatives.
         apart: (boxes, rows, columns) R_2, by the distance from X(eps).
+        sharper: (boxes, ., rows, columns) what third derivatives, where they are known, add to the last of G, if they
+            are wanted.
+        narrow: (boxes, rows, columns) R_1 without that.
     """
 
     by: Array
     bent: Array
     apart: Array
+    sharper: Array
+    narrow: Array
 
 
 class _Slot(NamedTuple):
@@ -149,7 +154,7 @@ class Equations:
                 whole.jacobian[:, 0, row] += curve.deriv()(values[:, k])[:, None] * self._column[k] / size
         return whole
 
-    def change(self, x: Array, p: Array, along: Array, y: Array) -> Change:
+    def change(self, x: Array, p: Array, along: Array, y: Array, sharp: bool = False) -> Change:
         """Return how the derivatives change over boxes.
 
         Args:
@@ -157,12 +162,13 @@ class Equations:
             p: (boxes, parameters) m and rad, at the centre.
             along: (boxes, unknowns + parameters, n) their change by eps.
             y: (boxes, unknowns) radius about X(eps).
+            sharp: whether third derivatives are wanted.
         """
-        n, rows, columns, count, m = len(x), self._memory.rows, self._column.shape[1], len(self.unknown), along.shape[2]
+        n, rows, count, m = len(x), self._memory.rows, len(self.unknown), along.shape[2]
         values, g, r = self.values(x, p), np.zeros((n, len(self._at), m)), np.zeros((n, len(self._at)))
         g[:, self.unknown], g[:, self.over] = along[:, :count] * self.units[:, None], along[:, count:]
         r[:, self.unknown] = y * self.units
-        whole = Change(np.zeros((n, m, rows, columns)), np.zeros((n, rows, columns)), np.zeros((n, rows, columns)))
+        whole = self._no_change(n, m, m - len(self.over) if sharp else 0)
         self._run(2, values, g, r, None, whole)
         for row, coupling in enumerate(self._document["couplings"], rows - len(self._document["couplings"])):
             for k, c in coupling["terms"]:
@@ -171,6 +177,7 @@ class Equations:
                 far = np.abs(bend.deriv()(values[:, k])) * (spread + r[:, k])
                 whole.by[:, :, row] += (bend(values[:, k])[:, None] * g[:, k])[..., None] * column
                 whole.bent[:, row] += (far * spread)[:, None] * size
+                whole.narrow[:, row] += (far * spread)[:, None] * size
                 whole.apart[:, row] += ((np.abs(bend(values[:, k])) + far) * r[:, k])[:, None] * size
         return whole
 
@@ -218,15 +225,20 @@ class Equations:
     def _run(self, order: int, values: Array, g: Array, r: Array, at: Point | None, change: Change | None) -> None:
         memory, n, m = self._memory, len(values), g.shape[2]
         rows, columns = memory.rows, self._column.shape[1]
-        memory.resize(count=n, order=order, parameters=m, sums=m + 2)
-        nothing = np.zeros((n, m, rows, columns)), np.zeros((n, rows, columns))
+        change = change or self._no_change(n, m, 0)
+        memory.resize(count=n, order=order, parameters=m, sums=m + 2, pairs=change.sharper.shape[1])
         at = at or Point(np.zeros((n, 2, rows)), np.zeros((n, 2, rows, columns)))
-        change = change or Change(nothing[0], nothing[1], nothing[1])
         inputs = values @ self._sums.T, np.einsum("sv,bvn->bsn", self._sums, g), r @ self._sums.T
-        names = "q", "along", "away", "residual", "jacobian", "by", "bent", "apart"
+        names = "q", "along", "away", "residual", "jacobian", "by", "bent", "apart", "sharper", "narrow"
         for name, numbers in zip(names, (*inputs, *at, *change), strict=True):
             memory.point_at(name, np.ascontiguousarray(numbers))
         self._evaluate(memory.handle)
+
+    def _no_change(self, n: int, m: int, pairs: int) -> Change:
+        rows, columns = self._memory.rows, self._column.shape[1]
+        shape = (n, rows, columns)
+        sizes = (n, m, rows, columns), shape, shape, (n, pairs, rows, columns), shape
+        return Change(*(np.zeros(size) for size in sizes))
 
     def _slots(self, chain: Sequence[Sequence[int]], end: int) -> tuple[list[_Slot], Array]:
         """Return the slots of a chain, and the placement of its end behind the last one."""
@@ -262,7 +274,7 @@ class Equations:
         longest, n = int(lengths.max(initial=0)), len(self.over)
         memory = BoxMemory(
             closures=len(closures), slots=len(slots), longest=longest, ends=longest + 1, rows=len(kinds),
-            columns=self._column.shape[1], parameters=n, sums=n + 2,
+            columns=self._column.shape[1], parameters=n, sums=n + 2, over=n,
         )  # fmt: skip
         memory.length = float(self._document["length"])
         starts = np.concatenate([[0], np.cumsum(lengths)])

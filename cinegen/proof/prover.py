@@ -170,8 +170,8 @@ class Prover:
         claims = self._claims(x, np.abs(along[:, :count]).sum(axis=-1) + image, at, change)
         best = [i for i in range(len(x)) if regular[i] and claims[i][0] == PROVED]
         if self._values is not None and best:
-            there, around = Point(*(m[best] for m in at)), Change(*(m[best] for m in change))
-            least, most = self._values.smallest(x[best], centre[best], along[best], y[best], there, around)
+            there, tubes = Point(*(m[best] for m in at)), (x[best], centre[best], along[best], y[best])
+            least, most = self._values.smallest(*tubes, there, e.change(*tubes, sharp=True))
             for k, i in enumerate(best):
                 claims[i] = self._judged(least[:, k], most[:, k])
         found = list[tuple[Leaf, int, tuple[Array, Array] | None]]()

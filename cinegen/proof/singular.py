@@ -77,7 +77,8 @@ class SingularValues:
             change: over the boxes.
         """
         e, n = self._equations, p.shape[1]
-        whole = Matrices(at.jacobian[:, 0], change.by, at.jacobian[:, 1] + change.bent + change.apart)
+        by = np.concatenate([change.by[:, :n], change.by[:, n:] + change.sharper], axis=1)
+        whole = Matrices(at.jacobian[:, 0], by, at.jacobian[:, 1] + change.narrow + change.apart)
         by_twist = np.tile(self._by_twist, (len(x), 1, 1))
         sizes = [self._size(whole, n, list(range(len(e.unknown))), self._single, self._twist, by_twist)]
         if self._second is not None:

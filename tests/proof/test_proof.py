@@ -190,6 +190,29 @@ def test_derivatives_over_a_box_contain_those_at_its_points(robot, name, over):
         np.testing.assert_allclose(ours, theirs, rtol=1e-5, atol=1e-10)
 
 
+def test_derivatives_with_products_contain_those_at_points(robot):
+    """With third derivatives, and within a smaller radius."""
+    over = {"x": (0.02, 0.12), "y": (-0.1, 0.0), "rz": (0.16, 0.26)}
+    document, rng = prove(robot("gough"), over, sigma=0.0, boxes=1).certificate, np.random.default_rng(5)
+    equations = Equations(document)
+    x, p = np.array(document["start"]["x"]) / equations.units, np.array(document["start"]["pose"])
+    n, y = len(p), 0.001 * rng.uniform(size=len(x))
+    along = rng.normal(size=(len(x) + n, n + n * (n + 1) // 2)) * ([0.03] * n + [0.002] * (n * (n + 1) // 2))
+    along[len(x) :, n:] = 0.0
+    at = equations.at(x[None], p[None]).jacobian[0, 0]
+    change = equations.change(x[None], p[None], along[None], y[None], sharp=True)
+    by, around = change.by[0].copy(), change.narrow[0] + change.apart[0]
+    by[n:] += change.sharper[0]
+    plain = [i for i in equations.rows if change.sharper[0, :, i].any()]
+    assert change.narrow[0, plain].sum() < 0.6 * change.bent[0, plain].sum()
+    for _ in range(60):
+        eps, d = rng.uniform(-1.0, 1.0, n), y * rng.uniform(-1.0, 1.0, len(y))
+        eta = np.concatenate([eps, [eps[j] * eps[k] for j in range(n) for k in range(j, n)]])
+        moved = along @ eta
+        other = equations.at((x + moved[: len(x)] + d)[None], (p + moved[len(x) :])[None]).jacobian[0, 0]
+        assert (np.abs(other - at - np.tensordot(eta, by, 1)) <= around + 1e-12).all()
+
+
 def test_derivatives_are_those_of_finite_differences(robot):
     document = prove(robot("gough"), INSIDE["gough"][0], boxes=1).certificate
     equations, h = Equations(document), 1e-6
@@ -264,7 +287,7 @@ def test_singular_values_of_the_equations_are_those_of_maps(robot):
         values = SingularValues(equations, document)
         x, p = np.array(document["tree"][0]["x"]) / equations.units, np.array(document["start"]["pose"])
         along = np.zeros((1, len(x) + len(p), len(names) * (len(names) + 3) // 2))
-        change = equations.change(x[None], p[None], along, np.zeros((1, len(x))))
+        change = equations.change(x[None], p[None], along, np.zeros((1, len(x))), sharp=True)
         least, most = values.smallest(
             x[None], p[None], along, np.zeros((1, len(x))), equations.at(x[None], p[None]), change
         )
