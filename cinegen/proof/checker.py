@@ -7,6 +7,7 @@ region halved into boxes, and of each box a claim, a configuration x and a radiu
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import combinations_with_replacement
 from math import inf
 from typing import Any, NamedTuple
 
@@ -16,6 +17,7 @@ _GAP = arb(1e-12)  # equations that no variable changes hold as designed if they
 _STEPS = 12  # of Newton's method on a face
 _UP = arb(1 + 2.0**-20)  # more than rounding does to radii
 _PAIRS = {0: [], 2: [(0, 2), (1, 2)], 3: [(0, 1), (1, 2), (2, 0)]}  # by the number of rotations: u_i . v_j
+_RATES = {None: 0, "slide": 1, "turn": 3}  # numbers of rows
 _ONE, _ZERO = arb_mat(4, 4, [int(i % 5 == 0) for i in range(16)]), arb_mat(4, 4)
 _POINT, _ALONG = (arb_mat(4, 4, [int(i == k) for i in range(16)]) for k in (15, 11))  # origin; z
 _AXES = _ONE - _POINT
@@ -44,12 +46,15 @@ class Value(NamedTuple):
 
 
 class Slot(NamedTuple):
-    """A factor of a chain: variables, whose sum is its value, what comes before, and its matrix with derivatives."""
+    """A factor of a chain: variables, whose sum is its value, what comes before, its matrix with derivatives, whether
+    it turns, and whether it varies."""
 
     variables: list[int]
     value: Value
     before: arb_mat
     powers: list[arb_mat]
+    turns: bool
+    varies: bool
 
 
 def _turn(x: arb, n: int) -> arb_mat:
@@ -70,6 +75,9 @@ class Robot:
         self.data, self.length, self.variables = data, arb(data["length"]), data["variables"]
         self.unknown, self.over = data["unknown"], [int(k) for k in data["over"]]
         self.columns = [*self.unknown, *self.over, *(k for k in data["given"] if k not in self.over)]
+        self.width, self.virtual = len(self.columns), set(data.get("virtual", []))
+        self.columns += data.get("virtual", [])
+        self.products = len(self.over) * (len(self.over) + 1) // 2 if self.virtual else 0
         self.units = [arb(self.variables[k]["unit"]) for k in self.columns]
         radius, self.placements = arb(data["radius"]), list[arb_mat]()
         self.radii = data.get("radii") or [[0] * 12 for _ in data["placements"]]
@@ -77,11 +85,14 @@ class Robot:
             r = [0 if x in (0, 1, -1) else radius for x in row[:9]] + [radius * self.length * (x != 0) for x in row[9:]]
             m = [arb(x, (w + arb(y)).upper()) for x, w, y in zip(row, r, more, strict=True)]
             self.placements.append(arb_mat([[*m[3 * i : 3 * i + 3], m[9 + i]] for i in range(3)] + [[0, 0, 0, 1]]))
-        self.is_positive = list[bool]()
+        self.kinds, self.starts = list[str](), [0]
         for closure in data["closures"]:
             plain, turns = len(closure["translations"]) + closure["rotations"], closure["rotations"]
-            self.is_positive += [False] * plain + [True] * (turns > 0)
-        self.is_positive += [False] * len(data["couplings"])
+            self.kinds += ["equation"] * plain + ["positive"] * (turns > 0) + ["rate"] * _RATES[closure.get("rates")]
+            self.starts.append(len(self.kinds))
+        self.kinds += ["equation"] * len(data["couplings"])
+        if any(self.kinds[i] != "equation" for i in data["rows"]):
+            raise CertificateError("a row is no equation")
 
     def values(self, x: Sequence[Value], p: Sequence[Value]) -> list[Value]:
         """Return the values of all variables, rad and m; x is dimensionless."""
@@ -98,8 +109,8 @@ class Robot:
 
     def family(
         self, chain: Sequence[Sequence[int]], end: int, values: Sequence[Value], order: int, wide: bool
-    ) -> tuple[list[Slot], arb_mat, list[arb_mat], dict[tuple[int, int], arb_mat]]:
-        """Return the slots of a chain, the placement of its end and derivatives: by s, and by s and t, s <= t.
+    ) -> tuple[list[Slot], arb_mat, list[arb_mat], dict[Any, arb_mat], list[arb_mat]]:
+        """Return the slots of a chain, the placement of its end, derivatives by one, two or three of them, and axes.
 
         Angles about parallel axes are added up. With `wide` they are over all values, else at their middle."""
         slots, turned, is_turn = list[Slot](), _ONE, False
@@ -109,64 +120,91 @@ class Robot:
             if is_turn and not slides and self.data["placements"][index][8] == 1 and not any(self.radii[index][2:9:3]):
                 last, offset = slots[-1], moved * _POINT - _POINT
                 powers = [power * offset for power in last.powers]
-                slots[-1] = last._replace(powers=[_ONE + powers[0], *powers[1:]])
-                names, value, before, turned = (
-                    [*last.variables, k],
-                    last.value.plus(value),
-                    _ONE,
-                    moved * _AXES + _POINT,
-                )
+                slots[-1] = last._replace(powers=[_ONE + powers[0], *powers[1:]], turns=False)
+                names, value, before = [*last.variables, k], last.value.plus(value), _ONE
+                turned = moved * _AXES + _POINT
             q = arb(value.c.mid(), (value.c.rad() + value.spread() + value.r).upper()) if wide else value.c
-            powers = [_ONE + _ALONG * q, _ALONG, _ZERO] if slides else [_turn(q, n) for n in range(3)]
-            slots.append(Slot(names, value, before, powers))
+            powers = [_ONE + _ALONG * q, _ALONG, _ZERO, _ZERO] if slides else [_turn(q, n) for n in range(4)]
+            slots.append(Slot(names, value, before, powers, not slides, not self.virtual.issuperset(names)))
             is_turn = not slides
-        f, d, d2 = ([slot.before * slot.powers[n] for slot in slots] for n in range(3))
-        after, before, first, second = [turned * self.placements[end]], _ONE, list[arb_mat](), {}
+        f, d, d2, _ = factors = [[slot.before * slot.powers[n] for slot in slots] for n in range(4)]
+        after, before, first, axes = [turned * self.placements[end]], _ONE, list[arb_mat](), list[arb_mat]()
+        second = dict[Any, arb_mat]()
         for factor in reversed(f):
             after.insert(0, factor * after[0])
         for s in range(len(slots) if order else 0):
             along = before * d[s]
             first.append(along * after[s + 1])
+            axes.append(before * slots[s].before * _ALONG if slots[s].turns else _ZERO)
             second[s, s] = before * d2[s] * after[s + 1]
-            for t in range(s + 1, len(slots) if order == 2 else 0):
-                second[s, t] = along * d[t] * after[t + 1]
+            for t in range(s + 1, len(slots) if order > 1 else 0):
+                if slots[s].varies or slots[t].varies:
+                    second[s, t] = along * d[t] * after[t + 1]
                 along = along * f[t]
             before = before * f[s]
-        return slots, after[0], first, second
+        for key in combinations_with_replacement([s for s, slot in enumerate(slots) if slot.varies], 3 * (order == 3)):
+            if key:
+                third = after[key[-1] + 1]
+                for s in reversed(range(key[-1] + 1)):
+                    third = factors[key.count(s)][s] * third
+                second[key] = third
+        return slots, after[0], first, second, axes
 
     def closure(self, closure: Mapping[str, Any], values: Sequence[Value], order: int, wide: bool = False) -> Any:
-        """Return slots and derivatives of an order of the residuals, and of what is positive, the last with rotations.
+        """Return slots and derivatives of an order of the residuals, of what is positive, with rotations, and of rates:
+        of column s, or of column s by t.
 
-        They are of V = B - A and of E = A^T V, with the placements A and B of both ends."""
+        They are of V = B - A and of E = A^T V, with the placements A and B of both ends; or the relative angular
+        velocity, a sum of axes a_s, whose derivatives by t before s are a_t x a_s."""
         ends = ((closure[end], closure[f"{end}_end"]) for end in ("first", "second"))
-        (slots, a, a1, a2), (others, b, b1, b2) = (self.family(*end, values, order, wide) for end in ends)
-        turns, linear, n = closure["rotations"], closure["translations"], len(slots)
+        if self.virtual and order == 2 and not closure["rotations"] and len(closure["translations"]) == 3:
+            order = 3  # of V alone
+        (slots, a, a1, a2, on_a), (others, b, b1, b2, on_b) = (self.family(*end, values, order, wide) for end in ends)
+        turns, linear, n, rates = closure["rotations"], closure["translations"], len(slots), closure.get("rates")
 
         def back(m: arb_mat) -> arb_mat:
             return (m * _AXES).transpose()
 
         def residuals(v: arb_mat, *products: tuple[arb_mat, arb_mat]) -> list[arb]:
-            if not turns and len(linear) == 3:
+            if not turns and len(linear) % 3 == 0:
                 return [v[i, 3] / self.length for i in linear]
             e = sum((x * y for x, y in products), _ZERO)
             out = [(v if len(linear) == 3 else e)[i, 3] / self.length for i in linear]
             out += [e[i, j] - e[j, i] if turns == 3 else e[i, j] for i, j in _PAIRS[turns]]
-            return out + ([sum((e[i, i] for i in range(2 * (turns == 2), 3)), arb(0))] if turns else [])
+            out += [sum((e[i, i] for i in range(2 * (turns == 2), 3)), arb(0))] if turns else []
+            return out + ([e[2, 3] / self.length] if rates == "slide" else [])
+
+        def turn(s: int, t: int | None = None) -> list[arb]:
+            side, sign, s = (on_a, -1, s) if s < n else (on_b, 1, s - n)
+            if rates != "turn" or t is None:
+                return [side[s][i, 3] * sign for i in range(3)] if rates == "turn" else []
+            t -= 0 if side is on_a else n
+            if not 0 <= t < s:
+                return [arb(0)] * 3
+            x, y = ([m[i, 3] for i in range(3)] for m in (side[t], side[s]))
+            return [(x[i - 2] * y[i - 1] - x[i - 1] * y[i - 2]) * sign for i in range(3)]
 
         u, v = back(a), b - a * _POINT
         if order == 0:
-            return [], residuals(v, (u, v))
+            return [*slots, *others], residuals(v, (u, v)) + [arb(0)] * (3 * (rates == "turn"))
         us, vs = [back(x) for x in a1], [-(x * _POINT) for x in a1]
         if order == 1:
             first = [residuals(y, (x, v), (u, y)) for x, y in zip(us, vs, strict=True)]
-            return [*slots, *others], first + [residuals(y, (u, y)) for y in b1]
+            first += [residuals(y, (u, y)) for y in b1]
+            return [*slots, *others], [row + turn(s) for s, row in enumerate(first)]
         second = {}
+        third = {key: [-x[i, 3] / self.length for i in range(3)] for key, x in a2.items() if len(key) == 3}
+        for key, x in b2.items():
+            if len(key) == 3:
+                third[tuple(n + s for s in key)] = [x[i, 3] / self.length for i in range(3)]
+        a2, b2 = ({key: x for key, x in m.items() if len(key) == 2} for m in (a2, b2))
         for (s, t), x in a2.items():
             y = -(x * _POINT)
             second[s, t] = residuals(y, (back(x), v), (us[s], vs[t]), (us[t], vs[s]), (u, y))
         second |= {(s, t): residuals(_ZERO, (x, y)) for s, x in enumerate(us) for t, y in enumerate(b1, n)}
         second |= {(n + s, n + t): residuals(y, (u, y)) for (s, t), y in b2.items()}
-        return [*slots, *others], second
+        both = {(t, s): row for (s, t), row in second.items()} | second
+        return [*slots, *others], third | {pair: row + turn(*pair) for pair, row in both.items()}
 
     def residual(self, values: Sequence[Value]) -> list[arb]:
         """Return the left sides of all equations, and what is positive among them."""
@@ -191,41 +229,63 @@ class Robot:
     def change(self, values: Sequence[Value], here: list[Any], wide: list[Any]) -> list[list[list[arb]]]:
         """Return G_1 ... G_n, R_1 and R_2 (n + 2, rows, columns) of J + sum_j G_j eta_j + [-R_1 - R_2, R_1 + R_2]."""
         whole, n = list[Any](), len(values[0].g)
+        more = self.products + 1 if self.virtual and n > len(self.over) else 0
         for closure, at, over in zip(self.data["closures"], here, wide, strict=True):
-            slots, parts = self.closure(closure, values, 1)[0], list[Any]()
-            by, spread = arb_mat([s.value.g for s in slots]), [s.value.spread() for s in slots]
-            away = [s.value.r for s in slots]
-            for s in range(len(slots)):
-                pairs = [(min(s, t), max(s, t)) for t in range(len(slots))]
+            slots, parts = self.closure(closure, values, 0)[0], list[Any]()
+            varying = [t for t, slot in enumerate(slots) if slot.varies]
+            by, spread = arb_mat([slots[t].value.g for t in varying]), [slots[t].value.spread() for t in varying]
+            away = [slots[t].value.r for t in varying]
+            for s in range(len(slots)) if wide is not here else varying:
+                pairs = [(s, t) for t in varying]
                 rows = list(zip(*(at[pair] for pair in pairs), strict=True))
                 along = (arb_mat([list(row) for row in rows]) * by).tolist()
                 for i, row in enumerate(rows):
                     half = [over[pair][i].rad() * _UP / 2 for pair in pairs]
                     along[i].append(sum((r * d for r, d in zip(half, spread, strict=True)), arb(0)))
                     along[i].append(sum(((abs(m) + r) * d for m, r, d in zip(row, half, away, strict=True)), arb(0)))
+                    along[i] += self._sharper(at, over, s, i, slots, varying, along[i][n])
                 parts.append(along)
-            whole.append((slots, parts))
+            whole.append((slots if wide is not here else [slots[t] for t in varying], parts))
         bends = list[Any]()
         for coupling in self.data["couplings"]:
             bends.append([])
             for k, c in coupling["terms"]:
                 v, bend = values[k], arb_poly([0, *c]).derivative().derivative()
                 r = bend(arb(v.c, (v.spread() + v.r).upper())).rad()
-                bends[-1].append((k, [*(bend(v.c) * g for g in v.g), r * v.spread(), (abs(bend(v.c)) + r) * v.r]))
-        return self._by_columns(whole, bends, n + 2)
+                parts = [*(bend(v.c) * g for g in v.g), r * v.spread(), (abs(bend(v.c)) + r) * v.r]
+                bends[-1].append((k, parts + ([arb(0)] * (more - 1) + [parts[n]]) * (more > 0)))
+        return self._by_columns(whole, bends, n + 2 + more)
+
+    def _sharper(
+        self, at: Any, over: Any, s: int, i: int, slots: Sequence[Slot], varying: Sequence[int], least: arb
+    ) -> list[arb]:
+        """Return what third derivatives, where they are known, add to G for products of eps, and R_1 without that."""
+        n, pairs = len(self.over), self.products if len(slots[0].value.g) > len(self.over) else 0
+        near = [t for t in varying if tuple(sorted((s, t, t))) in at] if pairs and i < 3 else []  # not of rates
+        if not near:
+            return [arb(0)] * pairs + [least] * (pairs > 0)
+        keys = [[tuple(sorted((s, t, u))) for u in near] for t in near]
+        middle = arb_mat([[at[key][i] / 2 for key in row] for row in keys])
+        radius = arb_mat([[over[key][i].rad() * _UP / 6 for key in row] for row in keys])
+        value = [slots[t].value for t in near]
+        linear = arb_mat([list(v.g[:n]) for v in value])
+        size, rest = _reach(linear), _column([sum(map(abs, v.g[n:]), v.r) for v in value])
+        by = linear.transpose() * middle * linear
+        quads = [by[j, k] + (by[k, j] if j != k else 0) for j in range(n) for k in range(j, n)]
+        far = (size * 2 + rest).transpose() * _abs(middle) * rest + (size + rest).transpose() * radius * (size + rest)
+        return [*quads, far[0, 0]]
 
     def _by_columns(self, closures: Sequence[Any], couplings: Sequence[Any], n: int) -> list[list[list[arb]]]:
         """Return (n, rows, columns) from what belongs to slots (slots, rows, n) and to the variables of couplings."""
-        out, row = [[[arb(0)] * len(self.columns) for _ in self.is_positive] for _ in range(n)], 0
+        out = [[[arb(0)] * len(self.columns) for _ in self.kinds] for _ in range(n)]
         at = {k: j for j, k in enumerate(self.columns)}
-        for closure, (slots, parts) in zip(self.data["closures"], closures, strict=True):
+        for row, (slots, parts) in zip(self.starts, closures, strict=False):
             for slot, part in zip(slots, parts, strict=True):
                 for j in (at[k] for k in slot.variables if k in at):
                     for i, numbers in enumerate(part, row):
                         for whole, x in zip(out, numbers, strict=True):
                             whole[i][j] += x * self.units[j]
-            row += len(closure["translations"]) + closure["rotations"] + (closure["rotations"] > 0)
-        for i, (coupling, terms) in enumerate(zip(self.data["couplings"], couplings, strict=True), row):
+        for i, (coupling, terms) in enumerate(zip(self.data["couplings"], couplings, strict=True), self.starts[-1]):
             for j, numbers in ((at[k], numbers) for k, numbers in terms if k in at):
                 for whole, x in zip(out, numbers, strict=True):
                     whole[i][j] = x * self.units[j] / coupling["size"]
@@ -242,7 +302,7 @@ def _reach(m: arb_mat) -> arb_mat:
 
 
 def _pick(rows: Sequence[Sequence[arb]], at: Sequence[int], columns: Sequence[int]) -> arb_mat:
-    return arb_mat([[rows[i][j] for j in columns] for i in at])
+    return arb_mat(len(at), len(columns), [rows[i][j] for i in at for j in columns])
 
 
 def _column(values: Sequence[Any]) -> arb_mat:
@@ -264,6 +324,50 @@ def _sum(matrices: Sequence[arb_mat]) -> arb_mat:
     return sum(matrices[1:], matrices[0])
 
 
+def _norms(parts: Sequence[arb_mat], squarings: int = 3) -> tuple[arb, arb]:
+    """Return the largest singular value of matrices one above the other, from below and above: |M|^2 is at most the
+    largest sum of a row of |(M^T M)^(2^k)|, to the power 2^-k; one of its columns is near the direction."""
+    power = gram = _sum([m.transpose() * m for m in parts])
+    if not any(gram[i, i] != 0 for i in range(gram.nrows())):
+        return arb(0), arb(0)
+    for _ in range(squarings):
+        power = power * power
+    sums = [x.upper() for x in _reach(power).entries()]
+    t = power.mid() * _column([int(x == max(sums)) for x in sums])
+    size = (t.transpose() * t)[0, 0]
+    low = ((t.transpose() * gram * t)[0, 0] / size).sqrt().lower() if size > 0 else arb(0)
+    return low, max(sums).root(2 ** (squarings + 1)).upper()
+
+
+def _frobenius(parts: Sequence[arb_mat]) -> arb:
+    return sum((x * x for m in parts for x in m.entries()), arb(0)).sqrt()
+
+
+class Form(NamedTuple):
+    """A matrix over a box: C + sum_k G_k eta_k + [-R, R], eta the eps_j and their products."""
+
+    c: arb_mat
+    g: list[arb_mat]
+    r: arb_mat
+
+    def times(self, by: arb_mat) -> Form:
+        """Return the product with a matrix."""
+        return Form(self.c * by, [m * by for m in self.g], self.r * _abs(by))
+
+    def add_products(self, left: Sequence[arb_mat], right: Sequence[arb_mat], n: int) -> None:
+        """Add what products of the parts by eps_j are by eps_j eps_k."""
+        pairs = [(j, k) for j in range(n) for k in range(j, n)]
+        for q, (j, k) in enumerate(pairs, n):
+            self.g[q] += left[j] * right[j] if j == k else left[j] * right[k] + left[k] * right[j]
+
+    def cubic(self, x: Form, n: int) -> arb_mat:
+        """Return a bound of what the product with x has beyond the products of eps_j."""
+        (first, second), (linear, squares) = (
+            [_sum([_abs(a) for a in m.g[i:j]]) for i, j in ((0, n), (n, None))] for m in (self, x)
+        )
+        return self.r * (_abs(x.c) + linear + squares) + first * squares + second * (linear + squares)
+
+
 class Tube:
     """A box with exactly one configuration within y of X(eps): equations 3 to 5.
 
@@ -272,7 +376,7 @@ class Tube:
     """
 
     def __init__(self, robot: Robot, low: Sequence[float], high: Sequence[float], leaf: Mapping[str, Any]) -> None:
-        n, k, width, rows = len(low), len(robot.unknown), len(robot.columns), robot.data["rows"]
+        n, k, width, rows = len(low), len(robot.unknown), robot.width, robot.data["rows"]
         self.robot, self.claim, self.reason, self.low, self.high = robot, leaf["claim"], leaf["reason"], low, high
         self.x = [(arb(x) / u).mid() for x, u in zip(leaf["x"], robot.units[:k], strict=True)]
         self.y = [(arb(y) / u).mid() for y, u in zip(leaf["y"], robot.units[:k], strict=True)]
@@ -297,7 +401,8 @@ class Tube:
         curved, rest = -second.mid(), arb_mat(width - k, len(pairs)).tolist()
         self.along = arb_mat([x + y for x, y in zip(straight.tolist(), curved.tolist() + rest, strict=True)])
         wide = self._wide(self.along, 1)
-        self.parts = [jacobian, *robot.change(wide, here, robot.second(wide, True))]  # J, G_1 ..., R_1, R_2
+        change = robot.change(wide, here, robot.second(wide, True))
+        self.parts, self.sharper = [jacobian, *change[: len(wide[0].g) + 2]], change[len(wide[0].g) + 2 :]
         self._check_rest(residual)
         # equation 3: |C F(X(eps), P(eps))| <= z
         constant, *by, unsure = self.less_identity(c, range(k))
@@ -324,20 +429,120 @@ class Tube:
 
     def _check_rest(self, residual: Sequence[arb]) -> None:
         """Check what is positive, and that the equations that are left out hold everywhere."""
-        away = _column([*self.y, *[0] * (len(self.robot.columns) - len(self.y))])
+        width = self.robot.width
+        away = _column([*self.y, *[0] * (width - len(self.y))])
         reach = _reach(self.along) + away
         for i, value in enumerate(residual):
-            part = arb_mat([m[i] for m in self.parts])
-            if self.robot.is_positive[i]:
+            part = arb_mat([m[i][:width] for m in self.parts])
+            if self.robot.kinds[i] == "positive":
                 if not value > _reach((_abs(part) * reach).transpose())[0, 0]:
                     raise CertificateError("ends of a closure may be opposed")
-            elif i not in self.robot.data["rows"] and not (abs(value) < _GAP and part == part * 0):
+            elif (
+                self.robot.kinds[i] == "equation"
+                and i not in self.robot.data["rows"]
+                and not (abs(value) < _GAP and part == part * 0)
+            ):
                 raise CertificateError("an equation is left out that variables change, or that does not hold")
 
     def less_identity(self, left: arb_mat, columns: Sequence[int]) -> list[arb_mat]:
         """Return the parts of C W - 1, W some columns of the derivative."""
         first, *by, bend, apart = (_pick(m, self.robot.data["rows"], columns) for m in self.parts)
         return [left * first - _identity(len(columns)), *(left * m for m in by), _abs(left) * _abs(bend + apart)]
+
+    def smallest(self) -> list[tuple[arb, arb]]:
+        """Return the smallest singular values of type 1 and 2 from below and above: 1 / |K|_2, equation 6."""
+        robot, data, second = self.robot, self.robot.data, self.robot.data["second"]
+        at = {k: j for j, k in enumerate(robot.columns)}
+        twist, by = [at[k] for k in data["first"]], _identity(len(data["first"]))
+        for i, k in enumerate(data["first"]):
+            by[i, i] = robot.length if robot.variables[k]["prismatic"] else arb(1)
+        sizes = [self._size(list(range(len(self.x))), [at[k] for k in data["single"]], twist, by)]
+        if second is not None:
+            opening = [at[k] for cluster in second["clusters"] for loop in cluster["openings"] for k in loop]
+            opening += [at[k] for k in second["couplings"]]
+            by, stretch = self._by_opening(second, len(opening))
+            kept = self._kept(opening)
+            if any(by[i, j] != 0 for j in kept for i in range(len(opening)) if i not in kept):
+                raise CertificateError("loops do not open in their plane")
+            single = [at[k] for k in data["single"] if k in data["passive"]]
+            by = arb_mat([[by[i, j] for j in kept] for i in kept])
+            low, high = self._size(self.locked, single, [opening[i] for i in kept], by)
+            sizes.append((low / stretch, high * stretch))
+        return [(1 / high, 1 / low if low > 0 else arb(inf)) for low, high in sizes]
+
+    def _form(self, rows: Sequence[int], columns: Sequence[int]) -> Form:
+        first, *by, bend, apart = (_pick(m, rows, columns) for m in self.parts)
+        *more, bend = (_pick(m, rows, columns) for m in self.sharper)
+        n = len(self.low)
+        return Form(first, by[:n] + [a + b for a, b in zip(by[n:], more, strict=True)], _abs(bend + apart))
+
+    def _size(self, columns: list[int], single: list[int], twist: list[int], by: arb_mat) -> tuple[arb, arb]:
+        """Return bounds of |K|_2, K = N F_x^-1 F_w `by`."""
+        rows, n, kinds = self.robot.data["rows"], len(self.low), self.robot.kinds
+        rates = [i for i, kind in enumerate(kinds) if kind == "rate"]
+        f, w, of = self._form(rows, columns), self._form(rows, twist).times(by), self._form(rates, columns)
+        bare, nothing, pick = self._form(rates, twist).times(by), 0 * f.c, arb_mat(len(single), len(columns))
+        for i, k in enumerate(single):
+            pick[i, columns.index(k)] = 1
+        try:
+            inverse = f.c.inv()
+        except ZeroDivisionError:
+            return arb(0), arb(inf)
+        slopes, sizes = [-(inverse * m) for m in f.g], list[tuple[arb, arb, arb]]()
+        for right, free in ((w, bare), (Form(_identity(len(rows)), [nothing] * len(f.g), nothing), None)):
+            c = inverse * right.c
+            x = Form(c, [inverse * m + a * c for m, a in zip(right.g, slopes, strict=True)], 0 * right.r)
+            x.add_products(slopes, x.g, n)
+            whole = Form(of.c * c, [of.c * m + a * c for m, a in zip(x.g, of.g, strict=True)], of.cubic(x, n))
+            whole.add_products(of.g, x.g, n)
+            if free is not None:
+                whole = Form(whole.c - free.c, [a - b for a, b in zip(whole.g, free.g, strict=True)], whole.r + free.r)
+            changes = [(pick * a, b) for a, b in zip(x.g, whole.g, strict=True)]
+            low, high = _norms([pick * x.c, whole.c], 6)
+            rest = sum((_norms(m)[1] for m in changes[:n]), _norms([whole.r])[1])
+            rest += sum(map(_frobenius, changes[n:]), arb(0))
+            sizes.append((low - rest, high + rest, _norms([right.r + f.cubic(x, n)])[1]))
+        (low, high, lack), (_, left, defect) = sizes
+        if not defect < 1:
+            return arb(0), arb(inf)
+        rest = left / (1 - defect) * lack
+        return low - rest, high + rest
+
+    def _kept(self, opening: list[int]) -> list[int]:
+        """Return which openings do not change the equations that are left out: those in the plane of a planar loop."""
+        rows = self.robot.data["rows"]
+        left = [i for i, kind in enumerate(self.robot.kinds) if kind == "equation" and i not in rows]
+        changed = [[any(m[i][j] != 0 for m in self.parts) for j in opening] for i in left]
+        kept = [a for a in range(len(opening)) if not any(row[a] for row in changed)]
+        if len(opening) - len(kept) != sum(map(any, changed)):
+            raise CertificateError("openings of loops change equations that are left out")
+        return kept
+
+    def _by_opening(self, second: Mapping[str, Any], count: int) -> tuple[arb_mat, arb]:
+        """Return the openings of loops by dimensionless, mixed ones about the centres of the clusters' axes, and what
+        factor bounds how these centres move."""
+        values, by, stretch, start = self._wide(self.along, 1), _identity(count), arb(1), 0
+        for cluster in second["clusters"]:
+            length, about = arb(cluster["length"]), [arb(0)] * 3
+            for chain, end, share, off in cluster["about"]:
+                placed = self.robot.family(chain, end, values, 0, True)[1]
+                about = [a + (placed[i, 3] + arb(0, off)) * share for i, a in enumerate(about)]
+            away = sum((a.rad() ** 2 for a in about), arb(0)).sqrt() / length / 2
+            stretch = max(stretch, (away + (1 + away**2).sqrt()).upper())
+            x, y, z = (a.mid() for a in about)
+            one = _identity(6)
+            for k in range(3):
+                one[k, k] = length
+            one[0, 4], one[0, 5], one[1, 3], one[1, 5], one[2, 3], one[2, 4] = -z, y, z, -x, -y, x
+            for a, row in enumerate(cluster["unmix"]):
+                for b, factor in enumerate(row):
+                    for i in range(6):
+                        for j in range(6):
+                            by[start + 6 * a + i, start + 6 * b + j] = one[i, j] * arb(
+                                factor, self.robot.data["radius"]
+                            )
+            start += 6 * len(cluster["unmix"])
+        return by, stretch
 
     def at(self, p: Sequence[arb]) -> list[arb]:
         """Return X at a pose."""
@@ -346,7 +551,7 @@ class Tube:
         return [x + s for x, s in zip(self.x, (self.along * _column(eps)).entries(), strict=False)]
 
     def meets(self, x: Sequence[arb], p: Sequence[arb], other: Tube) -> bool:
-        """Return whether the configuration of this box at a pose is that of the other: equation 6."""
+        """Return whether the configuration of this box at a pose is that of the other: equation 7."""
         for _ in range(_STEPS):
             x = [a.mid() for a in x]
             residual = self.robot.residual(self.robot.point(x, p))
@@ -365,9 +570,10 @@ class Tube:
 
     def status(self) -> tuple[str, int]:
         """Return proved, limit or regular, and the sign of the locked joints' determinant, 0 if it may vanish."""
-        sign, inside, variables, n = 0, True, self.robot.variables, len(self.low)
-        locked = [i for i, k in enumerate(self.robot.columns) if k not in self.robot.data["actuated"]]
-        if self.robot.data["bounds"]["limits"]:
+        sign, inside, variables, n, bounds = 0, True, self.robot.variables, len(self.low), self.robot.data["bounds"]
+        columns = self.robot.columns[: self.robot.width]
+        self.locked = locked = [i for i, k in enumerate(columns) if k not in self.robot.data["actuated"]]
+        if bounds["limits"]:
             for (low, high), k, unit in zip(self.ranges, self.robot.unknown, self.robot.units, strict=False):
                 for end, sense in zip(variables[k]["limits"], (1, -1), strict=True):
                     if end is not None:
@@ -386,6 +592,14 @@ class Tube:
             weights = (_inverse(_identity(len(locked)) - total) * _column([1] * len(locked))).mid()
             if all(w > 0 and a < w for a, w in zip((total * weights).entries(), weights.entries(), strict=True)):
                 sign = 1 if left.det() > 0 else -1 if left.det() < 0 else 0
+        if bounds["sigma"] is not None and inside and sign:
+            below, inside = [], self.claim != "regular"  # of which no more is claimed
+            for name, (least, most) in zip(("sigma_1", "sigma_2"), self.smallest() if inside else [], strict=False):
+                below += [name] if most < bounds["sigma"] else []
+                inside = inside and bool(least > bounds["sigma"])
+            if below and self.robot.data["exact"]:
+                self.reason = below[0]
+                return "sigma", sign
         return ("proved" if inside and sign else "regular"), sign
 
 
@@ -418,7 +632,7 @@ def _between(a: Any, b: Any, axis: int) -> Iterator[tuple[Tube, Tube, int]]:
 
 
 def _branch(robot: Robot, root: Any, leaves: Sequence[Tube | None]) -> set[int]:
-    """Return the numbers of the boxes on the branch of the start: equation 6."""
+    """Return the numbers of the boxes on the branch of the start: equation 7."""
     number = {id(tube): i for i, tube in enumerate(leaves)}
     meeting, apart = ({i: list[int]() for i in range(len(leaves))} for _ in range(2))
     for a, b, axis in _faces(root):  # all of them: a branch may not close on itself
@@ -518,11 +732,11 @@ def _result(
         if leaf is not None and i in branch:
             status, sign = leaf.status()
             signs.setdefault(sign, leaf)
-            if status == "limit":
-                witnesses.append(_witness(leaf, limit=leaf.reason))
-            if leaf.claim in ("proved", "limit") and status != leaf.claim:
+            if status in ("limit", "sigma"):
+                witnesses.append(_witness(leaf, **{status: leaf.reason}))
+            if leaf.claim in ("proved", "limit", "sigma") and status != leaf.claim:
                 refuse(i, CertificateError(f"a box is {status}, not {leaf.claim}"))
-        status = {"regular": "undecided", "limit": "refuted"}.get(status, status)
+        status = {"regular": "undecided", "limit": "refuted", "sigma": "refuted"}.get(status, status)
         statuses.append(status)
         found[status] = found.get(status, 0.0) + share
     if 1 in signs and -1 in signs:

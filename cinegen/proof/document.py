@@ -56,6 +56,8 @@ class Exporter:
         limits: whether all joint values are wanted. Else those of a ball joint that carries the node are left out.
     """
 
+    _turned: Sequence[tuple[str, int]] = ()  # axes and variables of what turns the node about its origin, besides
+
     def __init__(
         self, mechanism: Mechanism, node: str, at: Array, over: Mapping[str, tuple[float, float]],
         given: Collection[str], constant: Collection[str], limits: bool,
@@ -75,9 +77,9 @@ class Exporter:
         self._frame = self._model.frames[mechanism.frame_id(node)]
         self._rotation = any(name in given for name in POSE[3:])
         chain = [j for j in map(int, self._model.supports[self._frame.parentJoint]) if j in self._variable]
-        threes = [tuple(mechanism.joints.index(name) for name in three) for three in balls(mechanism)]
+        self._threes = [tuple(mechanism.joints.index(name) for name in three) for three in balls(mechanism)]
         is_known = self._rotation and len(self._known) == 6
-        self._is_on_ball = is_known and not limits and tuple(self._variable[j] for j in chain[-3:]) in threes
+        self._is_on_ball = is_known and not limits and tuple(self._variable[j] for j in chain[-3:]) in self._threes
         if self._is_on_ball:
             for j in chain[-3:]:
                 del self._variable[j]
@@ -87,10 +89,7 @@ class Exporter:
         mechanism, model, count = self._mechanism, self._model, len(self._joints)
         frame = self._frame
         loops = mechanism.structure.system
-        kinds = [_KINDS[loop.kind] for loop in mechanism.loops]
-        closures = [
-            one for anchor, kind in zip(loops.anchors, kinds, strict=True) for one in self._closures(*anchor, *kind)
-        ]
+        closures = [one for i in range(len(mechanism.loops)) for one in self._of_loop(i)]
         second, second_end = self._chain(0, frame.parentJoint, frame.placement)
         end = pin.SE3.Identity()
         if self._rotation and second:  # compare origins on the last axis, where fewer joints move them
@@ -169,6 +168,11 @@ class Exporter:
                 before = turned.inverse()
         return chain, self._placement(before * end)
 
+    def _of_loop(self, i: int) -> list[dict[str, Any]]:
+        """Return what closes the i-th loop."""
+        anchor, kind = self._mechanism.structure.system.anchors[i], self._mechanism.loops[i].kind
+        return self._closures(*anchor, *_KINDS[kind])
+
     def _closures(
         self, a: int, on_a: pin.SE3, b: int, on_b: pin.SE3, linear: Sequence[int], rotations: int
     ) -> list[dict[str, Any]]:
@@ -211,9 +215,10 @@ class Exporter:
         """Return the chain of the pose, whose variables follow those of the joints, and an end in the node."""
         count = len(self._joints)
         before, chain = pin.SE3(self._first.get(0, pin.SE3.Identity()).rotation, np.zeros(3)).inverse(), []
-        for name, k in list(zip(_AXES, _CHAIN, strict=True))[: 6 if self._rotation else 3]:
+        steps = [(name, count + k) for name, k in zip(_AXES, _CHAIN, strict=True)][: 6 if self._rotation else 3]
+        for name, k in [*steps[:3], *self._turned, *steps[3:]]:
             turned = pin.SE3(_to_z(np.eye(3)["xyz".index(name)]), np.zeros(3))
-            chain.append([self._placement(before * turned), count + k])
+            chain.append([self._placement(before * turned), k])
             before = turned.inverse()
         return chain, self._placement(before * end)
 

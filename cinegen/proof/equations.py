@@ -13,10 +13,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cinegen.arrays import Array, Bools, Indices
+from cinegen.arrays import Array, Indices
 from cinegen.jit.compiled import prepare
-from cinegen.proof._kernels import SLIDES, TURNS, TURNS_OFFSET, BoxMemory, evaluate_boxes
+from cinegen.proof._kernels import (
+    NO_RATES,
+    SLIDE_RATE,
+    SLIDES,
+    TURN_RATES,
+    TURNS,
+    TURNS_OFFSET,
+    BoxMemory,
+    evaluate_boxes,
+)
 
+_RATES = {None: (NO_RATES, 0), "slide": (SLIDE_RATE, 1), "turn": (TURN_RATES, 3)}  # and numbers of rows
 _ORIGIN = np.diag([0.0, 0.0, 0.0, 1.0])
 _SHORT = 1e-9  # part of a box: as good as its centre
 _ONE = np.stack([np.eye(4), np.zeros((4, 4))])
@@ -41,11 +51,16 @@ class Change(NamedTuple):
         by: (boxes, n, rows, columns) G.
         bent: (boxes, rows, columns) R_1, of the second derivatives.
         apart: (boxes, rows, columns) R_2, by the distance from X(eps).
+        sharper: (boxes, ., rows, columns) what third derivatives, where they are known, add to the last of G, if they
+            are wanted.
+        narrow: (boxes, rows, columns) R_1 without that.
     """
 
     by: Array
     bent: Array
     apart: Array
+    sharper: Array
+    narrow: Array
 
 
 class _Slot(NamedTuple):
@@ -68,6 +83,10 @@ class Equations:
         upper: (unknowns,) likewise.
         rows: indices of the equations that are not exactly 0; all at first.
         positive: indices of what is not 0 but positive.
+        rates: indices of what is no equation, but yields velocities of joints.
+        count: number of variables.
+        width: number of columns that are not velocities of virtual joints.
+        column: of each variable.
     """
 
     def __init__(self, document: Mapping[str, Any]) -> None:
@@ -82,18 +101,20 @@ class Equations:
         self._slides = [one["prismatic"] for one in variables]
         self.unknown, self.over = list(document["unknown"]), [int(k) for k in document["over"]]
         columns = [*self.unknown, *self.over, *(k for k in document["given"] if k not in self.over)]
+        self.width, self.count, self._joints = len(columns), len(variables), int(document["joints"])
+        columns += document.get("virtual", [])
+        self.column = {k: i for i, k in enumerate(columns)}
         self._column = np.zeros((len(variables), len(columns)))
         self._column[columns, np.arange(len(columns))] = [variables[k]["unit"] for k in columns]
         self.units = np.array([variables[k]["unit"] for k in self.unknown])
-        self.locked = [i for i, k in enumerate(columns) if k not in document["actuated"]]
+        self.locked = [i for i, k in enumerate(columns[: self.width]) if k not in document["actuated"]]
         self.names = [variables[k]["name"] for k in self.unknown]
         limits = np.array([variables[k]["limits"] for k in self.unknown], dtype=float).reshape(-1, 2)
         self.lower = np.where(np.isnan(limits[:, 0]), -np.inf, limits[:, 0]) / self.units
         self.upper = np.where(np.isnan(limits[:, 1]), np.inf, limits[:, 1]) / self.units
-        self._memory, is_positive = self._arranged()
+        self._memory, kinds = self._arranged()
         self._evaluate = prepare(evaluate_boxes, BoxMemory)
-        self.rows: Indices = np.flatnonzero(~is_positive)
-        self.positive: Indices = np.flatnonzero(is_positive)
+        self.rows, self.positive, self.rates = (np.flatnonzero(kinds == kind) for kind in range(3))
 
     @property
     def start(self) -> Array:
@@ -103,18 +124,18 @@ class Equations:
     @property
     def pose(self) -> Array:
         """(6,) coordinates of the pose, m and rad, where they do not vary."""
-        return self._at[-6:]
+        return self._at[self._joints : self._joints + 6]
 
     @pose.setter
     def pose(self, values: Array) -> None:
-        self._at[-6:] = values
+        self._at[self._joints : self._joints + 6] = values
 
     def select(self, x: Array, p: Array) -> None:
         """Leave out the equations that no variable changes near a configuration: those across a planar linkage."""
         along = np.concatenate([np.zeros((len(x), len(p))), np.eye(len(p))])[None]
         change = self.change(x[None], p[None], along, np.ones((1, len(x))))
         parts = np.abs(self.at(x[None], p[None]).jacobian[0, 0]) + np.abs(change.by[0]).sum(axis=0)
-        is_left = (parts + change.bent[0] + change.apart[0]).any(axis=-1)
+        is_left = (parts + change.bent[0] + change.apart[0])[:, : self.width].any(axis=-1)
         self.rows = np.array([i for i in self.rows if is_left[i]], dtype=np.intp)
 
     def at(self, x: Array, p: Array) -> Point:
@@ -124,7 +145,7 @@ class Equations:
             x: (boxes, unknowns) dimensionless.
             p: (boxes, parameters) m and rad.
         """
-        values = self._values(x, p)
+        values = self.values(x, p)
         n, rows, columns, m = len(x), self._memory.rows, self._column.shape[1], len(self.over)
         whole = Point(np.zeros((n, 2, rows)), np.zeros((n, 2, rows, columns)))
         flat = np.zeros((n, len(self._at), m)), np.zeros((n, len(self._at)))
@@ -138,7 +159,7 @@ class Equations:
                 whole.jacobian[:, 0, row] += curve.deriv()(values[:, k])[:, None] * self._column[k] / size
         return whole
 
-    def change(self, x: Array, p: Array, along: Array, y: Array) -> Change:
+    def change(self, x: Array, p: Array, along: Array, y: Array, sharp: bool = False) -> Change:
         """Return how the derivatives change over boxes.
 
         Args:
@@ -146,12 +167,13 @@ class Equations:
             p: (boxes, parameters) m and rad, at the centre.
             along: (boxes, unknowns + parameters, n) their change by eps.
             y: (boxes, unknowns) radius about X(eps).
+            sharp: whether third derivatives are wanted.
         """
-        n, rows, columns, count, m = len(x), self._memory.rows, self._column.shape[1], len(self.unknown), along.shape[2]
-        values, g, r = self._values(x, p), np.zeros((n, len(self._at), m)), np.zeros((n, len(self._at)))
+        n, rows, count, m = len(x), self._memory.rows, len(self.unknown), along.shape[2]
+        values, g, r = self.values(x, p), np.zeros((n, len(self._at), m)), np.zeros((n, len(self._at)))
         g[:, self.unknown], g[:, self.over] = along[:, :count] * self.units[:, None], along[:, count:]
         r[:, self.unknown] = y * self.units
-        whole = Change(np.zeros((n, m, rows, columns)), np.zeros((n, rows, columns)), np.zeros((n, rows, columns)))
+        whole = self._no_change(n, m, m - len(self.over) if sharp else 0)
         self._run(2, values, g, r, None, whole)
         if self._has_radii:  # those of the second derivatives at the centre are not halved
             point = Change(*(0.0 * part for part in whole))
@@ -164,12 +186,46 @@ class Equations:
                 far = np.abs(bend.deriv()(values[:, k])) * (spread + r[:, k])
                 whole.by[:, :, row] += (bend(values[:, k])[:, None] * g[:, k])[..., None] * column
                 whole.bent[:, row] += (far * spread)[:, None] * size
+                whole.narrow[:, row] += (far * spread)[:, None] * size
                 whole.apart[:, row] += ((np.abs(bend(values[:, k])) + far) * r[:, k])[:, None] * size
         return whole
 
+    def placed(self, chain: Sequence[Sequence[int]], end: int, values: Array, radius: Array) -> tuple[Array, Array]:
+        """Return the origin (boxes, 3) of the end of a chain and its radius, m.
+
+        Args:
+            chain: placements and variables.
+            end: a placement.
+            values: (boxes, variables) rad and m.
+            radius: (boxes, variables) likewise.
+        """
+        turn, at = (
+            (np.tile(np.eye(3), (len(values), 1, 1)), np.zeros((len(values), 3, 3))),
+            np.zeros((2, len(values), 3)),
+        )
+        for index, k in [*chain, [end, -1]]:
+            fixed = self._placements[index]
+            at[0] += turn[0] @ fixed[:3, 3]
+            at[1] += turn[1] @ np.abs(fixed[:3, 3])
+            turn = turn[0] @ fixed[:3, :3], turn[1] @ np.abs(fixed[:3, :3])
+            if k < 0:
+                continue
+            q, r = values[:, k, None], radius[:, k, None]
+            if self._slides[k]:
+                at[0] += turn[0][:, :, 2] * q
+                at[1] += np.abs(turn[0][:, :, 2]) * r + turn[1][:, :, 2] * (np.abs(q) + r)
+                continue
+            s, c, turned = np.sin(q), np.cos(q), np.zeros((2, len(values), 3, 3))
+            turned[0, :, :2, :2] = np.stack([np.hstack([c, -s]), np.hstack([s, c])], axis=1)
+            turned[0, :, 2, 2] = 1.0
+            turned[1, :, :2, :2] = np.abs(turned[0, :, :2, 1::-1]) * r[..., None] + 0.5 * (r * r)[..., None]
+            low = np.abs(turn[0]) @ turned[1] + turn[1] @ (np.abs(turned[0]) + turned[1])
+            turn = turn[0] @ turned[0], low
+        return at[0], at[1]
+
     # --- slots -------------------------------------------------------------------------------------------------------
 
-    def _values(self, x: Array, p: Array) -> Array:
+    def values(self, x: Array, p: Array) -> Array:
         """Return the values (boxes, variables), rad and m."""
         values = np.tile(self._at, (len(x), 1))
         values[:, self.unknown], values[:, self.over] = x * self.units, p
@@ -178,15 +234,20 @@ class Equations:
     def _run(self, order: int, values: Array, g: Array, r: Array, at: Point | None, change: Change | None) -> None:
         memory, n, m = self._memory, len(values), g.shape[2]
         rows, columns = memory.rows, self._column.shape[1]
-        memory.resize(count=n, order=order, parameters=m, sums=m + 2)
-        nothing = np.zeros((n, m, rows, columns)), np.zeros((n, rows, columns))
+        change = change or self._no_change(n, m, 0)
+        memory.resize(count=n, order=order, parameters=m, sums=m + 2, pairs=change.sharper.shape[1])
         at = at or Point(np.zeros((n, 2, rows)), np.zeros((n, 2, rows, columns)))
-        change = change or Change(nothing[0], nothing[1], nothing[1])
         inputs = values @ self._sums.T, np.einsum("sv,bvn->bsn", self._sums, g), r @ self._sums.T
-        names = "q", "along", "away", "residual", "jacobian", "by", "bent", "apart"
+        names = "q", "along", "away", "residual", "jacobian", "by", "bent", "apart", "sharper", "narrow"
         for name, numbers in zip(names, (*inputs, *at, *change), strict=True):
             memory.point_at(name, np.ascontiguousarray(numbers))
         self._evaluate(memory.handle)
+
+    def _no_change(self, n: int, m: int, pairs: int) -> Change:
+        rows, columns = self._memory.rows, self._column.shape[1]
+        shape = (n, rows, columns)
+        sizes = (n, m, rows, columns), shape, shape, (n, pairs, rows, columns), shape
+        return Change(*(np.zeros(size) for size in sizes))
 
     def _slots(self, chain: Sequence[Sequence[int]], end: int) -> tuple[list[_Slot], Array]:
         """Return the slots of a chain, and the placement of its end behind the last one; matrices (2, 4, 4)."""
@@ -205,8 +266,8 @@ class Equations:
             is_turn = not slides
         return slots, _product(turned, self._placements[end])
 
-    def _arranged(self) -> tuple[BoxMemory, Bools]:
-        """Return the memory of the kernel, and which rows (rows,) are to be positive."""
+    def _arranged(self) -> tuple[BoxMemory, Indices]:
+        """Return the memory of the kernel, and the kinds of rows (rows,): an equation, what is positive, a rate."""
         closures, couplings = self._document["closures"], self._document["couplings"]
         chains = [[self._slots(c[side], c[f"{side}_end"]) for side in ("first", "second")] for c in closures]
         lengths = np.array([[len(slots) for slots, _ in pair] for pair in chains]).reshape(-1, 2)
@@ -214,16 +275,16 @@ class Equations:
         self._sums = np.zeros((len(slots), len(self._at)))
         for i, slot in enumerate(slots):
             self._sums[i, slot.variables] = 1.0
-        is_positive, rows = list[bool](), list[int]()
+        kinds, rows = list[int](), list[int]()
         for closure in closures:
-            rows.append(len(is_positive))
-            plain = len(closure["translations"]) + closure["rotations"]
-            is_positive += [False] * plain + [True] * (closure["rotations"] > 0)
-        is_positive += [False] * len(couplings)
+            rows.append(len(kinds))
+            kinds += [0] * (len(closure["translations"]) + closure["rotations"]) + [1] * (closure["rotations"] > 0)
+            kinds += [2] * _RATES[closure.get("rates")][1]
+        kinds += [0] * len(couplings)
         longest, n = int(lengths.max(initial=0)), len(self.over)
         memory = BoxMemory(
-            closures=len(closures), slots=len(slots), longest=longest, ends=longest + 1, rows=len(is_positive),
-            columns=self._column.shape[1], parameters=n, sums=n + 2,
+            closures=len(closures), slots=len(slots), longest=longest, ends=longest + 1, rows=len(kinds),
+            columns=self._column.shape[1], parameters=n, sums=n + 2, over=n,
         )  # fmt: skip
         memory.length = float(self._document["length"])
         starts = np.concatenate([[0], np.cumsum(lengths)])
@@ -235,10 +296,11 @@ class Equations:
                 rows[c],
             )
             memory.end[c] = [end for _, end in pair]
+            memory.rates[c] = _RATES[closure.get("rates")][0]
         for i, slot in enumerate(slots):
             memory.kind[i], memory.before[i], memory.offset[i] = slot.kind, slot.before, slot.offset
         memory.by_slot[:] = self._sums @ self._column
-        return memory, np.array(is_positive)
+        return memory, np.array(kinds)
 
 
 def _product(a: Array, b: Array) -> Array:

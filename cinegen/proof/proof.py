@@ -20,7 +20,9 @@ from cinegen.proof.checker import CertificateError, check
 from cinegen.proof.document import Exporter, ProofError
 from cinegen.proof.equations import Equations
 from cinegen.proof.prover import BOXES, ROUND, Prover
+from cinegen.proof.singular import SingularValues
 from cinegen.proof.tolerances import with_tolerances
+from cinegen.proof.velocities import VelocityExporter
 from cinegen.singularities.slice import POSE, Coordinates
 
 _FORMAT = "cinegen proof 1"
@@ -38,11 +40,12 @@ class Proof:
 
     Attributes:
         proved: share of the region's volume in which each pose has exactly one configuration on the branch, within the
-            joints' limits if they are asked for, and none is singular.
-        refuted: share in which a joint is beyond a limit at each pose.
+            joints' limits if they are asked for, and none is singular, or as near as a bound of singular values.
+        refuted: share in which a joint is beyond a limit at each pose, or a singular value below its bound.
         undecided: the rest.
-        witnesses: what refutes the region: for a limit a pose, its configuration and the joint; for a singularity of
-            type 2, two poses on the branch where the determinants of the locked joints' matrix have opposite signs.
+        witnesses: what refutes the region: for a limit a pose, its configuration and the joint; for a singular value a
+            pose, its configuration, and `sigma_1` or `sigma_2`; for a singularity of type 2, two poses on the branch
+            where the determinants of the locked joints' matrix have opposite signs.
         reasons: number of undecided boxes by reason.
         boxes: number of boxes.
         region: ranges of its coordinates, m and rad.
@@ -99,8 +102,9 @@ class Proof:
 
 def prove(
     mechanism: Mechanism, over: Mapping[str, tuple[float, float]], at: Mapping[str, float] | None = None,
-    node: str | None = None, q: ArrayLike | None = None, limits: bool = False, boxes: int = BOXES,
-    shape: str = "box", grow: bool = False, tolerances: Amounts | None = None, parameters: Parameters | None = None,
+    node: str | None = None, q: ArrayLike | None = None, limits: bool = False, sigma: float | None = None,
+    boxes: int = BOXES, shape: str = "box", grow: bool = False, tolerances: Amounts | None = None,
+    parameters: Parameters | None = None,
     report: Callable[[float], None] | None = None,
 ) -> Proof:  # fmt: skip
     """Prove that each pose of a region has exactly one configuration on a branch, and that none is singular.
@@ -112,6 +116,7 @@ def prove(
         node: whose pose; the mechanism's end by default.
         q: (nq,) a configuration of the branch; home by default.
         limits: whether all joints must stay within their limits.
+        sigma: what the smallest singular values of type 1 and 2 must be above, dimensionless as in maps.
         boxes: number of boxes that are tested; of each region, with `grow`.
         shape: `box`; `cylinder`, whose ellipse lies in the ranges of the first two coordinates; `ball`, an ellipsoid.
         grow: find the largest region of these proportions about the centre that is proved as a whole, up to 1 %.
@@ -122,7 +127,7 @@ def prove(
 
     Raises:
         ProofError: there is no range, or an empty one; no such shape; tolerances without parameters, or that loops
-            can't follow.
+            can't follow; sigma is negative, or given with tolerances.
         DesignError: an unknown dimension, or a wrong unit.
         SliceError: coordinates that don't exist, or that can't be given independently.
         UnknownNameError: no such node.
@@ -138,20 +143,26 @@ def prove(
             f"no region '{shape}' over {len(over)} coordinates: {', '.join(ROUND)}, a cylinder over 2 or more"
         )
     start = whole.q_home if q is None else whole.structure.checked(q)
+    if sigma is not None and not sigma >= 0.0:
+        raise ProofError(f"sigma is {sigma:g}: give a bound that is not negative")
+    if sigma is not None and tolerances:
+        raise ProofError("singular values are bounded without tolerances only: leave out sigma or the tolerances")
     known = coordinates.coordinates(start)
     pose = np.array([(at or {}).get(name, known[name]) for name in POSE])
     constant = [name for name in POSE if name not in coordinates.independent and not _moves(coordinates, name)]
     pose[np.abs(pose) < _EXACT] = 0.0
 
     def export(one: Mechanism) -> dict[str, Any]:
-        exporter = Exporter(one.successive, coordinates.node, pose, over, coordinates.independent, constant, limits)
-        return {"format": _FORMAT, **exporter.document(start), "bounds": {"limits": limits}, "shape": shape}
+        kind = Exporter if sigma is None else VelocityExporter
+        exporter = kind(one.successive, coordinates.node, pose, over, coordinates.independent, constant, limits)
+        bounds = {"limits": limits, "sigma": sigma}
+        return {"format": _FORMAT, **exporter.document(start), "bounds": bounds, "shape": shape}
 
     document = export(whole)
     if tolerances:
         document = with_tolerances(document, _parameters(parameters, mechanism), tolerances, export)
     with np.errstate(all="ignore"):
-        question = _Question(document, np.array([known[name] for name in POSE]), pose, limits, boxes)
+        question = _Question(document, np.array([known[name] for name in POSE]), pose, boxes)
         ends = np.array(list(over.values()), dtype=float)
         return question.largest(ends) if grow else question.answer(ends, report)
 
@@ -163,17 +174,19 @@ class _Question:
         document: the equations.
         known: (6,) the pose of the configuration that they were written in.
         pose: (6,) that of what does not vary.
-        limits: whether all joints must stay within their limits.
         boxes: number of boxes that are tested.
     """
 
-    def __init__(self, document: Mapping[str, Any], known: Array, pose: Array, limits: bool, boxes: int) -> None:
+    def __init__(self, document: Mapping[str, Any], known: Array, pose: Array, boxes: int) -> None:
         self._document, self._known, self._pose, self._boxes = document, known, pose, boxes
         self._equations = Equations(document)
         self._over = [POSE.index(document["variables"][k]["name"]) for k in self._equations.over]
         self._equations.select(self._equations.start, known[self._over])
         self._reason = _not_square(len(self._equations.rows), len(self._equations.start))
-        self._prover = Prover(self._equations, limits)
+        self._reason = self._reason or document.get("unbounded", "")
+        limits, sigma = document["bounds"]["limits"], document["bounds"]["sigma"]
+        values = None if sigma is None or self._reason else SingularValues(self._equations, document)
+        self._prover = Prover(self._equations, limits, sigma, values)
 
     def answer(self, ends: Array, report: Callable[[float], None] | None = None) -> Proof:
         """Return what is proved of a region, whose coordinates have these ends (parameters, 2)."""

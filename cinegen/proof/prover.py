@@ -15,6 +15,7 @@ import numpy as np
 
 from cinegen.arrays import Array, Bools
 from cinegen.proof.equations import Change, Equations, Point
+from cinegen.proof.singular import SingularValues
 
 BOXES = 10_000
 """Default number of boxes that are tested."""
@@ -25,13 +26,14 @@ _ROUNDS = 4  # radii of a tube that are tried, 0 first
 _WIDER = 1.25  # times the radius that would just do: a margin for the checker
 _LOST = 4  # halvings of a box in whose middle no configuration is found
 _SURE = 0.98  # part of a bound that is used: the rest is a margin for the checker
+_SURE_OF_SIGMA = 0.95  # likewise of a singular value, which the checker bounds by powers
 _LEAST = 1e-7  # part of a range of the region: boxes that are smaller are not halved
 _ROUNDED = 1e-9  # by so much a box is farther out than the edge of the region
 _TINY = 1e-11  # rad and characteristic lengths: smallest radius
 
-PROVED, REGULAR, LIMIT, OPEN, OUTSIDE = "proved", "regular", "limit", "open", "outside"
+PROVED, REGULAR, LIMIT, SIGMA, OPEN, OUTSIDE = "proved", "regular", "limit", "sigma", "open", "outside"
 """Claims of a box: everything holds; one configuration, no more is claimed; ... and a joint is beyond a limit in all of
-it; nothing; it is not in the region."""
+it; ... and a singular value is below its bound in all of it; nothing; it is not in the region."""
 
 ROUND = {"box": 0, "cylinder": 2, "ball": 6}
 """Shapes of regions: so many coordinates, the first ones, lie in an ellipse or ellipsoid that touches their ranges."""
@@ -43,7 +45,7 @@ class Leaf:
 
     Attributes:
         claim: what is claimed of it.
-        reason: why no more is claimed; or the joint that is beyond its limit.
+        reason: why no more is claimed; or the joint that is beyond its limit, or the singular value.
         x: (unknowns,) the configuration at its centre, rad and m.
         y: (unknowns,) radius of the tube in which the configuration is the only one, rad and m.
     """
@@ -69,10 +71,14 @@ class Prover:
     Args:
         equations: as many as there are unknowns.
         limits: whether joints must stay within theirs.
+        sigma: what the smallest singular values must be above, if there are
+        values: which bounds them.
     """
 
-    def __init__(self, equations: Equations, limits: bool) -> None:
-        self.equations, self._limits = equations, limits
+    def __init__(
+        self, equations: Equations, limits: bool, sigma: float | None = None, values: SingularValues | None = None
+    ) -> None:
+        self.equations, self._limits, self._sigma, self._values = equations, limits, sigma, values
         self.nodes = list[tuple[int, int, int] | Leaf | None]()
         self.tested = 0
 
@@ -180,6 +186,12 @@ class Prover:
             y = np.where(usable[:, None], better, y)
         axes = np.argmax(bends, axis=1).tolist()
         claims = self._claims(x, np.abs(along[:, :count]).sum(axis=-1) + image, at, change)
+        best = [i for i in range(len(x)) if regular[i] and claims[i][0] == PROVED]
+        if self._values is not None and best:
+            there, tubes = Point(*(m[best] for m in at)), (x[best], centre[best], along[best], y[best])
+            least, most = self._values.smallest(*tubes, there, e.change(*tubes, sharp=True))
+            for k, i in enumerate(best):
+                claims[i] = self._judged(least[:, k], most[:, k])
         found = list[tuple[Leaf, int, tuple[Array, Array] | None]]()
         for i, axis in enumerate(axes):
             leaf, step = Leaf(OPEN, "no configuration is found"), 0.5 * along[i, :count, axis]
@@ -247,6 +259,15 @@ class Prover:
             else:
                 found.append((PROVED, ""))
         return found
+
+    def _judged(self, least: Array, most: Array) -> tuple[str, str]:
+        """Return what is claimed of a box by bounds (2,) of its singular values from below and above."""
+        assert self._sigma is not None
+        if (most < _SURE_OF_SIGMA * self._sigma).any():
+            return SIGMA, f"sigma_{1 + int(most.argmin())}"
+        if (_SURE_OF_SIGMA * least > self._sigma).all():
+            return PROVED, ""
+        return REGULAR, f"sigma_{1 + int(least.argmin())} may be less"
 
     def _controlled(self, at: Point, change: Change) -> Bools:
         """Return of which boxes (boxes,) no motion remains with all actuated joints locked: of type 2 there is none."""

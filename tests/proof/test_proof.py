@@ -1,6 +1,7 @@
 """Proofs of workspaces: regions known by plane geometry, poses of the solver, singular poses, mutated certificates."""
 
 import copy
+import itertools
 import json
 import math
 import random
@@ -15,9 +16,11 @@ import cinegen.proof.proof
 from cinegen.design.parameters import Parameters
 from cinegen.plotting.proof import COLOURS, draw_proof
 from cinegen.proof import CertificateError, ProofError, check, load_proof, prove
-from cinegen.proof.checker import Robot, Value
+from cinegen.proof.checker import Robot, Tube, Value
 from cinegen.proof.equations import Equations
 from cinegen.proof.prover import Prover
+from cinegen.proof.singular import SingularValues
+from cinegen.singularities import singularity
 from cinegen.singularities.slice import POSE, Coordinates, SliceError
 
 ROBOTS = Path(__file__).parents[2] / "robots"
@@ -311,6 +314,29 @@ def test_derivatives_over_a_box_contain_those_at_its_points(robot, name, over):
         np.testing.assert_allclose(ours, theirs, rtol=1e-5, atol=1e-10)
 
 
+def test_derivatives_with_products_contain_those_at_points(robot):
+    """With third derivatives, and within a smaller radius."""
+    over = {"x": (0.02, 0.12), "y": (-0.1, 0.0), "rz": (0.16, 0.26)}
+    document, rng = prove(robot("gough"), over, sigma=0.0, boxes=1).certificate, np.random.default_rng(5)
+    equations = Equations(document)
+    x, p = np.array(document["start"]["x"]) / equations.units, np.array(document["start"]["pose"])
+    n, y = len(p), 0.001 * rng.uniform(size=len(x))
+    along = rng.normal(size=(len(x) + n, n + n * (n + 1) // 2)) * ([0.03] * n + [0.002] * (n * (n + 1) // 2))
+    along[len(x) :, n:] = 0.0
+    at = equations.at(x[None], p[None]).jacobian[0, 0]
+    change = equations.change(x[None], p[None], along[None], y[None], sharp=True)
+    by, around = change.by[0].copy(), change.narrow[0] + change.apart[0]
+    by[n:] += change.sharper[0]
+    plain = [i for i in equations.rows if change.sharper[0, :, i].any()]
+    assert change.narrow[0, plain].sum() < 0.6 * change.bent[0, plain].sum()
+    for _ in range(60):
+        eps, d = rng.uniform(-1.0, 1.0, n), y * rng.uniform(-1.0, 1.0, len(y))
+        eta = np.concatenate([eps, [eps[j] * eps[k] for j in range(n) for k in range(j, n)]])
+        moved = along @ eta
+        other = equations.at((x + moved[: len(x)] + d)[None], (p + moved[len(x) :])[None]).jacobian[0, 0]
+        assert (np.abs(other - at - np.tensordot(eta, by, 1)) <= around + 1e-12).all()
+
+
 def test_derivatives_are_those_of_finite_differences(robot):
     document = prove(robot("gough"), INSIDE["gough"][0], boxes=1).certificate
     equations, h = Equations(document), 1e-6
@@ -321,6 +347,121 @@ def test_derivatives_are_those_of_finite_differences(robot):
         np.testing.assert_allclose(slope, equations.at(x[None], p[None]).jacobian[0, 0, :, k], atol=1e-8)
 
 
+# --- singular values ----------------------------------------------------------------------------------------------
+
+CENTRES = {
+    "five_bar": ("x", "y"), "delta4": ("x", "y", "z"), "gough": ("x", "rx", "rz"), "cusp_3rpr": ("rz",),
+    "sr400": ("rz",), "belt_five_bar": ("x", "y"), "scara": ("x", "y"),
+}  # fmt: skip
+"""Coordinates of mechanisms: planar loops, one with a belt, spatial ones, parallelograms, cut joints, couplings."""
+
+
+def around(mechanism, names, width):
+    home = Coordinates(mechanism, list(names)).home
+    return {name: (home[name] - width, home[name] + width) for name in names}
+
+
+def tubes(certificate):
+    """The boxes that are not halved, as the checker reads them, in the order of the tree."""
+    nodes, low_high = iter(certificate["tree"]), list(zip(*certificate["over"].values(), strict=True))
+    found, robot = [], Robot(certificate)
+
+    def read(low, high):
+        node = next(nodes)
+        if isinstance(node, dict):
+            found.append((low, high, Tube(robot, low, high, node) if node["claim"] != "open" else None))
+            return
+        middle = (low[node] + high[node]) / 2
+        read(low, [*high[:node], middle, *high[node + 1 :]])
+        read([*low[:node], middle, *low[node + 1 :]], high)
+
+    read(*map(list, low_high))
+    return found
+
+
+@pytest.mark.parametrize("name", CENTRES)
+def test_bounds_of_singular_values_contain_those_at_poses(robot, name):
+    """In a tiny box they are those of `singularity`, else they contain them; likewise the prover's."""
+    mechanism, names = robot(name), CENTRES[name]
+    coordinates = Coordinates(mechanism, list(names))
+    for width in (1e-9, 0.005):
+        proof = prove(mechanism, around(mechanism, names, width), sigma=1e-6, limits=name == "gough", boxes=1)
+        assert proof.boxes == 1
+        with ctx.workprec(64):
+            ((low, high, tube),) = tubes(proof.certificate)
+            assert tube.status()[0] == "proved"
+            bounds = [[float(x) for x in pair] for pair in tube.smallest()]
+        for values in np.random.default_rng(2).uniform(low, high, (8, len(names))):
+            q = coordinates.from_home(dict(zip(names, values, strict=True)), steps=4)
+            assert q is not None
+            for (least, most), value in zip(bounds, singularity(mechanism, q).sigma, strict=True):
+                assert least < value * (1.0 + 1e-9) < most * (1.0 + 2e-9)
+                if width < 1e-6:
+                    assert most - least < 0.1 * value  # powers of a matrix bound its norm to some percent
+
+
+def test_singular_values_of_the_equations_are_those_of_maps(robot):
+    """K of both types at points, by the kernel alone."""
+    for name in CENTRES:
+        mechanism, names = robot(name), CENTRES[name]
+        proof = prove(mechanism, around(mechanism, names, 1e-7), sigma=1e-6, limits=name == "gough", boxes=1)
+        document = proof.certificate
+        equations = Equations(document)
+        equations.rows = np.array(document["rows"])
+        values = SingularValues(equations, document)
+        x, p = np.array(document["tree"][0]["x"]) / equations.units, np.array(document["start"]["pose"])
+        along = np.zeros((1, len(x) + len(p), len(names) * (len(names) + 3) // 2))
+        change = equations.change(x[None], p[None], along, np.zeros((1, len(x))), sharp=True)
+        least, most = values.smallest(
+            x[None], p[None], along, np.zeros((1, len(x))), equations.at(x[None], p[None]), change
+        )
+        q = Coordinates(mechanism, list(names)).from_home(dict(zip(names, p, strict=True)), steps=2)
+        expected = singularity(mechanism, q).sigma
+        np.testing.assert_allclose(least[:, 0], expected[: len(least)], atol=1e-9)
+        np.testing.assert_allclose(most[:, 0], expected[: len(least)], atol=1e-9)
+
+
+def test_a_bound_that_no_pose_violates_by_half_is_proved_and_one_above_the_least_is_not(robot):
+    for name, over in (("five_bar", RECTANGLE), ("delta4", INSIDE["delta4"][0])):
+        mechanism = robot(name)
+        coordinates, ends = Coordinates(mechanism, list(over)), np.array(list(over.values())).T
+        poses = [*itertools.product(*ends.T), *np.random.default_rng(3).uniform(*ends, (40, len(over)))]
+        found = [
+            singularity(mechanism, coordinates.from_home(dict(zip(over, p, strict=True)), steps=6)).sigma for p in poses
+        ]
+        least = float(np.min(found))
+        assert prove(mechanism, over, sigma=0.5 * least)
+        proof = prove(mechanism, over, sigma=1.02 * least, boxes=150)
+        assert not proof
+        assert proof.reasons or proof.witnesses
+
+
+def test_a_singular_value_below_its_bound_refutes_with_a_witness(robot):
+    mechanism = robot("five_bar")
+    proof = prove(mechanism, RECTANGLE, sigma=0.24, boxes=100)
+    assert proof.refuted > 0.1
+    coordinates = Coordinates(mechanism, list(RECTANGLE))
+    for witness in proof.witnesses:
+        q = coordinates.from_home(witness["pose"], steps=6)
+        assert witness["sigma"] == "sigma_1"
+        assert singularity(mechanism, q).sigma[0] < 0.24
+
+
+def test_a_gough_platform_with_a_bound_of_singular_values(robot):
+    assert prove(robot("gough"), INSIDE["gough"][0], sigma=0.05, boxes=10)
+
+
+def test_what_has_no_bound_of_singular_values_says_why(robot):
+    home = Coordinates(robot("planar_hybrid"), ["x"]).home["x"]
+    proof = prove(robot("planar_hybrid"), {"x": (home, home + 0.01)}, sigma=0.01)
+    assert proof.reasons == {"the pose does not determine the configuration": 1}
+    home = Coordinates(robot("ankle"), ["x"]).home["x"]
+    proof = prove(robot("ankle"), {"x": (home, home + 0.01)}, sigma=0.01)
+    assert proof.reasons == {"singular values are not bounded where coordinates follow from others: z": 1}
+    with pytest.raises(ProofError, match="sigma is -1"):
+        prove(robot("five_bar"), RECTANGLE, sigma=-1.0)
+
+
 # --- mutations ----------------------------------------------------------------------------------------------------
 
 
@@ -329,7 +470,7 @@ def mutated(certificate, rng):
     found = copy.deepcopy(certificate)
     leaves = [node for node in found["tree"] if isinstance(node, dict)]
     leaf, factor = rng.choice(leaves), rng.choice([0.0, 0.5, 0.9, 1.1, 2.0, -1.0, 1e9, math.nan])
-    kind = rng.randrange(8)
+    kind = rng.randrange(10 if found["bounds"]["sigma"] else 8)
     if kind == 0:
         k = rng.randrange(len(leaf["x"]))
         leaf["x"][k] += rng.choice([1e-9, 1e-3, 0.1, 2.0 * math.pi, -2.0 * math.pi, math.nan])
@@ -349,6 +490,10 @@ def mutated(certificate, rng):
     elif kind == 6:
         one, other = rng.sample(leaves, 2)
         one["x"], other["x"] = other["x"], one["x"]
+    elif kind == 8:
+        found["bounds"]["sigma"] *= rng.choice([0.0, 0.5, 1.1, 1.5, 2.0, 1e9])
+    elif kind == 9:
+        leaf["claim"] = "sigma"
     else:
         variable = rng.choice([v for v in found["variables"] if v["limits"][0] is not None])
         variable["limits"][rng.randrange(2)] *= factor
@@ -370,6 +515,8 @@ def assert_true(certificate, result, mechanism, rng):
         for name in mechanism.joints:
             least, most = by_name[name]
             assert least <= q[mechanism.q_index(name)] <= most
+        sigma = certificate["bounds"]["sigma"]
+        assert sigma is None or min(singularity(mechanism, q).sigma) > sigma
 
 
 def mutate(certificate, mechanism, count):
@@ -390,12 +537,17 @@ def test_mutated_certificates_are_rejected_unless_they_are_true(robot):
     assert proof
     accepted = mutate(proof.certificate, robot("five_bar"), 100)
     assert 5 < accepted < 80
+    proof = prove(robot("five_bar"), {"x": (-0.08, 0.08), "y": (0.45, 0.55)}, limits=True, sigma=0.1)
+    assert proof
+    assert 5 < mutate(proof.certificate, robot("five_bar"), 60) < 50
 
 
 @pytest.mark.slow
 def test_ten_thousand_mutated_certificates(robot):
     proof = prove(robot("five_bar"), {"x": (-0.08, 0.08), "y": (0.45, 0.55)}, limits=True)
-    mutate(proof.certificate, robot("five_bar"), 10_000)
+    mutate(proof.certificate, robot("five_bar"), 8_000)
+    proof = prove(robot("five_bar"), {"x": (-0.08, 0.08), "y": (0.45, 0.55)}, limits=True, sigma=0.1)
+    mutate(proof.certificate, robot("five_bar"), 2_000)
 
 
 @pytest.mark.slow

@@ -37,6 +37,9 @@ def run(
     tolerance: list[str] = option(
         "NAME=T", "prove it for all robots whose dimensions err by less: 'link*.d=0.05mm, *.alpha=0.02deg'", ()
     ),
+    sigma: float | None = option(
+        "NUMBER", "prove that the smallest singular values of type 1 and 2, as in maps, are above this", min=0.0
+    ),
     boxes: int | None = option("N", "boxes that are tested at most (10000)", min=1),
     output: str | None = option(
         "FILE", "certificate to write (ROBOT-proof.json)", None, "-o", "--output", endings=(".json",)
@@ -49,7 +52,7 @@ def run(
 
     Writes a certificate, which a separate program of python-flint alone checks: its result is printed. `cinegen
     check-proof` checks it again. A pose outside the limits, and two poses between which there is a singularity, refute
-    the region. Answers 1 unless all of the region is proved.
+    the region; so does a singular value below `--sigma`. Answers 1 unless all of the region is proved.
     """
     from json import dumps
 
@@ -70,7 +73,7 @@ def run(
     given = values(at, "--at", "z=-0.9, z=-900mm or rz=15", mechanism)
     with Progress() as progress:
         proof = prove(
-            mechanism, ranges, given, node, limits=limits, boxes=boxes or BOXES, shape=shape, grow=grow,
+            mechanism, ranges, given, node, limits=limits, sigma=sigma, boxes=boxes or BOXES, shape=shape, grow=grow,
             tolerances=errors, parameters=parameters, report=progress.fraction,
         )  # fmt: skip
     write(target, dumps({"origin": GENERATED, **proof.certificate}))
@@ -86,11 +89,11 @@ def lines(name: str, proof: Proof) -> str:
     """Return the result for people: m and degrees."""
     found = [f"{one_line(name)}: {proof.message}", f"  region: {one_line(proof.region_text)}"]
     for witness in proof.witnesses[:2]:
-        why = (
-            f"{one_line(str(witness['limit']))} is beyond a limit"
-            if "limit" in witness
-            else f"determinant {witness['determinant']:+d}"
-        )
+        why = f"determinant {witness.get('determinant', 0):+d}"
+        if "limit" in witness:
+            why = f"{one_line(str(witness['limit']))} is beyond a limit"
+        elif "sigma" in witness:
+            why = f"{one_line(str(witness['sigma']))} is below its bound"
         pose = (
             f"{key} = {math.degrees(value):.4g} deg" if key.startswith("r") else f"{key} = {value:.4g} m"
             for key, value in witness["pose"].items()

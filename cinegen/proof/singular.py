@@ -1,0 +1,190 @@
+"""Bounds of the smallest singular values over many boxes at a time: they are 1 / |K|, K = N F_x^-1 F_w of each type.
+
+A matrix over a box is M_0 + sum_k M_k eta_k + [-R, R], |eta_k| <= 1: eta are the eps_j, and then their products.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cinegen.arrays import Array
+from cinegen.proof.equations import Change, Equations, Point
+
+_EXACT = (
+    1e-9  # velocities with which openings across a planar linkage change the equations that are left out are larger
+)
+
+
+class Matrices(NamedTuple):
+    """A matrix over boxes.
+
+    Attributes:
+        c: (boxes, rows, columns) at the centre.
+        g: (boxes, n, rows, columns) its change by eta.
+        r: (boxes, rows, columns) radius.
+    """
+
+    c: Array
+    g: Array
+    r: Array
+
+    def part(self, rows: Any, columns: Any) -> Matrices:
+        """Return some rows and columns."""
+        down, across = np.asarray(rows, dtype=np.intp)[:, None], np.asarray(columns, dtype=np.intp)
+        return Matrices(*(m[..., down, across] for m in self))
+
+    def times(self, right: Array) -> Matrices:
+        """Return the product with constants (boxes, columns, .)."""
+        return Matrices(self.c @ right, self.g @ right[:, None], self.r @ np.abs(right))
+
+    def beside(self, right: Array) -> Matrices:
+        """Return the matrix, and constants (boxes, rows, .) to the right of it."""
+        none = np.zeros((*self.g.shape[:2], *right.shape[1:]))
+        return Matrices(*(np.concatenate(pair, axis=-1) for pair in zip(self, (right, none, none[:, 0]), strict=True)))
+
+
+class SingularValues:
+    """Bounds singular values over boxes.
+
+    Args:
+        equations: of a document with velocities (`cinegen.proof.velocities`).
+        document: its JSON values.
+    """
+
+    def __init__(self, equations: Equations, document: Mapping[str, Any]) -> None:
+        e, length, variables = equations, float(document["length"]), document["variables"]
+        self._equations, self._second = e, document["second"]
+        self._twist = [e.column[k] for k in document["first"]]
+        self._by_twist = np.diag([length if variables[k]["prismatic"] else 1.0 for k in document["first"]])
+        self._single = [e.column[k] for k in document["single"]]
+        self._passive = [e.column[k] for k in document["single"] if k in document["passive"]]
+        if self._second is not None:
+            loops = [k for cluster in self._second["clusters"] for loop in cluster["openings"] for k in loop]
+            self._opening = np.array([e.column[k] for k in (*loops, *self._second["couplings"])], dtype=np.intp)
+
+    def smallest(self, x: Array, p: Array, along: Array, y: Array, at: Point, change: Change) -> tuple[Array, Array]:
+        """Return bounds (types, boxes) of the smallest singular values from below and above, of type 1 and 2.
+
+        Args:
+            x: (boxes, unknowns) configurations at the centres, dimensionless.
+            p: (boxes, parameters) poses there, m and rad.
+            along: (boxes, unknowns + parameters, .) their change by eta.
+            y: (boxes, unknowns) radius about that.
+            at: at the centres.
+            change: over the boxes.
+        """
+        e, n = self._equations, p.shape[1]
+        by = np.concatenate([change.by[:, :n], change.by[:, n:] + change.sharper], axis=1)
+        whole = Matrices(at.jacobian[:, 0], by, at.jacobian[:, 1] + change.narrow + change.apart)
+        by_twist = np.tile(self._by_twist, (len(x), 1, 1))
+        sizes = [self._size(whole, n, list(range(len(e.unknown))), self._single, self._twist, by_twist)]
+        if self._second is not None:
+            across = sorted({*range(whole.c.shape[1])} - {*e.rows, *e.positive, *e.rates})
+            kept = np.abs(whole.part(across, self._opening).c).max(axis=(0, 1), initial=0.0) < _EXACT
+            by_opening, stretch = self._by_opening(x, p, along, y)
+            by_opening = by_opening[:, kept][:, :, kept]
+            low, high = self._size(whole, n, e.locked, self._passive, self._opening[kept], by_opening)
+            sizes.append((low / stretch, high * stretch))
+        low, high = np.array(sizes).swapaxes(0, 1)
+        return 1.0 / high, np.where(low > 0.0, 1.0 / low, np.inf)
+
+    def _size(
+        self, whole: Matrices, n: int, columns: list[int], single: list[int], twist: Any, by: Array
+    ) -> tuple[Array, Array]:
+        """Return bounds (boxes,) of |K|_2 from below and above.
+
+        Args:
+            whole: of the derivatives of all rows.
+            n: number of parameters.
+            columns: of F_x.
+            single: those of joints whose velocities count by themselves.
+            twist: columns of F_w.
+            by: (boxes, twist, .) factor of F_w.
+        """
+        e, m = self._equations, len(columns)
+        one = np.tile(-np.eye(m), (len(by), 1, 1))
+        f, w = whole.part(e.rows, columns), whole.part(e.rows, twist).times(by).beside(one)
+        rates, bare = whole.part(e.rates, columns), whole.part(e.rates, twist).times(by)
+        bare = bare.beside(np.zeros((len(by), len(e.rates), m)))
+        inverse = _inverse(f.c)
+        slopes = inverse[:, None] @ f.g
+        x = -(inverse @ w.c)
+        g = -(inverse[:, None] @ w.g) - slopes @ x[:, None]
+        g[:, n:] -= _products(slopes, g, n)
+        linear, squares = np.abs(g[:, :n]).sum(axis=1), np.abs(g[:, n:]).sum(axis=1)
+
+        def cubic(left: Matrices) -> Array:
+            first, second = np.abs(left.g[:, :n]).sum(axis=1), np.abs(left.g[:, n:]).sum(axis=1)
+            return np.asarray(left.r @ (np.abs(x) + linear + squares) + first @ squares + second @ (linear + squares))
+
+        lack = w.r + cubic(f)
+        by_rates = rates.c[:, None] @ g + rates.g @ x[:, None] + bare.g
+        by_rates[:, n:] += _products(rates.g, g, n)
+        at = [columns.index(i) for i in single]
+        c = np.concatenate([x[:, at], rates.c @ x + bare.c], axis=1)
+        slopes = np.concatenate([g[:, :, at], by_rates], axis=2)
+        rest = bare.r + cubic(rates)
+        least, most, defect = list[Array](), list[Array](), list[Array]()
+        for part in (slice(0, -m), slice(-m, None)):
+            size, more = _norm(c[..., part]), _norm(slopes[:, :n, :, part]).sum(axis=1) + _norm(rest[..., part])
+            more += np.linalg.norm(slopes[:, n:, :, part], axis=(-1, -2)).sum(axis=1)
+            least.append(size - more)
+            most.append(size + more)
+            defect.append(_norm(lack[..., part]))
+        more = most[1] / (1.0 - defect[1]) * defect[0]
+        is_small = defect[1] < 1.0
+        return np.where(is_small, least[0] - more, 0.0), np.where(is_small, most[0] + more, np.inf)
+
+    def _by_opening(self, x: Array, p: Array, along: Array, y: Array) -> tuple[Array, Array]:
+        """Return the openings of loops (boxes, ., .) by dimensionless and mixed ones about the centres of the clusters'
+        axes, and what factor (boxes,) bounds how these centres move."""
+        assert self._second is not None
+        e, blocks, stretch = self._equations, list[Array](), np.ones(len(x))
+        values, radius, count = e.values(x, p), np.zeros((len(x), e.count)), x.shape[1]
+        spread = np.abs(along).sum(axis=-1)
+        radius[:, e.unknown], radius[:, e.over] = (spread[:, :count] + y) * e.units, spread[:, count:]
+        for cluster in self._second["clusters"]:
+            about, away, by = np.zeros((len(x), 3)), np.zeros((len(x), 3)), np.tile(np.eye(6), (len(x), 1, 1))
+            for chain, end, share, off in cluster["about"]:
+                middle, r = e.placed(chain, end, values, radius)
+                about, away = about + share * middle, away + share * (r + off)
+            turned = np.linalg.norm(away, axis=1) / cluster["length"] / 2.0
+            stretch = np.maximum(stretch, turned + np.hypot(1.0, turned))
+            by[:, :3, :3] *= cluster["length"]
+            by[:, :3, 3:] = -np.cross(np.eye(3), about[:, None]).swapaxes(1, 2)
+            blocks.append(
+                np.einsum("lm,bij->blimj", cluster["unmix"], by).reshape(len(x), 6 * len(cluster["unmix"]), -1)
+            )
+        blocks.append(np.tile(np.eye(len(self._second["couplings"])), (len(x), 1, 1)))
+        whole, start = np.zeros((len(x), len(self._opening), len(self._opening))), 0
+        for block in blocks:
+            stop = start + block.shape[1]
+            whole[:, start:stop, start:stop] = block
+            start = stop
+        return whole, stretch
+
+
+def _products(left: Array, right: Array, n: int) -> Array:
+    """Return what products of the parts by eps_j, of both, are by eps_j eps_k, j <= k."""
+    j, k = np.triu_indices(n)
+    found = left[:, j] @ right[:, k] + left[:, k] @ right[:, j]
+    return np.asarray(found * np.where(j == k, 0.5, 1.0)[:, None, None])
+
+
+def _norm(matrices: Array) -> Array:
+    """Return the largest singular values; infinite where a number is not finite."""
+    if not matrices.size:
+        return np.zeros(matrices.shape[:-2])
+    is_finite = np.asarray(np.isfinite(matrices).all(axis=(-1, -2)))
+    norms = np.linalg.norm(np.where(is_finite[..., None, None], matrices, 0.0), 2, axis=(-2, -1))
+    return np.asarray(np.where(is_finite, norms, np.inf))
+
+
+def _inverse(matrices: Array) -> Array:
+    try:
+        return np.asarray(np.linalg.inv(matrices))
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.pinv(matrices))
