@@ -204,7 +204,7 @@ class Equations:
             np.zeros((2, len(values), 3)),
         )
         for index, k in [*chain, [end, -1]]:
-            fixed = self._placements[index]
+            fixed = self._placements[index, 0]
             at[0] += turn[0] @ fixed[:3, 3]
             at[1] += turn[1] @ np.abs(fixed[:3, 3])
             turn = turn[0] @ fixed[:3, :3], turn[1] @ np.abs(fixed[:3, :3])
