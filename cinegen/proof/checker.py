@@ -339,12 +339,12 @@ def _norms(parts: Sequence[arb_mat], squarings: int = 3) -> tuple[arb, arb]:
     sums = [x.upper() for x in _reach(power).entries()]
     t = power.mid() * _column([int(x == max(sums)) for x in sums])
     size = (t.transpose() * t)[0, 0]
-    low = ((t.transpose() * gram * t)[0, 0] / size).sqrt().lower() if size > 0 else arb(0)
-    return low, max(sums).root(2 ** (squarings + 1)).upper()
+    low = ((t.transpose() * gram * t)[0, 0] / size).lower() if size > 0 else arb(0)
+    return low.sqrt().lower() if low > 0 else arb(0), max(sums).root(2 ** (squarings + 1)).upper()
 
 
 def _frobenius(parts: Sequence[arb_mat]) -> arb:
-    return sum((x * x for m in parts for x in m.entries()), arb(0)).sqrt()
+    return sum((x * x for m in parts for x in m.entries()), arb(0)).upper().sqrt()
 
 
 class Form(NamedTuple):
