@@ -124,24 +124,25 @@ class Robot:
                 names, value, before = [*last.variables, k], last.value.plus(value), _ONE
                 turned = moved * _AXES + _POINT
             q = arb(value.c.mid(), (value.c.rad() + value.spread() + value.r).upper()) if wide else value.c
-            powers = [_ONE + _ALONG * q, _ALONG, _ZERO, _ZERO] if slides else [_turn(q, n) for n in range(4)]
+            powers = [_ONE + _ALONG * q, _ALONG, _ZERO, _ZERO] if slides else [_turn(q, n) for n in range(order + 1)]
             slots.append(Slot(names, value, before, powers, not slides, not self.virtual.issuperset(names)))
             is_turn = not slides
-        f, d, d2, _ = factors = [[slot.before * slot.powers[n] for slot in slots] for n in range(4)]
+        factors = [[slot.before * slot.powers[n] for slot in slots] for n in range(order + 1)]
         after, before, first, axes = [turned * self.placements[end]], _ONE, list[arb_mat](), list[arb_mat]()
         second = dict[Any, arb_mat]()
-        for factor in reversed(f):
+        for factor in reversed(factors[0]):
             after.insert(0, factor * after[0])
         for s in range(len(slots) if order else 0):
-            along = before * d[s]
+            along = before * factors[1][s]
             first.append(along * after[s + 1])
             axes.append(before * slots[s].before * _ALONG if slots[s].turns else _ZERO)
-            second[s, s] = before * d2[s] * after[s + 1]
+            if order > 1:
+                second[s, s] = before * factors[2][s] * after[s + 1]
             for t in range(s + 1, len(slots) if order > 1 else 0):
                 if slots[s].varies or slots[t].varies:
-                    second[s, t] = along * d[t] * after[t + 1]
-                along = along * f[t]
-            before = before * f[s]
+                    second[s, t] = along * factors[1][t] * after[t + 1]
+                along = along * factors[0][t]
+            before = before * factors[0][s]
         for key in combinations_with_replacement([s for s, slot in enumerate(slots) if slot.varies], 3 * (order == 3)):
             if key:
                 third = after[key[-1] + 1]
@@ -296,6 +297,12 @@ def _abs(m: arb_mat) -> arb_mat:
     return arb_mat(m.nrows(), m.ncols(), [abs(x) for x in m.entries()])
 
 
+def _sizes(matrices: Sequence[arb_mat]) -> arb_mat:
+    """Return the sums of absolute values of matrices."""
+    entries = zip(*(m.entries() for m in matrices), strict=True)
+    return arb_mat(matrices[0].nrows(), matrices[0].ncols(), [sum(map(abs, x), arb(0)) for x in entries])
+
+
 def _reach(m: arb_mat) -> arb_mat:
     """Return the sums of absolute values of rows."""
     return _abs(m) * arb_mat(m.ncols(), 1, [1] * m.ncols())
@@ -335,12 +342,12 @@ def _norms(parts: Sequence[arb_mat], squarings: int = 3) -> tuple[arb, arb]:
     sums = [x.upper() for x in _reach(power).entries()]
     t = power.mid() * _column([int(x == max(sums)) for x in sums])
     size = (t.transpose() * t)[0, 0]
-    low = ((t.transpose() * gram * t)[0, 0] / size).sqrt().lower() if size > 0 else arb(0)
-    return low, max(sums).root(2 ** (squarings + 1)).upper()
+    low = ((t.transpose() * gram * t)[0, 0] / size).lower() if size > 0 else arb(0)
+    return low.sqrt().lower() if low > 0 else arb(0), max(sums).root(2 ** (squarings + 1)).upper()
 
 
 def _frobenius(parts: Sequence[arb_mat]) -> arb:
-    return sum((x * x for m in parts for x in m.entries()), arb(0)).sqrt()
+    return sum((x * x for m in parts for x in m.entries()), arb(0)).upper().sqrt()
 
 
 class Form(NamedTuple):
@@ -360,12 +367,14 @@ class Form(NamedTuple):
         for q, (j, k) in enumerate(pairs, n):
             self.g[q] += left[j] * right[j] if j == k else left[j] * right[k] + left[k] * right[j]
 
-    def cubic(self, x: Form, n: int) -> arb_mat:
-        """Return a bound of what the product with x has beyond the products of eps_j."""
-        (first, second), (linear, squares) = (
-            [_sum([_abs(a) for a in m.g[i:j]]) for i, j in ((0, n), (n, None))] for m in (self, x)
-        )
-        return self.r * (_abs(x.c) + linear + squares) + first * squares + second * (linear + squares)
+    def sizes(self, n: int) -> tuple[arb_mat, arb_mat]:
+        """Return the sums of sizes of the parts by eps, and by their products."""
+        return _sizes(self.g[:n]), _sizes(self.g[n:])
+
+    def cubic(self, sizes: tuple[arb_mat, arb_mat], right: tuple[arb_mat, arb_mat, arb_mat]) -> arb_mat:
+        """Return a bound of what the product with X has beyond the products of eps, by sizes of parts of both."""
+        centre, linear, squares = right
+        return self.r * (centre + linear + squares) + sizes[0] * squares + sizes[1] * (linear + squares)
 
 
 class Tube:
@@ -406,14 +415,13 @@ class Tube:
         self._check_rest(residual)
         # equation 3: |C F(X(eps), P(eps))| <= z
         constant, *by, unsure = self.less_identity(c, range(k))
-        squares, curve = _sum([_abs(m) for m in by[n:]]), _reach(curved)
+        squares, curve = _sizes(by[n:]), _reach(curved)
         z = _reach(c * _column([residual[i] for i in rows])) + _reach(c * first * straight) + _abs(constant) * curve
         z += _reach(second - second.mid()) + _sum([_reach(m * curved) for m in by[:n]]) + squares * curve / 2
         z += _abs(c) * (_pick(self.parts[-2], rows, all_columns) * _reach(self.along)) / 3
         # equation 4: z + E y < y
-        defect = _sum([_abs(m) for m in [constant, *by[:n]]]) + squares + unsure
-        drawn = (defect * _column(self.y)).entries()
-        image = [(a + b).upper() for a, b in zip(z.entries(), drawn, strict=True)]
+        defect = _sizes([constant, *by[:n]]) + squares + unsure
+        image = [x.upper() for x in (z + defect * _column(self.y)).entries()]
         if not all(a < y for a, y in zip(image, self.y, strict=True)):
             raise CertificateError("existence and uniqueness are not confirmed")
         self.defect = arb_mat(k, k, [a.upper() for a in defect.entries()])
@@ -484,6 +492,7 @@ class Tube:
         bare, nothing, pick = self._form(rates, twist).times(by), 0 * f.c, arb_mat(len(single), len(columns))
         for i, k in enumerate(single):
             pick[i, columns.index(k)] = 1
+        f_size, of_size = f.sizes(n), of.sizes(n)
         try:
             inverse = f.c.inv()
         except ZeroDivisionError:
@@ -493,7 +502,8 @@ class Tube:
             c = inverse * right.c
             x = Form(c, [inverse * m + a * c for m, a in zip(right.g, slopes, strict=True)], 0 * right.r)
             x.add_products(slopes, x.g, n)
-            whole = Form(of.c * c, [of.c * m + a * c for m, a in zip(x.g, of.g, strict=True)], of.cubic(x, n))
+            size = (_abs(c), *x.sizes(n))
+            whole = Form(of.c * c, [of.c * m + a * c for m, a in zip(x.g, of.g, strict=True)], of.cubic(of_size, size))
             whole.add_products(of.g, x.g, n)
             if free is not None:
                 whole = Form(whole.c - free.c, [a - b for a, b in zip(whole.g, free.g, strict=True)], whole.r + free.r)
@@ -501,7 +511,7 @@ class Tube:
             low, high = _norms([pick * x.c, whole.c], 6)
             rest = sum((_norms(m)[1] for m in changes[:n]), _norms([whole.r])[1])
             rest += sum(map(_frobenius, changes[n:]), arb(0))
-            sizes.append((low - rest, high + rest, _norms([right.r + f.cubic(x, n)])[1]))
+            sizes.append((low - rest, high + rest, _norms([right.r + f.cubic(f_size, size)])[1]))
         (low, high, lack), (_, left, defect) = sizes
         if not defect < 1:
             return arb(0), arb(inf)
@@ -585,10 +595,10 @@ class Tube:
             left = _inverse(_pick(self.parts[0], self.robot.data["rows"], locked))
             first, *by, rest = self.less_identity(left, locked)
             bent = [m.mid() for m in by[:n]]
-            rest += _sum([_abs(m) for m in (first, *by[n:], *(m - m.mid() for m in by[:n]))])
-            total = rest + _sum([_abs(m) for m in bent]) * rest
+            rest += _sizes([first, *by[n:], *(m - m.mid() for m in by[:n])])
+            total = rest + _sizes(bent) * rest
             for a, m in enumerate(bent):
-                total += _sum([_abs(m * m), *(_abs(m * other + other * m) for other in bent[:a])])
+                total += _sizes([m * m, *(m * other + other * m for other in bent[:a])])
             weights = (_inverse(_identity(len(locked)) - total) * _column([1] * len(locked))).mid()
             if all(w > 0 and a < w for a, w in zip((total * weights).entries(), weights.entries(), strict=True)):
                 sign = 1 if left.det() > 0 else -1 if left.det() < 0 else 0

@@ -171,6 +171,10 @@ def test_proofs(root, printed):
     box = ("--over", "z=0.95..1.3", "--limits", "--boxes", "7")
     check(root, printed("prove", "gough.raff", *box, code=1), "prove")
     check(root, printed("check-proof", "gough-proof.json", code=1), "check-proof")
+    box = ("--over", "x=-10..10mm,y=500..510mm", "--sigma", "0.5", "-o", "sigma.json")
+    found = printed("prove", "five_bar.raff", *box, code=1)
+    check(root, found, "prove")
+    assert {witness["sigma"] for witness in found["witnesses"]} == {"sigma_1"}
 
 
 def test_plan(root, printed):

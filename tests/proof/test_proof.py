@@ -451,6 +451,15 @@ def test_a_gough_platform_with_a_bound_of_singular_values(robot):
     assert prove(robot("gough"), INSIDE["gough"][0], sigma=0.05, boxes=10)
 
 
+@pytest.mark.slow
+def test_a_gough_platform_in_six_coordinates_with_half_of_its_least_singular_value(robot):
+    turn = math.radians(10.0)
+    over = {"x": (-0.1, 0.1), "y": (-0.1, 0.1), "z": (0.8, 1.0)} | dict.fromkeys(("rx", "ry", "rz"), (-turn, turn))
+    proof = prove(robot("gough"), over, sigma=0.0514)
+    assert proof
+    assert proof.boxes < 600
+
+
 def test_what_has_no_bound_of_singular_values_says_why(robot):
     home = Coordinates(robot("planar_hybrid"), ["x"]).home["x"]
     proof = prove(robot("planar_hybrid"), {"x": (home, home + 0.01)}, sigma=0.01)
