@@ -26,7 +26,8 @@ from cinegen.loops._kernels.follow import follow
 from cinegen.loops._kernels.memory import LoopMemory
 from cinegen.model.load import load
 from cinegen.planning.vortices import prepare_vortices
-from cinegen.proof._kernels import BoxMemory, evaluate_boxes
+from cinegen.proof._kernels.boxes import evaluate_boxes
+from cinegen.proof._kernels.memory import BoxMemory
 
 
 def _assembly_modes() -> None:

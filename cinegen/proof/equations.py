@@ -15,7 +15,8 @@ import numpy as np
 
 from cinegen.arrays import Array, Indices
 from cinegen.jit.compiled import prepare
-from cinegen.proof._kernels import (
+from cinegen.proof._kernels.boxes import evaluate_boxes
+from cinegen.proof._kernels.memory import (
     NO_RATES,
     SLIDE_RATE,
     SLIDES,
@@ -23,7 +24,6 @@ from cinegen.proof._kernels import (
     TURNS,
     TURNS_OFFSET,
     BoxMemory,
-    evaluate_boxes,
 )
 
 _RATES = {None: (NO_RATES, 0), "slide": (SLIDE_RATE, 1), "turn": (TURN_RATES, 3)}  # and numbers of rows

@@ -12,65 +12,9 @@ and the checker of the claims computes all again.
 
 from __future__ import annotations
 
-import math
-
-from cinegen.jit.compiled import Array, Table, compiled, entry
-from cinegen.jit.memory import Memory, array, foreign, parameter
-
-SLIDES, TURNS, TURNS_OFFSET = range(3)
-"""Kinds of slots: a translation along z; a rotation about z; a translation that is rotated about z."""
-
-NO_RATES, SLIDE_RATE, TURN_RATES = range(3)
-"""Rates of a closure, and their rows: none; one; three."""
-
-
-class BoxMemory(Memory):
-    """The closures of a document, dimensionless but for lengths, and boxes."""
-
-    closures: int = parameter(0)
-    slots: int = parameter(0)
-    longest: int = parameter(0)  # of slots of a chain
-    ends: int = parameter(0)  # longest + 1
-    columns: int = parameter(0)
-    rows: int = parameter(0)
-    parameters: int = parameter(0)
-    sums: int = parameter(0)  # parameters + 2
-    over: int = parameter(0)  # the first of the parameters: eps
-    pairs: int = parameter(0)  # products of eps, if third derivatives are wanted
-    length: float = parameter(1.0)
-    chain: Table = array("closures", 3, dtype=int)  # first slot of both chains, and the end of the second
-    linear: Table = array("closures", dtype=int)  # number of constrained translations
-    turns: Table = array("closures", dtype=int)  # ... and rotations
-    rates: Table = array("closures", dtype=int)  # which
-    row: Table = array("closures", dtype=int)  # the first
-    kind: Table = array("slots", dtype=int)
-    before: Array = array("slots", 2, 4, 4)
-    offset: Array = array("slots", 2, 4, 4)
-    end: Array = array("closures", 2, 2, 4, 4)  # of both chains
-    by_slot: Array = array("slots", "columns")  # the slots' values by the columns
-
-    count: int = parameter(0)  # of boxes
-    order: int = parameter(0)  # of derivatives
-    q: Array = foreign("count", "slots")  # values of the slots
-    along: Array = foreign("count", "slots", "parameters")  # their change by eps
-    away: Array = foreign("count", "slots")  # radius about that
-    residual: Array = foreign("count", 2, "rows")
-    jacobian: Array = foreign("count", 2, "rows", "columns")
-    by: Array = foreign("count", "parameters", "rows", "columns")  # G
-    bent: Array = foreign("count", "rows", "columns")  # R_1, of the second derivatives
-    apart: Array = foreign("count", "rows", "columns")  # R_2, by the distance from X(eps)
-    sharper: Array = foreign("count", "pairs", "rows", "columns")  # what third derivatives add to G
-    narrow: Array = foreign("count", "rows", "columns")  # R_1 without that
-
-    power: Array = array("longest", 4, 2, 4, 4)  # factors of a chain with their derivatives
-    after: Array = array("ends", 2, 4, 4)
-    at: Array = array(2, 2, 4, 4)  # both ends
-    first: Array = array(2, "longest", 2, 4, 4)
-    second: Array = array(2, "longest", "longest", 2, 4, 4)
-    axis: Array = array(2, "longest", 2, 3)
-    scratch: Array = array(6, 2, 4, 4)
-    values: Array = array(2, 10)  # of a closure's rows
-    part: Array = array("slots", 10, "sums")  # of a slot: rows by parameters, then bent, then apart
+from cinegen.jit.compiled import Array, compiled, entry
+from cinegen.proof._kernels.chains import add_product, copy, follow, product, varies, write_back, write_shift
+from cinegen.proof._kernels.memory import SLIDE_RATE, TURN_RATES, BoxMemory
 
 
 @entry
@@ -79,127 +23,6 @@ def evaluate_boxes(memory: BoxMemory) -> None:
     for box in range(memory.count):
         for c in range(memory.closures):
             _evaluate(memory, box, c)
-
-
-@compiled
-def _product(a: Array, b: Array, out: Array) -> None:
-    out[:] = 0.0
-    _add_product(a, b, out)
-
-
-@compiled
-def _add_product(a: Array, b: Array, out: Array) -> None:
-    for i in range(4):
-        for j in range(4):
-            m, r = 0.0, 0.0
-            for k in range(4):
-                m += a[0, i, k] * b[0, k, j]
-                r += abs(a[0, i, k]) * b[1, k, j] + a[1, i, k] * (abs(b[0, k, j]) + b[1, k, j])
-            out[0, i, j] += m
-            out[1, i, j] += r
-
-
-@compiled
-def _copy(a: Array, out: Array) -> None:
-    for k in range(2):
-        for i in range(4):
-            for j in range(4):
-                out[k, i, j] = a[k, i, j]
-
-
-@compiled
-def _back(a: Array, out: Array) -> None:
-    """Transpose the rotation."""
-    out[:] = 0.0
-    for i in range(3):
-        for j in range(3):
-            out[0, j, i], out[1, j, i] = a[0, i, j], a[1, i, j]
-
-
-@compiled
-def _shift(a: Array, out: Array) -> None:
-    """Write what an end of the first chain adds to V."""
-    out[:] = 0.0
-    for i in range(3):
-        out[0, i, 3], out[1, i, 3] = -a[0, i, 3], a[1, i, 3]
-
-
-@compiled
-def _write_power(memory: BoxMemory, slot: int, i: int, q: float, r: float) -> None:
-    raw, kind = memory.scratch[0], memory.kind[slot]
-    s, c = math.sin(q), math.cos(q)
-    spread_s, spread_c = abs(c) * r + 0.5 * abs(s) * r * r + r**3 / 6.0, abs(s) * r + 0.5 * abs(c) * r * r + r**3 / 6.0
-    for n in range(4):
-        raw[:] = 0.0
-        if kind == SLIDES:
-            if n == 0:
-                for k in range(4):
-                    raw[0, k, k] = 1.0
-                raw[0, 2, 3], raw[1, 2, 3] = q, r
-            elif n == 1:
-                raw[0, 2, 3] = 1.0
-        else:
-            raw[0, 0, 0], raw[0, 0, 1], raw[0, 1, 0], raw[0, 1, 1] = c, -s, s, c
-            raw[1, 0, 0], raw[1, 0, 1], raw[1, 1, 0], raw[1, 1, 1] = spread_c, spread_s, spread_s, spread_c
-            if n == 0:
-                raw[0, 2, 2], raw[0, 3, 3] = 1.0, 1.0
-            s, c, spread_s, spread_c = c, -s, spread_c, spread_s
-            if kind == TURNS_OFFSET:
-                _product(raw, memory.offset[slot], memory.scratch[1])
-                _copy(memory.scratch[1], raw)
-                if n == 0:
-                    for k in range(4):
-                        raw[0, k, k] += 1.0
-        _product(memory.before[slot], raw, memory.power[i, n])
-
-
-@compiled
-def _varies(memory: BoxMemory, box: int, slot: int) -> bool:
-    spread = memory.away[box, slot]
-    for k in range(memory.parameters):
-        spread += abs(memory.along[box, slot, k])
-    return bool(spread != 0.0)
-
-
-@compiled
-def _follow(memory: BoxMemory, box: int, c: int, side: int) -> None:
-    """Write the placement of a chain's end and its derivatives."""
-    start, n = memory.chain[c, side], memory.chain[c, side + 1] - memory.chain[c, side]
-    for i in range(n):
-        radius = memory.away[box, start + i]
-        for k in range(memory.parameters):
-            radius += abs(memory.along[box, start + i, k])
-        _write_power(memory, start + i, i, memory.q[box, start + i], radius)
-    _copy(memory.end[c, side], memory.after[n])
-    for i in range(n - 1, -1, -1):
-        _product(memory.power[i, 0], memory.after[i + 1], memory.after[i])
-    _copy(memory.after[0], memory.at[side])
-    if memory.order == 0:
-        return
-    before, along, other = memory.scratch[0], memory.scratch[1], memory.scratch[2]
-    before[:] = 0.0
-    for k in range(4):
-        before[0, k, k] = 1.0
-    for i in range(n):
-        _product(before, memory.power[i, 1], along)
-        _product(along, memory.after[i + 1], memory.first[side, i])
-        memory.axis[side, i] = 0.0
-        if memory.kind[start + i] == TURNS and memory.rates[c] == TURN_RATES:
-            _product(before, memory.before[start + i], other)
-            for k in range(2):
-                for j in range(3):
-                    memory.axis[side, i, k, j] = other[k, j, 2] * (1.0 if side or k else -1.0)
-        if memory.order == 2:
-            _product(before, memory.power[i, 2], other)
-            _product(other, memory.after[i + 1], memory.second[side, i, i])
-            for j in range(i + 1, n):
-                if _varies(memory, box, start + i) or _varies(memory, box, start + j):
-                    _product(along, memory.power[j, 1], other)
-                    _product(other, memory.after[j + 1], memory.second[side, i, j])
-                _product(along, memory.power[j, 0], other)
-                _copy(other, along)
-        _product(before, memory.power[i, 0], other)
-        _copy(other, before)
 
 
 @compiled
@@ -258,12 +81,12 @@ def _write_first(memory: BoxMemory, c: int, side: int, s: int, back: Array, gap:
     v, e, turned = memory.scratch[2], memory.scratch[3], memory.scratch[4]
     e[:] = 0.0
     if side == 0:
-        _shift(memory.first[0, s], v)
-        _back(memory.first[0, s], turned)
-        _add_product(turned, gap, e)
+        write_shift(memory.first[0, s], v)
+        write_back(memory.first[0, s], turned)
+        add_product(turned, gap, e)
     else:
-        _copy(memory.first[1, s], v)
-    _add_product(back, v, e)
+        copy(memory.first[1, s], v)
+    add_product(back, v, e)
     return _write_rows(memory, c, v, e)
 
 
@@ -274,17 +97,17 @@ def _write_second(memory: BoxMemory, c: int, side: int, s: int, t: int, back: Ar
     e[:] = 0.0
     if side == 0:
         if memory.turns[c] > 0 or memory.linear[c] == 2 or memory.rates[c] == SLIDE_RATE:
-            _back(memory.second[0, s, t], turned)
-            _add_product(turned, gap, e)
+            write_back(memory.second[0, s, t], turned)
+            add_product(turned, gap, e)
             for k in range(2):
-                _back(memory.first[0, t if k else s], turned)
-                _shift(memory.first[0, s if k else t], other)
-                _add_product(turned, other, e)
-        _shift(memory.second[0, s, t], v)
+                write_back(memory.first[0, t if k else s], turned)
+                write_shift(memory.first[0, s if k else t], other)
+                add_product(turned, other, e)
+        write_shift(memory.second[0, s, t], v)
     else:
-        _copy(memory.second[1, s, t], v)
+        copy(memory.second[1, s, t], v)
     if memory.turns[c] > 0 or memory.linear[c] == 2 or memory.rates[c] == SLIDE_RATE:
-        _add_product(back, v, e)
+        add_product(back, v, e)
     return _write_rows(memory, c, v, e)
 
 
@@ -293,8 +116,8 @@ def _write_mixed(memory: BoxMemory, c: int, s: int, t: int) -> int:
     """... by a slot of each chain."""
     v, e, turned = memory.scratch[2], memory.scratch[3], memory.scratch[4]
     v[:] = 0.0
-    _back(memory.first[0, s], turned)
-    _product(turned, memory.first[1, t], e)
+    write_back(memory.first[0, s], turned)
+    product(turned, memory.first[1, t], e)
     return _write_rows(memory, c, v, e)
 
 
@@ -320,14 +143,14 @@ def _add_third(memory: BoxMemory, box: int, c: int, side: int) -> None:
     for a in range(n):
         for b in range(a, n):
             for e in range(b, n):
-                if not (_varies(memory, box, start + a) and _varies(memory, box, start + b)):
+                if not (varies(memory, box, start + a) and varies(memory, box, start + b)):
                     continue
-                if not _varies(memory, box, start + e):
+                if not varies(memory, box, start + e):
                     continue
-                _copy(memory.after[e + 1], out)
+                copy(memory.after[e + 1], out)
                 for i in range(e, -1, -1):
-                    _product(memory.power[i, int(i == a) + int(i == b) + int(i == e)], out, other)
-                    _copy(other, out)
+                    product(memory.power[i, int(i == a) + int(i == b) + int(i == e)], out, other)
+                    copy(other, out)
                 _add_quadratic(memory, box, c, side, a, b, e, out)
                 if b != a:
                     _add_quadratic(memory, box, c, side, b, a, e, out)
@@ -369,17 +192,17 @@ def _add_quadratic(memory: BoxMemory, box: int, c: int, side: int, s: int, t: in
 def _evaluate(memory: BoxMemory, box: int, c: int) -> None:
     sharp = memory.order == 2 and memory.pairs > 0
     for side in range(2):
-        _follow(memory, box, c, side)
+        follow(memory, box, c, side)
         if sharp and memory.turns[c] == 0 and memory.linear[c] == 3:
             _add_third(memory, box, c, side)
     row, back, gap, e = memory.row[c], memory.scratch[0], memory.scratch[1], memory.scratch[3]
-    _back(memory.at[0], back)
-    _shift(memory.at[0], gap)
+    write_back(memory.at[0], back)
+    write_shift(memory.at[0], gap)
     for i in range(4):
         for j in range(4):
             gap[0, i, j] += memory.at[1, 0, i, j]
             gap[1, i, j] += memory.at[1, 1, i, j]
-    _product(back, gap, e)
+    product(back, gap, e)
     height = _write_rows(memory, c, gap, e)
     for i in range(height):
         memory.residual[box, 0, row + i], memory.residual[box, 1, row + i] = memory.values[0, i], memory.values[1, i]
@@ -406,7 +229,7 @@ def _evaluate_second(memory: BoxMemory, box: int, c: int, height: int, back: Arr
     memory.part[start:stop] = 0.0
     for s in range(start, stop):
         for t in range(s, stop):
-            if not (_varies(memory, box, s) or _varies(memory, box, t)):
+            if not (varies(memory, box, s) or varies(memory, box, t)):
                 continue
             if t < middle:
                 _write_second(memory, c, 0, s - start, t - start, back, gap)
@@ -434,7 +257,7 @@ def _evaluate_second(memory: BoxMemory, box: int, c: int, height: int, back: Arr
                     for k in range(n):
                         memory.by[box, k, row + i, j] += memory.part[s, i, k] * unit
                     memory.bent[box, row + i, j] += memory.part[s, i, n] * unit
-                    is_known = memory.turns[c] == 0 and memory.linear[c] == 3 and i < 3 and _varies(memory, box, s)
+                    is_known = memory.turns[c] == 0 and memory.linear[c] == 3 and i < 3 and varies(memory, box, s)
                     if memory.pairs > 0 and not is_known:
                         memory.narrow[box, row + i, j] += memory.part[s, i, n] * unit
                     memory.apart[box, row + i, j] += memory.part[s, i, n + 1] * unit
