@@ -579,7 +579,7 @@ class Tube:
         return False
 
     def status(self) -> tuple[str, int]:
-        """Return proved, limit or regular, and the sign of the locked joints' determinant, 0 if it may vanish."""
+        """Return proved, limit, sigma or regular, and the sign of the locked joints' determinant, 0 if unknown."""
         sign, inside, variables, n, bounds = 0, True, self.robot.variables, len(self.low), self.robot.data["bounds"]
         columns = self.robot.columns[: self.robot.width]
         self.locked = locked = [i for i, k in enumerate(columns) if k not in self.robot.data["actuated"]]

@@ -49,7 +49,8 @@ class Proof:
         reasons: number of undecided boxes by reason.
         boxes: number of boxes.
         region: ranges of its coordinates, m and rad.
-        statuses: of all boxes: `proved`, `refuted` (a limit), `undecided`, or `outside` of a round region.
+        statuses: of all boxes: `proved`, `refuted` (a limit or a singular value), `undecided`, or `outside` of a round
+            region.
         certificate: JSON values; `cinegen.proof.check` reads them.
     """
 
@@ -76,7 +77,7 @@ class Proof:
         parts = [f"proved {100.0 if self else min(100.0 * self.proved, 99.99):.4g} %"]
         for name, share in (("refuted", self.refuted), ("undecided", self.undecided)):
             parts += [f"{name} {100.0 * share:.4g} %"] if share else []
-        return f"{', '.join(parts)} of the region, in {self.boxes} boxes"
+        return f"{', '.join(parts)} of the region, in {self.boxes} box{'' if self.boxes == 1 else 'es'}"
 
     @property
     def region_text(self) -> str:

@@ -99,5 +99,7 @@ def lines(name: str, proof: Proof) -> str:
             for key, value in witness["pose"].items()
         )
         found.append(f"  refuted at {', '.join(pose)}: {why}")
-    found += [f"  undecided: {count} boxes: {reason}" for reason, count in proof.reasons.items()]
+    found += [
+        f"  undecided: {count} box{'' if count == 1 else 'es'}: {reason}" for reason, count in proof.reasons.items()
+    ]
     return "\n".join(found)
