@@ -207,6 +207,46 @@ class Robot:
         both = {(t, s): row for (s, t), row in second.items()} | second
         return [*slots, *others], third | {pair: row + turn(*pair) for pair, row in both.items()}
 
+    def excludes(self, low: Sequence[float], high: Sequence[float]) -> bool:
+        """Return whether no pose of a box has a configuration: equation 8."""
+        values = self.point(
+            [arb(0)] * len(self.unknown), [arb(a).union(arb(b)) for a, b in zip(low, high, strict=True)]
+        )
+        turning = {k for k in self.unknown if not self.variables[k]["prismatic"]}
+        for k in {*self.unknown} - turning:
+            ends = [
+                inf if end is None or not self.data["bounds"]["limits"] else end for end in self.variables[k]["limits"]
+            ]
+            values[k] = Value(arb(ends[0]).union(arb(ends[1])), [], arb(0))
+        return any(
+            self._is_open(closure, values, turning)
+            for closure in self.data["closures"]
+            if len(closure["translations"]) == 3
+        )
+
+    def _is_open(self, closure: Mapping[str, Any], values: Sequence[Value], turning: set[int]) -> bool:
+        """Return whether one of a closure's rods, between unknown rotations, is longer than all others together."""
+        sides = list[list[arb_mat]]()
+        for side in ("first", "second"):
+            rods, along = list[arb_mat](), _ONE
+            for index, k in [*closure[side], (closure[f"{side}_end"], None)]:
+                along = along * self.placements[index]
+                if k is None or k in turning:
+                    rods.append(along * _POINT)
+                    along = _ONE
+                elif self.variables[k]["prismatic"]:
+                    along = along * (_ONE + _ALONG * values[k].c)
+                else:
+                    along = along * _turn(values[k].c, 0)
+            sides.append(rods)
+        (a, *first), (b, *second) = sides
+        vectors = [[m[i, 3] for i in range(3)] for m in (a - b, *first, *second)]
+        shortest, longest = (
+            [sum((size(x) ** 2 for x in rod), arb(0)).sqrt() for rod in vectors]
+            for size in (arb.abs_lower, arb.abs_upper)
+        )
+        return any(a + b > sum(longest, arb(0)) for a, b in zip(shortest, longest, strict=True))
+
     def residual(self, values: Sequence[Value]) -> list[arb]:
         """Return the left sides of all equations, and what is positive among them."""
         out = [x for closure in self.data["closures"] for x in self.closure(closure, values, 0)[1]]
@@ -694,6 +734,7 @@ def _result(
     certificate: Mapping[str, Any], report: Callable[[int, int], None], dropped: set[int] | None
 ) -> dict[str, Any]:
     robot, tree, leaves, shares = Robot(certificate), iter(certificate["tree"]), list[Tube | None](), list[float]()
+    unreachable = dict[int, list[float]]()
 
     def refuse(box: int, error: CertificateError) -> None:
         if dropped is None:
@@ -711,7 +752,12 @@ def _result(
             shares.append(share * is_in)
             report(len(leaves), len(certificate["tree"]))
             try:
-                leaves[-1] = Tube(robot, low, high, node) if is_in and node["claim"] != "open" else None
+                if node["claim"] == "unreachable":
+                    if not robot.excludes(low, high):
+                        raise CertificateError("a pose is not out of reach")
+                    unreachable[len(leaves) - 1] = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
+                elif is_in and node["claim"] != "open":
+                    leaves[-1] = Tube(robot, low, high, node)
             except CertificateError as error:
                 refuse(len(leaves) - 1, error)
             return leaves[-1]
@@ -746,6 +792,9 @@ def _result(
                 witnesses.append(_witness(leaf, **{status: leaf.reason}))
             if leaf.claim in ("proved", "limit", "sigma") and status != leaf.claim:
                 refuse(i, CertificateError(f"a box is {status}, not {leaf.claim}"))
+        elif i in unreachable:
+            status, pose = "refuted", zip((robot.variables[k]["name"] for k in robot.over), unreachable[i], strict=True)
+            witnesses.append({"pose": dict(pose), "configuration": {}})
         status = {"regular": "undecided", "limit": "refuted", "sigma": "refuted"}.get(status, status)
         statuses.append(status)
         found[status] = found.get(status, 0.0) + share

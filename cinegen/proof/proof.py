@@ -13,15 +13,14 @@ from typing import Any
 import numpy as np
 
 from cinegen.arrays import Array, ArrayLike
-from cinegen.design.amounts import Amounts
-from cinegen.design.parameters import Parameters
 from cinegen.model import Mechanism
 from cinegen.proof.checker import CertificateError, check
 from cinegen.proof.document import Exporter, ProofError
 from cinegen.proof.equations import Equations
 from cinegen.proof.prover import BOXES, ROUND, Prover
+from cinegen.proof.reach import ReachTest
 from cinegen.proof.singular import SingularValues
-from cinegen.proof.tolerances import with_tolerances
+from cinegen.proof.tolerances import Robots, with_tolerances
 from cinegen.proof.velocities import VelocityExporter
 from cinegen.singularities.slice import POSE, Coordinates
 
@@ -41,15 +40,17 @@ class Proof:
     Attributes:
         proved: share of the region's volume in which each pose has exactly one configuration on the branch, within the
             joints' limits if they are asked for, and none is singular, or as near as a bound of singular values.
-        refuted: share in which a joint is beyond a limit at each pose, or a singular value below its bound.
+        refuted: share in which no pose is within reach, or at each a joint is beyond a limit, or a singular value below
+            its bound.
         undecided: the rest.
-        witnesses: what refutes the region: for a limit a pose, its configuration and the joint; for a singular value a
-            pose, its configuration, and `sigma_1` or `sigma_2`; for a singularity of type 2, two poses on the branch
-            where the determinants of the locked joints' matrix have opposite signs.
+        witnesses: what refutes the region: for the reach a pose, whose configuration is empty; for a limit a pose, its
+            configuration and the joint; for a singular value a pose, its configuration, and `sigma_1` or `sigma_2`; for
+            a singularity of type 2, two poses on the branch where the determinants of the locked joints' matrix have
+            opposite signs.
         reasons: number of undecided boxes by reason.
         boxes: number of boxes.
         region: ranges of its coordinates, m and rad.
-        statuses: of all boxes: `proved`, `refuted` (a limit or a singular value), `undecided`, or `outside` of a round
+        statuses: of all boxes: `proved`, `refuted` (reach, limit, singular value), `undecided`, or `outside` of a round
             region.
         certificate: JSON values; `cinegen.proof.check` reads them.
     """
@@ -104,8 +105,7 @@ class Proof:
 def prove(
     mechanism: Mechanism, over: Mapping[str, tuple[float, float]], at: Mapping[str, float] | None = None,
     node: str | None = None, q: ArrayLike | None = None, limits: bool = False, sigma: float | None = None,
-    boxes: int = BOXES, shape: str = "box", grow: bool = False, tolerances: Amounts | None = None,
-    parameters: Parameters | None = None,
+    boxes: int = BOXES, shape: str = "box", grow: bool = False, tolerances: Robots | None = None,
     report: Callable[[float], None] | None = None,
 ) -> Proof:  # fmt: skip
     """Prove that each pose of a region has exactly one configuration on a branch, and that none is singular.
@@ -121,15 +121,12 @@ def prove(
         boxes: number of boxes that are tested; of each region, with `grow`.
         shape: `box`; `cylinder`, whose ellipse lies in the ranges of the first two coordinates; `ball`, an ellipsoid.
         grow: find the largest region of these proportions about the centre that is proved as a whole, up to 1 %.
-        tolerances: largest errors of dimensions, by name or pattern: m, rad, or texts with a unit. The proof then holds
-            for all robots within them.
-        parameters: the dimensions of the mechanism, with tolerances.
+        tolerances: all robots that it is to hold for, of `cinegen.design.WithinTolerances`.
         report: is called with the share of the region that is decided; not with `grow`.
 
     Raises:
-        ProofError: there is no range, or an empty one; no such shape; tolerances without parameters, or that loops
-            can't follow; sigma is negative, or given with tolerances.
-        DesignError: an unknown dimension, or a wrong unit.
+        ProofError: there is no range, or an empty one; no such shape; tolerances of another robot, or that loops can't
+            follow; sigma is negative, or given with tolerances.
         SliceError: coordinates that don't exist, or that can't be given independently.
         UnknownNameError: no such node.
     """
@@ -146,7 +143,7 @@ def prove(
     start = whole.q_home if q is None else whole.structure.checked(q)
     if sigma is not None and not sigma >= 0.0:
         raise ProofError(f"sigma is {sigma:g}: give a bound that is not negative")
-    if sigma is not None and tolerances:
+    if sigma is not None and tolerances is not None:
         raise ProofError("singular values are bounded without tolerances only: leave out sigma or the tolerances")
     known = coordinates.coordinates(start)
     pose = np.array([(at or {}).get(name, known[name]) for name in POSE])
@@ -160,8 +157,10 @@ def prove(
         return {"format": _FORMAT, **exporter.document(start), "bounds": bounds, "shape": shape}
 
     document = export(whole)
-    if tolerances:
-        document = with_tolerances(document, _parameters(parameters, mechanism), tolerances, export)
+    if tolerances is not None:
+        if tolerances.mechanism.joints != mechanism.joints:
+            raise ProofError(f"{mechanism.name}: the tolerances are of {tolerances.mechanism.name}: give this robot's")
+        document = with_tolerances(document, tolerances, export)
     with np.errstate(all="ignore"):
         question = _Question(document, np.array([known[name] for name in POSE]), pose, boxes)
         ends = np.array(list(over.values()), dtype=float)
@@ -187,7 +186,7 @@ class _Question:
         self._reason = self._reason or document.get("unbounded", "")
         limits, sigma = document["bounds"]["limits"], document["bounds"]["sigma"]
         values = None if sigma is None or self._reason else SingularValues(self._equations, document)
-        self._prover = Prover(self._equations, limits, sigma, values)
+        self._prover = Prover(self._equations, ReachTest(self._equations, document), limits, sigma, values)
 
     def answer(self, ends: Array, report: Callable[[float], None] | None = None) -> Proof:
         """Return what is proved of a region, whose coordinates have these ends (parameters, 2)."""
@@ -329,12 +328,6 @@ def _leaves(ends: Array, tree: Iterable[Any]) -> Iterator[tuple[Array, Mapping[s
         low, high = box.copy(), box.copy()
         low[node, 1] = high[node, 0] = box[node].mean()
         waiting += [high, low]
-
-
-def _parameters(parameters: Parameters | None, mechanism: Mechanism) -> Parameters:
-    if parameters is None or parameters.mechanism.joints != mechanism.joints:
-        raise ProofError(f"{mechanism.name}: tolerances need the robot's Parameters: prove(parameters.mechanism, ...)")
-    return parameters
 
 
 def _not_square(equations: int, unknowns: int) -> str:

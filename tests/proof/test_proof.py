@@ -13,7 +13,7 @@ from flint import arb, ctx
 from matplotlib.colors import to_rgba
 
 import cinegen.proof.proof
-from cinegen.design.parameters import Parameters
+from cinegen.design import Parameters, WithinTolerances
 from cinegen.plotting.proof import COLOURS, draw_proof
 from cinegen.proof import CertificateError, ProofError, check, load_proof, prove
 from cinegen.proof.checker import Robot, Tube, Value
@@ -56,11 +56,27 @@ def test_a_rectangle_of_the_five_bar_is_proved(rectangle):
             assert 0.15 < math.hypot(x - base, y) < 0.65
 
 
-def test_beyond_the_reach_nothing_is_proved(robot):
-    proof = prove(robot("five_bar"), {"x": (-0.02, 0.02), "y": (0.58, 0.66)}, boxes=150)
+def test_beyond_the_reach_nothing_is_proved_and_most_is_refuted(robot):
+    proof = prove(robot("five_bar"), {"x": (-0.02, 0.02), "y": (0.58, 0.66)}, boxes=300)
     assert not proof
-    assert proof.undecided > 0.34  # the reach ends at hypot(x -+ 150, y) = 650 mm: y = 632 on the axis
+    assert proof.proved < 0.66  # the reach ends at hypot(x -+ 150, y) = 650 mm: y = 632 on the axis
+    assert proof.refuted > 0.3
     assert set(proof.reasons) <= {"no unique configuration is proved", "no configuration is found"}
+    assert not proof.witnesses[0]["configuration"]
+    rng = np.random.default_rng(2)
+    for box, status in proof.cells():
+        for x, y in rng.uniform(*box.T, (5, 2)):
+            reached = all(0.15 < math.hypot(x - base, y) < 0.65 for base in (-0.15, 0.15))
+            assert status == "undecided" or reached is (status == "proved")
+
+
+def test_legs_of_limited_length_reach_nowhere_far_away(robot):
+    proof = prove(robot("gough"), {"x": (0.6, 0.7), "y": (-0.05, 0.05), "z": (0.85, 0.95)}, limits=True)
+    assert proof.refuted == 1.0  # by a limit, with a configuration
+    certificate = {**proof.certificate, "tree": [{"claim": "unreachable", "reason": ""}]}
+    assert check(certificate)["refuted"] == 1.0
+    with pytest.raises(CertificateError, match="not out of reach"):
+        check({**certificate, "bounds": {**certificate["bounds"], "limits": False}})
 
 
 def test_a_claim_that_the_checker_does_not_confirm_is_undecided(robot, monkeypatch):
@@ -174,7 +190,7 @@ def test_a_round_region_leaves_out_corners_that_are_out_of_reach(robot):
 )
 def test_all_robots_within_tolerances(name, over, tolerances):
     parameters = Parameters(name)
-    proof = prove(parameters.mechanism, over, limits=True, tolerances=tolerances, parameters=parameters)
+    proof = prove(parameters.mechanism, over, limits=True, tolerances=WithinTolerances(parameters, tolerances))
     assert proof, proof
     errors, rng = proof.certificate["bounds"]["tolerances"], np.random.default_rng(2)
     for _ in range(4):
@@ -201,12 +217,12 @@ def tolerated(document):
     return [(np.array(document["placements"][i]), np.array(radii[i])) for chain in used for i, _ in chain]
 
 
-def test_tolerances_that_no_joint_compensates_are_named():
+def test_tolerances_that_no_joint_compensates_are_named(robot):
     parameters = Parameters("five_bar")
     with pytest.raises(ProofError, match=r"no joint can compensate an error of 0\.05 mm of link1\.epsilon"):
-        prove(parameters.mechanism, RECTANGLE, tolerances={"*": "0.05mm"}, parameters=parameters)
-    with pytest.raises(ProofError, match="need the robot's Parameters"):
-        prove(parameters.mechanism, RECTANGLE, tolerances={"link*.d": 1e-4})
+        prove(parameters.mechanism, RECTANGLE, tolerances=WithinTolerances(parameters, {"*": "0.05mm"}))
+    with pytest.raises(ProofError, match="the tolerances are of five_bar: give this robot's"):
+        prove(robot("delta4"), INSIDE["delta4"][0], tolerances=WithinTolerances(parameters, {"link*.d": 1e-4}))
 
 
 class PlainProver(Prover):
@@ -487,7 +503,7 @@ def mutated(certificate, rng):
         k = rng.randrange(len(leaf["y"]))
         leaf["y"][k] *= factor
     elif kind == 2:
-        leaf["claim"] = rng.choice(["proved", "limit", "open", "regular"])
+        leaf["claim"] = rng.choice(["proved", "limit", "open", "regular", "unreachable"])
     elif kind == 3:
         k = rng.randrange(len(found["tree"]))
         found["tree"].insert(k, rng.choice([0, 1, 2, found["tree"][k]]))
@@ -514,6 +530,7 @@ def assert_true(certificate, result, mechanism, rng):
     equations = Equations(certificate)
     equations.rows = np.array(certificate["rows"])
     low, high = np.array(list(certificate["over"].values())).T
+    assert all(witness["configuration"] for witness in result["witnesses"])  # all of it is within reach
     if result["proved"] < 1.0:
         return
     coordinates = Coordinates(mechanism, list(RECTANGLE))

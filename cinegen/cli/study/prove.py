@@ -62,11 +62,11 @@ def run(
     name, mechanism = robots.load_one(file)
     target = output_path(output, f"{name}-proof.json")
     check_outputs(target, plot, force=force, json=json)
-    errors, parameters = amounts(tolerance, "--tolerance"), None
+    errors, within = amounts(tolerance, "--tolerance"), None
     if errors:
-        from cinegen.design.parameters import Parameters
+        from cinegen.design import Parameters, WithinTolerances
 
-        parameters = Parameters(file, robot=robots.robot)
+        within = WithinTolerances(Parameters(file, robot=robots.robot), errors)
     ranges = {
         key: interval_of(mechanism, key, ends, "--over") for key, ends in named(over, "--over", "x=-100..100mm").items()
     }
@@ -74,7 +74,7 @@ def run(
     with Progress() as progress:
         proof = prove(
             mechanism, ranges, given, node, limits=limits, sigma=sigma, boxes=boxes or BOXES, shape=shape, grow=grow,
-            tolerances=errors, parameters=parameters, report=progress.fraction,
+            tolerances=within, report=progress.fraction,
         )  # fmt: skip
     write(target, dumps({"origin": GENERATED, **proof.certificate}))
     print_result({"certificate": str(target), **proof.as_dict()}, f"{lines(name, proof)}\ncertificate: {target}", json)
@@ -90,7 +90,9 @@ def lines(name: str, proof: Proof) -> str:
     found = [f"{one_line(name)}: {proof.message}", f"  region: {one_line(proof.region_text)}"]
     for witness in proof.witnesses[:2]:
         why = f"determinant {witness.get('determinant', 0):+d}"
-        if "limit" in witness:
+        if not witness["configuration"]:
+            why = "no configuration reaches it"
+        elif "limit" in witness:
             why = f"{one_line(str(witness['limit']))} is beyond a limit"
         elif "sigma" in witness:
             why = f"{one_line(str(witness['sigma']))} is below its bound"
