@@ -18,7 +18,7 @@ LONGER = {
     "cinegen/collision/scene_file.py", "cinegen/design/calibration/estimation.py",
     "cinegen/design/synthesis/problem.py", "cinegen/dynamics/_kernels/torques.py",
     "cinegen/dynamics/inverse_dynamics.py", "cinegen/ik/_kernels/levels.py", "cinegen/ik/_kernels/trial.py",
-    "cinegen/mission/trajectory.py", "cinegen/planning/safe_drag.py", "cinegen/proof/checker.py",
+    "cinegen/mission/trajectory.py", "cinegen/planning/safe_drag.py",
     "raff2urdf/raff/document.py", "raff2urdf/readers/mjcf.py", "raff2urdf/readers/sdf/conversion.py",
 }  # fmt: skip
 """Files that are to be split; none is added."""

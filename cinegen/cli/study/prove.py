@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 from cinegen.cli.design.tolerance import amounts
 from cinegen.cli.files import check_outputs, print_result, write, write_figure
 from cinegen.cli.numbers import UNITS, interval_of, named, values
-from cinegen.cli.options import FILE, JSON, PLOT, RobotOptions, force_option
+from cinegen.cli.options import FILE, JSON, PLOT, SCHEDULER, WORKERS, RobotOptions, force_option
 from cinegen.cli.progress import Progress
 from raff2urdf.command.command_line import flag, option
 from raff2urdf.escape import one_line
@@ -45,6 +45,8 @@ def run(
         "FILE", "certificate to write (ROBOT-proof.json)", None, "-o", "--output", endings=(".json",)
     ),
     plot: Path | None = PLOT,
+    workers: int | None = WORKERS,
+    scheduler: str | None = SCHEDULER,
     json: bool = JSON,
     force: bool = force_option(),
 ) -> int:
@@ -74,7 +76,7 @@ def run(
     with Progress() as progress:
         proof = prove(
             mechanism, ranges, given, node, limits=limits, sigma=sigma, boxes=boxes or BOXES, shape=shape, grow=grow,
-            tolerances=within, report=progress.fraction,
+            tolerances=within, workers=workers, scheduler=scheduler, report=progress.steps,
         )  # fmt: skip
     write(target, dumps({"origin": GENERATED, **proof.certificate}))
     print_result({"certificate": str(target), **proof.as_dict()}, f"{lines(name, proof)}\ncertificate: {target}", json)
