@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tabs import IN_BROWSER, becomes, find, grab, held, picture, rests
+from tabs import IN_BROWSER, READY, becomes, find, grab, held, picture, rests
 
 MOST = 3
 
@@ -170,6 +170,11 @@ def test_a_hand_shows_once_how_to_drag_and_moves_nothing(cockpit, tab):
     assert one.state.undo == 0
     assert page.evaluate("localStorage.getItem('cinegen.hints')") == '["hand"]'
     still = tab(one, prepare=clock, reduced_motion="reduce", viewport={"width": 500, "height": 400})
+    still.clock.fast_forward(4000)
+    assert still.evaluate("localStorage.getItem('cinegen.hints')") is None
+    still.emulate_media(reduced_motion="no-preference")
+    still.goto(f"{one.url}&camera=1")  # frames of a film
+    assert becomes(still, READY)
     still.clock.fast_forward(4000)
     assert still.evaluate("localStorage.getItem('cinegen.hints')") is None
 
