@@ -38,7 +38,7 @@ test: ready ## run every check, then the tests but for those of `make nightly`
 	+$(BIN)/pytest -n $(WORKERS)
 
 # Kernels need the core only: they are compiled while the rest is installed.
-ready:
+ready: ## run every check, and compile all kernels: what the tests need
 	@$(MAKE) --no-print-directory -j2 --output-sync check javascript kernels
 	@.ci/chromium
 
