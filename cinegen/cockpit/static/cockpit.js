@@ -130,7 +130,7 @@ appearance(shows, aids, view);
 const presentation = new Presentation({ ...shown, pick, endDrag });
 offer(presentation, session);
 new Messages(session);
-new Hints({ view, session, labels, draggings: [drag, gizmo, presentation.handDrags] });
+if (!still) new Hints({ view, session, labels, draggings: [drag, gizmo, presentation.handDrags] });
 showProblems(session);
 function look() {
   if (session.selected !== null) lookAt(view, session.selected);
