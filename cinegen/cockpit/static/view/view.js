@@ -31,8 +31,8 @@ export class View {
   #last = [];
   #heard = 0;
   #seen = false; // whether a picture was drawn since it was framed
-  /** @type {Pyramid | null} */
-  #kept = null; // around all that was in the view since it was framed
+  /** @type {Pyramid[]} */
+  #kept = []; // around all that was in the view since it was framed; the last is the next view
   /** @type {Map<string, { robot: KnownRobot, numbers: number[] }>} */
   #applied = new Map(); // by robot: itself, and its poses as they were last applied
 
@@ -294,14 +294,19 @@ export class View {
   /** Move the camera, but don't turn it, so that robots fill their share of the view. */
   frame() {
     this.chosen = false;
-    this.#kept = null;
+    this.#kept = [];
     this.#move(this.#around(this.#pyramid(FILLED)));
   }
 
-  /** Move the camera, but don't turn it, if robots leave the view: all that was there since `frame` fits into it. */
-  keep() {
-    this.#kept = this.#around(this.#kept ?? this.#pyramid(REACHED));
-    if (!this.#kept.isWithin(this.viewer.camera.position)) this.#move(this.#kept);
+  /**
+   * Move the camera, but don't turn it, if robots leave the view: all that was there since `frame` fits into it, just, or with room
+   * for more, so that it moves once and not again and again.
+   *
+   * @param {boolean} once
+   */
+  keep(once) {
+    this.#kept = [REACHED, ...(once ? [FILLED] : [])].map((share, i) => this.#around(this.#kept[i] ?? this.#pyramid(share)));
+    if (!this.#kept[0].isWithin(this.viewer.camera.position)) this.#move(this.#kept[this.#kept.length - 1]);
   }
 
   /** @param {number} share of the view that is free */
