@@ -10,10 +10,10 @@ const OFTEN = 100; // ms
 const FADE = 180; // ms
 
 /**
- * @param {import("./view.js").View} view
- * @param {import("../base/session.js").Session} session
+ * @param {View} view
+ * @param {Session} session
  * @param {boolean} still pictures are taken from outside
- * @param {import("../map/field.js").Field} field map that is shown with a robot; it must be complete too
+ * @param {Field} field map that is shown with a robot; it must be complete too
  */
 export function frameFirstView(view, session, still, field) {
   const started = performance.now();
@@ -42,8 +42,8 @@ export function frameFirstView(view, session, still, field) {
 }
 
 /**
- * @param {import("./view.js").View} view
- * @param {import("../base/session.js").Session} session when its line is cut, everything is drawn again
+ * @param {View} view
+ * @param {Session} session when its line is cut, everything is drawn again
  * @param {boolean} once the camera doesn't follow step by step
  */
 function keepInView(view, session, once) {

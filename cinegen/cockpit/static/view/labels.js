@@ -17,7 +17,7 @@ export class Labels {
   /** @type {string | null} */
   only = null; // key of the only one that is shown; null: all are
 
-  /** @param {import("./view.js").View} view */
+  /** @param {View} view */
   constructor(view) {
     this.view = view;
     this.layer = make("div", { class: "labels", "aria-hidden": "true" });
@@ -33,7 +33,6 @@ export class Labels {
 
   /**
    * Shows a text at a point of the world (a vector that may go on moving); an empty text takes it away.
-   *
    * @param {string} key
    * @param {string} text
    * @param {Vector3} point

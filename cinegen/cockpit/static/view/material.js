@@ -51,8 +51,7 @@ function lit(shader) {
 /** @param {import("three").Shader} shader */
 function glossy(shader) {
   lit(shader);
-  shader.fragmentShader = shader.fragmentShader
-    .replace("void main() {", ROOM)
+  shader.fragmentShader = shader.fragmentShader.replace("void main() {", ROOM)
     .replace("#include <lights_fragment_maps>", `#include <lights_fragment_maps>${REFLECTED}`);
 }
 
@@ -62,7 +61,6 @@ theme.follow(() => {
 
 /**
  * Give parts the materials that they are drawn with.
- *
  * @param {import("three").Object3D} object as the server's commands have it
  */
 export function dress(object) {
@@ -80,12 +78,7 @@ export function dress(object) {
   });
 }
 
-/**
- * Draw parts as paint, or matt.
- *
- * @param {import("three").Object3D} root
- * @param {boolean} matt
- */
+/** Draw parts as paint, or matt. @param {import("three").Object3D} root @param {boolean} matt */
 export function simplify(root, matt) {
   root.traverse((part) => {
     if (part.userData.made) /** @type {Mesh} */ (part).material = matt ? part.userData.made.matt : part.userData.made.paint;
