@@ -328,6 +328,7 @@ export class View {
     this.stage.matrixWorldNeedsUpdate = true;
     this.stage.visible = this.whole;
     this.camera.updateWorldMatrix(true, false);
+    this.viewer.camera.updateProjectionMatrix(); // meshcat does so when it renders: after its zoom came, labels would be elsewhere
     for (const action of this.#before) action(drawn);
     for (const action of this.#last) action();
   }
