@@ -66,9 +66,8 @@ export class Hints {
   }
 
   #first() {
-    const { caption, playback, map } = this.session.hello ?? {};
-    if (playback) this.#put(caption ?? "");
-    this.labels.put("hint", this.#waits ? (map ? ON_MAP : FIRST) : "", this.#where, "hint");
+    const { caption, playback } = this.session.hello ?? {};
+    this.#put(playback ? (caption ?? "") : (this.hint.textContent ?? ""));
     this.#rest();
   }
 
@@ -76,6 +75,8 @@ export class Hints {
   #put(text) {
     write(this.hint, text);
     this.hint.hidden = text === "";
+    const first = this.session.hello?.map ? ON_MAP : FIRST;
+    this.labels.put("hint", this.#waits && text === "" ? first : "", this.#where, "hint"); // one sentence at a time
   }
 
   /** @param {keyof typeof TEXTS} id */
