@@ -45,8 +45,9 @@ Object.defineProperty(window, "cockpit", {
       copy.imageSmoothingQuality = "high";
       copy.drawImage(view.canvas, 0, 0, 45, 28);
       const { data } = copy.getImageData(0, 0, 45, 28);
-      const labels = [...document.querySelectorAll(".labels:not([hidden]) .label:not([hidden])")];
-      window.pictures.push({ data: [...data], labels: labels.map(({ textContent, style }) => [textContent, style.transform]) });
+      const shown = [...document.querySelectorAll(".labels:not([hidden]) .label:not([hidden])")];
+      const labels = shown.map(({ textContent, style }) => [textContent, style.transform]);
+      window.pictures.push({ data: [...data], labels });
     };
   },
 });
