@@ -189,6 +189,6 @@ window.cockpit = {
   get report() {
     return session.report;
   },
-  send: (/** @type {import("./base/link.js").ClientMessage} */ message) => session.send(message),
+  send: (/** @type {ClientMessage} */ message) => session.send(message),
 };
 link.connect();
