@@ -14,7 +14,7 @@ from typing import Any
 from cinegen.collision.errors import SceneError
 from cinegen.collision.obstacle import Attached, Obstacle, read_attached, read_obstacle
 from cinegen.collision.scene import Scene, unmoving_joints
-from cinegen.collision.scene_goal import Goal, check_length, read_goal, read_path_constraints, read_start
+from cinegen.collision.scene_goal import SceneGoal, check_length, read_goal, read_path_constraints, read_start
 from cinegen.collision.scene_robot import LoadArguments, read_robot
 from cinegen.collision.scene_table import SceneTable, read_each
 from cinegen.errors import read_all
@@ -133,14 +133,14 @@ def _scene(
 def _read_of_robot(table: SceneTable, folder: Path, values: dict[str, Any]) -> None:
     """Add to the values of a scene those that need its robot, which is one of them."""
     mechanism, _, radius = values["robot"]
-    values |= {"node": mechanism.end, "aim": Goal(())}
+    values |= {"node": mechanism.end, "aim": SceneGoal(())}
     reads: dict[str, Callable[[], Any]] = {
         "node": lambda: table.node("node", mechanism),
         "allowed": lambda: _allowed(table, mechanism),
         "lengths": lambda: _check_lengths(table, mechanism, values) if radius is None else None,
         "path": lambda: read_path_constraints(table, radius),
         "start q": lambda: read_start(values["start"], mechanism, radius) if "start" in values else None,
-        "aim": lambda: read_goal(values["goal"], mechanism, radius, values) if "goal" in values else Goal(()),
+        "aim": lambda: read_goal(values["goal"], mechanism, radius, values) if "goal" in values else SceneGoal(()),
         "locked": lambda: _locked(table, mechanism, values["node"], values["aim"][0]),
         "attached": lambda: _attached(table, folder, mechanism, radius, values),
         "weights": lambda: _weights(table, mechanism),

@@ -121,7 +121,7 @@ def _closed(mechanism: Mechanism, home: Array, q: Array, is_guess: bool) -> Arra
     return mechanism.close(q, locked=mechanism.actuated)
 
 
-class Goal(NamedTuple):
+class SceneGoal(NamedTuple):
     """`Scene.goal_joints` and `goal_configuration`, `goal` with `translation` and `rotation`, `tolerance`, `cone`."""
 
     joints: tuple[str, ...]
@@ -131,23 +131,23 @@ class Goal(NamedTuple):
     cone: float | None = None
 
 
-def read_goal(table: SceneTable, mechanism: Mechanism, radius: float | None, values: Mapping[str, Any]) -> Goal:
+def read_goal(table: SceneTable, mechanism: Mechanism, radius: float | None, values: Mapping[str, Any]) -> SceneGoal:
     """Return the goal: `joints`, or a pose and its region. Without a start only names and values are checked."""
     q, node = values.get("start q"), values["node"]
     if "joints" not in table:
         pose = pin.SE3.Identity() if q is None else mechanism.placement(q, node)
         robot = mechanism if radius is None else None
         goal, region, _ = read_each(lambda: read_goal_pose(table, robot, pose), lambda: _region(table), table.finish)
-        return Goal((), None, goal, *region)
+        return SceneGoal((), None, goal, *region)
     joints = tuple(table.table("joints"))
     if not joints:
         raise table.error("joints", "is empty: name the joints whose values are the goal")
     if q is None:
         values_and_base(table, mechanism)
-        return Goal(joints)
+        return SceneGoal(joints)
     end = _configuration(table, mechanism, q.copy())
     end.flags.writeable = False
-    return Goal(joints, end, (mechanism.placement(end, node), 3, 3))
+    return SceneGoal(joints, end, (mechanism.placement(end, node), 3, 3))
 
 
 def read_goal_pose(table: SceneTable, robot: Mechanism | None, node: pin.SE3) -> tuple[pin.SE3, int, int]:

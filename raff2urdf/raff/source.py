@@ -1,4 +1,4 @@
-"""Where statements stand in a text."""
+"""Texts that documents are read from, and locations in them."""
 
 from __future__ import annotations
 
