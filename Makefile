@@ -99,24 +99,12 @@ javascript: ## lint, type-check and test the page's JavaScript, where node and n
 
 bench: export OMP_NUM_THREADS := 1
 bench: export OPENBLAS_NUM_THREADS := 1
-bench: .venv/test-installed kernels ## measure the speed: of a tick, as robots grow, of the cockpit, of assembly modes, ways round obstacles, maps, and beside placo, pink and mink
-	$(BIN)/python benchmarks/tick.py
-	$(BIN)/python benchmarks/kinematics.py
-	$(BIN)/python benchmarks/scaling.py
-	$(BIN)/python benchmarks/large.py
-	$(BIN)/python benchmarks/inverse_kinematics.py
-	$(BIN)/python benchmarks/close.py
-	$(BIN)/python benchmarks/forces.py
-	$(BIN)/python benchmarks/cockpit.py
-	$(BIN)/python benchmarks/modes.py
-	$(BIN)/python benchmarks/hexapod.py
-	$(BIN)/python benchmarks/assembly.py
-	$(BIN)/python benchmarks/avoidance.py
-	$(BIN)/python benchmarks/drag.py
-	$(BIN)/python benchmarks/maps.py
-	@$(MAKE) --no-print-directory .venv-bench/installed || { echo "*** .venv-bench can't be made, for the reason above:" \
-		"there is NO comparison with placo, pink and mink. The tables above it stand." >&2; exit 1; }
-	$(BIN)/python benchmarks/compare.py
+bench: .venv/test-installed kernels ## measure the speed, and write the tables of docs/measurements.md: of a tick, as robots grow, and beside placo, pink and mink; print that of the cockpit, of assembly modes, ways round obstacles and maps
+	@for name in kinematics scaling inverse_kinematics close forces cockpit modes hexapod assembly avoidance drag maps; do \
+		$(BIN)/python benchmarks/$$name.py || exit 1; done
+	@$(MAKE) --no-print-directory .venv-bench/installed || echo "*** .venv-bench can't be made, for the reason above:" \
+		"there is NO comparison with placo, pink and mink." >&2
+	$(BIN)/python benchmarks/measurements.py
 
 # Nothing else waits for the compiler then, a minute where a kernel has changed.
 kernels: .venv/core-installed ## compile all kernels that have changed

@@ -16,14 +16,14 @@ branch of both moves no equation. Everything is seen from that branch.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from cinegen.arrays import Array
-from cinegen.balls import axes_and_origin, combined, cross, dot, frame, minus, precise, unit
-from cinegen.joints import axis, translations
+from cinegen.assembly.exact_tree import NEXT, ExactTree, exact
+from cinegen.balls import axes_and_origin, combined, cross, dot, minus, precise
 from cinegen.krawczyk import Certificate, Values, certify, distinct
 from cinegen.model import Mechanism
 from raff2urdf.raff.document import LoopKind
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
 
 _AXES = (0, 1, 2)
-_NEXT = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
 
 
 class EndEquations(NamedTuple):
@@ -109,7 +108,7 @@ class LoopEquations:
         self._units = np.where(is_prismatic, mechanism.length, 1.0)
         with precise():
             self._values = {j: arb(float(q[model.joints[j].idx_q])) for j in index.values()}
-            self._tree = _Tree(model, index.values(), q)
+            self._tree = ExactTree(model, index.values(), q)
             self._closures = [
                 _Closure(
                     self._tree, _end(mechanism, loop.first, loop.first_placement),
@@ -178,103 +177,6 @@ def _end(mechanism: Mechanism, node: str, placement: pin.SE3) -> _End:
     return _End(int(at.parentJoint), (at.placement, placement))
 
 
-class _Tree:
-    """Placements of the bodies of a model.
-
-    They are seen from the first joint behind a branch, as its placement is written. So placements of joints with the
-    same rotation cancel exactly, and a linkage in a plane has no components across it, even if that plane is not one of
-    the coordinates'.
-    """
-
-    def __init__(self, model: pin.Model, joints: Iterable[int], q: Array) -> None:
-        self.joints = {j: ExactAxis(model.joints[j]) for j in joints}
-        self.supports = [list(map(int, model.supports[j])) for j in range(model.njoints)]
-        self._parents = list(map(int, model.parents))
-        written = [pin.SE3(placement) for placement in model.jointPlacements]
-        for j in range(1, model.njoints):
-            if j not in self.joints:  # a free base, and the like, stays where it is
-                data = model.joints[j].createData()
-                model.joints[j].calc(data, q)
-                written[j] = written[j] * data.M
-        self._first = dict[int, pin.SE3]()
-        for j in range(1, model.njoints):
-            self._first.setdefault(self._parents[j], written[j])
-        self._constant = [exact(placement) for placement in written]
-        self._turned = dict[int, Any]()
-        self._leading = [self.leading(parent, at) for parent, at in zip(self._parents, written, strict=True)]
-
-    def leading(self, branch: int, placement: pin.SE3) -> arb_mat:
-        """Return a placement on a branch's body, seen as all behind the branch is."""
-        return _relative(self._first.get(branch, pin.SE3.Identity()), placement)
-
-    def recentre(self, ball: Sequence[int], angles: Array) -> None:
-        """Let the angles of the three joints of a ball joint be 0 where they are the given ones (3,)."""
-        from flint import arb
-
-        first, second, third = (self.joints[j].step(arb(float(x))) for j, x in zip(ball, angles, strict=True))
-        inner, outer = self._constant[ball[1]], self._constant[ball[2]]
-        self._turned[ball[0]] = first * inner * second * outer * third * (inner * outer).inv()
-
-    def placed(self, values: Mapping[int, arb]) -> Callable[[int, int], arb_mat]:
-        """Return a function that returns the placement (4, 4) of a joint's body behind a branch, at joint values."""
-        known: dict[tuple[int, int], Any] = {}
-        steps: dict[int, Any] = {}
-
-        def placed(branch: int, joint: int) -> arb_mat:
-            if (branch, joint) not in known:
-                parent = self._parents[joint]
-                if joint not in steps:
-                    steps[joint] = self.joints[joint].step(values[joint]) if joint in self.joints else None
-                before = self._leading[joint] if parent == branch else placed(branch, parent) * self._constant[joint]
-                before = before * self._turned[joint] if joint in self._turned else before
-                known[branch, joint] = before if steps[joint] is None else before * steps[joint]
-            found: arb_mat = known[branch, joint]
-            return found
-
-        return placed
-
-
-class ExactAxis:
-    """A revolute or prismatic joint's axis, made exactly a unit vector."""
-
-    def __init__(self, joint: Any) -> None:
-        from flint import arb
-
-        given = axis(joint)
-        self.is_prismatic = translations(joint) == 1
-        self._along = np.flatnonzero(given).tolist()
-        self.unit = unit([arb(float(x)) for x in given])
-
-    def along(self, axes: list[list[arb]]) -> list[arb]:
-        """Return the axis for the axes of its body."""
-        if len(self._along) == 1:
-            return [self.unit[self._along[0]] * x for x in axes[self._along[0]]]
-        return combined(axes, self.unit)
-
-    def step(self, value: arb) -> arb_mat:
-        """Return the displacement (4, 4) of the joint."""
-        from flint import arb_mat
-
-        if self.is_prismatic:
-            rows = [[int(i == j) for j in range(3)] + [self.unit[i] * value] for i in range(3)]
-            return arb_mat([*rows, [0, 0, 0, 1]])
-        s, c = value.sin_cos()
-        if len(self._along) == 1:  # exact zeros stay exact
-            i, j, k = _NEXT[self._along[0]]
-            s, rows = s * self.unit[i], [[0] * 4 for _ in range(4)]
-            rows[i][i] = rows[3][3] = 1
-            rows[j][j], rows[j][k], rows[k][j], rows[k][k] = c, -s, s, c
-            return arb_mat(rows)
-        x, y, z = self.unit
-        v = 1 - c
-        return arb_mat([
-            [c + v * x * x, v * x * y - s * z, v * x * z + s * y, 0],
-            [v * x * y + s * z, c + v * y * y, v * y * z - s * x, 0],
-            [v * x * z - s * y, v * y * z + s * x, c + v * z * z, 0],
-            [0, 0, 0, 1],
-        ])  # fmt: skip
-
-
 class _Closure:
     """Two ends that coincide, up to the motion that is free.
 
@@ -282,7 +184,7 @@ class _Closure:
         signs: 1 for joints that move the second end only, -1 for the first.
     """
 
-    def __init__(self, tree: _Tree, first: _End, second: _End, constrained: EndEquations, length: float) -> None:
+    def __init__(self, tree: ExactTree, first: _End, second: _End, constrained: EndEquations, length: float) -> None:
         from flint import arb
 
         chains = [tree.supports[end.joint] for end in (first, second)]
@@ -300,7 +202,7 @@ class _Closure:
             here = pin.SE3.Identity()
             self._oriented = [self._on(tree, j, turn or [here]) for j, turn in zip(self._joints, turns, strict=True)]
 
-    def _on(self, tree: _Tree, joint: int, placements: Sequence[pin.SE3]) -> arb_mat:
+    def _on(self, tree: ExactTree, joint: int, placements: Sequence[pin.SE3]) -> arb_mat:
         """Return the placement of an end on its joint's body; behind the branch, if it is on the branch's body."""
         first, *others = placements
         found = tree.leading(self._branch, first) if joint == self._branch else exact(first)
@@ -308,7 +210,9 @@ class _Closure:
             found = found * exact(other)
         return found
 
-    def write(self, tree: _Tree, placed: Callable[[int, int], arb_mat], unknown: Sequence[int], out: Values) -> None:
+    def write(
+        self, tree: ExactTree, placed: Callable[[int, int], arb_mat], unknown: Sequence[int], out: Values
+    ) -> None:
         """Append the equations for placements of the bodies, with derivatives by the unknown joints."""
 
         def both(ends: Sequence[arb_mat]) -> list[tuple[list[list[arb]], list[arb]]]:
@@ -319,10 +223,10 @@ class _Closure:
 
         (first, p), (second, end) = both(self._ends)
         linear, rotations, about = self._constrained
-        gap, ends, (i, j, k) = minus(end, p), first, _NEXT[about]
+        gap, ends, (i, j, k) = minus(end, p), first, NEXT[about]
         products = list[list[tuple[int, int]]]()  # of the ends' axes; the second of two is subtracted
         if rotations == 3:
-            products, agree = [[(a, b), (b, a)] for a, b, _ in _NEXT], [0, 1, 2]
+            products, agree = [[(a, b), (b, a)] for a, b, _ in NEXT], [0, 1, 2]
         elif rotations:
             products, agree = ([[(j, i)], [(k, i)]], [i]) if rotations == 2 else ([[(j, k)]], [j])
         out.residual.extend(x / self._length for x in _along(first, gap, linear))
@@ -369,26 +273,6 @@ class _Polynomials(NamedTuple):
             residual, slopes[joint] = residual + value, slope
         out.residual.append(residual / self.size)
         out.jacobian.append([slopes.get(j, 0 * self.size) / self.size for j in unknown])
-
-
-def exact(placement: pin.SE3) -> arb_mat:
-    """Return a placement (4, 4) whose rotation is exactly one."""
-    return frame(placement.rotation, placement.translation)
-
-
-def _relative(first: pin.SE3, second: pin.SE3) -> arb_mat:
-    """Return the second placement seen from the first, with exact zeros where rotations or origins are the same."""
-    from flint import arb, arb_mat
-
-    shift = [arb(float(b)) - arb(float(a)) for a, b in zip(first.translation, second.translation, strict=True)]
-    axes, _ = axes_and_origin(exact(first))
-    if np.array_equal(first.rotation, second.rotation):
-        turned = [[arb(int(i == j)) for j in range(3)] for i in range(3)]
-    else:
-        others, _ = axes_and_origin(exact(second))
-        turned = [[dot(axis, other) for other in others] for axis in axes]
-    rows = [[*row, dot(axis, shift)] for row, axis in zip(turned, axes, strict=True)]
-    return arb_mat([*rows, [arb(0), arb(0), arb(0), arb(1)]])
 
 
 def _moved(placement: arb_mat, local: list[arb], is_direction: bool) -> list[arb]:

@@ -11,9 +11,9 @@ import pinocchio as pin
 
 from cinegen.arrays import Array, Complex
 from cinegen.assembly.bodies import LinkageJoint
-from cinegen.assembly.certify import ExactAxis, exact
 from cinegen.assembly.distinct_solutions import SAME
 from cinegen.assembly.elimination import BITS, DEGREE, DegenerateError, closures
+from cinegen.assembly.exact_tree import ExactAxis, exact
 from cinegen.assembly.linkage import Linkage
 from cinegen.assembly.results import AssemblyModes
 from cinegen.balls import frame, precise

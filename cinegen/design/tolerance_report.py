@@ -14,6 +14,7 @@ from cinegen.typed_json import as_json
 from raff2urdf.quantities import Dimension
 
 _SMALL = 1e-3  # components of the deviation below this fraction of the largest are not compared
+_ROUNDING = 1e-9  # fractions of the variance that differ by less are equal
 
 INTERVAL = 3.0
 """Half-width of the interval of an error, in standard deviations."""
@@ -185,9 +186,11 @@ class ToleranceReport:
 
     def contributors(self, orientation: bool = False) -> list[tuple[ToleranceSource, float]]:
         """Return the sources and their fractions of the variance of the position, or of the orientation, the largest
-        first."""
+        first; fractions that differ by rounding are equal, and in the order of the sources."""
         column = self.shares[:, int(orientation)]
-        return [(self.sources[i], float(column[i])) for i in np.argsort(-column, kind="stable") if column[i] > 0.0]
+        order = np.argsort(-column)
+        rank = np.cumsum(np.diff(column[order], prepend=1.0) < -_ROUNDING)
+        return [(self.sources[i], float(column[i])) for i in order[np.lexsort((order, rank))] if column[i] > 0.0]
 
     def as_dict(self) -> dict[str, Any]:
         """Return what JSON shows: m and rad."""

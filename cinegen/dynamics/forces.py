@@ -11,8 +11,9 @@ import numpy as np
 
 from cinegen.arrays import Array, ArrayLike
 from cinegen.dynamics import plain
-from cinegen.dynamics.inverse_dynamics import InverseDynamics, Motion
+from cinegen.dynamics.inverse_dynamics import InverseDynamics
 from cinegen.dynamics.loads import LoadedTree, Payload
+from cinegen.dynamics.rates import Motion
 from cinegen.dynamics.reactions import Reaction, coupling_torques, reactions
 from cinegen.errors import UnknownNameError
 from cinegen.html import table

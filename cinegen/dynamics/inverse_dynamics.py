@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -16,22 +15,16 @@ from cinegen.dynamics._kernels.memory import DynamicsMemory
 from cinegen.dynamics._kernels.torques import HELD, OPEN, find_torques
 from cinegen.dynamics.errors import MotionError
 from cinegen.dynamics.loads import LoadedTree, Payload
+from cinegen.dynamics.rates import CONSISTENT, Motion, check_gaps, joint_rates, rates_of, rows_of
 from cinegen.dynamics.reactions import Reaction, axes_of_reaction, reactions
+from cinegen.dynamics.set_up import load, memory_of
 from cinegen.errors import CinegenError, ClosureError, ConfigurationError, UnknownNameError
 from cinegen.jit.compiled import prepare
-from cinegen.jit.foreign import frame_of
 from cinegen.jit.one_thread import OneThread, in_one_thread
 from cinegen.jit.starting import start
-from cinegen.loops.arrays import set_up
 from cinegen.model import Mechanism
 from cinegen.tolerances import CLOSURE
 from raff2urdf.readers.uncounted import is_uncounted, note_of
-
-Motion = ArrayLike | Mapping[str, float]
-"""Velocity or acceleration (nv,) of all joints; or those of actuated joints by name, 0 for the others."""
-
-_CONSISTENT = 1e-6
-"""Velocities that open a loop faster than this fraction of the fastest joint's, dimensionless, are refused."""
 
 
 class InverseDynamics(OneThread):
@@ -80,7 +73,7 @@ class InverseDynamics(OneThread):
         self._names = {name: mechanism.v_index(name) for name in mechanism.actuated}
         self._rest = np.zeros(mechanism.model.nv)
         self._undetermined = dict[str, Bools]()
-        self._one, self._many = _set_up(self.tree), _set_up(self.tree)
+        self._one, self._many = memory_of(self.tree), memory_of(self.tree)
         self._single = {
             name: np.zeros(self._one.shape(name), self._one.fields[name].dtype)
             for name, field in self._one.fields.items()
@@ -105,7 +98,7 @@ class InverseDynamics(OneThread):
             tree.check_masses(self.counts_massless)
         self.tree = tree
         for memory in (self._one, self._many):
-            _load(memory, tree)
+            load(memory, tree)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -152,7 +145,7 @@ class InverseDynamics(OneThread):
             self._find(memory.handle)
             found = int(single["found"][0])
             if found == HELD:
-                self._check_gaps(single["gaps"][0], completes)
+                check_gaps(self.mechanism, single["gaps"][0], completes)
                 return np.array(single["torques"][0])
             if found == OPEN:
                 raise self.open_loops(single["gaps"][0, 0])
@@ -224,13 +217,13 @@ class InverseDynamics(OneThread):
         self, q: ArrayLike, v: ArrayLike | None, a: ArrayLike | None, actuated: bool, name: str | None
     ) -> tuple[Array, Array]:
         """Return the torques (count, actuated) and, of the joint or loop of that name, the reactions (count, 6)."""
-        configurations = self._rows("q", q, self.mechanism.model.nq)
+        configurations = rows_of(self.mechanism, "q", q, self.mechanism.model.nq)
         count = len(configurations)
         found, reaction = np.full((count, len(self._names)), np.nan), np.full((count, 6), np.nan)
         moves = v is not None or a is not None
         if moves:
             self._need_masses()
-        all_v, all_a = (self._all(what, given, count, actuated) for what, given in (("v", v), ("a", a)))
+        all_v, all_a = (rates_of(self.mechanism, what, rows, count, actuated) for what, rows in (("v", v), ("a", a)))
         completes = actuated and moves
         results, gaps = np.full(count, -1), np.zeros((count, 3))
         if self._is_compiled and count:
@@ -253,8 +246,8 @@ class InverseDynamics(OneThread):
                 found[i], balance = self._plain(configurations[i], v_i, a_i, completes)
                 if name is not None:
                     reaction[i] = self._reaction(name, balance).wrench
-        for i in np.flatnonzero((results == HELD) & (gaps[:, 1:].max(axis=1) > _CONSISTENT)).tolist():
-            self._check_gaps(gaps[i], completes)
+        for i in np.flatnonzero((results == HELD) & (gaps[:, 1:].max(axis=1) > CONSISTENT)).tolist():
+            check_gaps(self.mechanism, gaps[i], completes)
         return found, reaction
 
     def _ask(self, name: str | None) -> int:
@@ -325,7 +318,7 @@ class InverseDynamics(OneThread):
             ConfigurationError: q has a wrong shape, or numbers that are not finite.
             MotionError, MassError: as `mass_matrix`.
         """
-        configurations = self._rows("q", q, self.mechanism.model.nq)
+        configurations = rows_of(self.mechanism, "q", q, self.mechanism.model.nq)
         self._need_masses()
         count, size = len(configurations), len(self._names)
         found, results = np.full((count, size, size), np.nan), np.full(count, -1)
@@ -354,23 +347,6 @@ class InverseDynamics(OneThread):
             f"{self.mechanism.name}: {when}loops are open by {gap:.2g} (rad or characteristic lengths): close(q) first"
         )
 
-    def _check_gaps(self, gaps: Array, completes: bool) -> None:
-        for gap, what in zip(gaps[1:], ("velocities", "accelerations"), strict=True):
-            if gap > _CONSISTENT:
-                raise self._inconsistent(what, gap, completes)
-
-    def _inconsistent(self, what: str, gap: float, completes: bool) -> MotionError:
-        name = self.mechanism.name
-        if completes:
-            return MotionError(
-                f"{name}: the {what} of the actuated joints contradict each other by {gap:.2g} of the largest: they "
-                "are more than the mobility, and not independent"
-            )
-        return MotionError(
-            f"{name}: these {what} open loops, at {gap:.2g} of the fastest joint's: give those of the actuated joints "
-            "only, by name, and the others follow"
-        )
-
     def _need_masses(self) -> None:
         self.tree.check_masses(self.counts_massless)
 
@@ -387,47 +363,7 @@ class InverseDynamics(OneThread):
         by_name = [isinstance(given, Mapping) for given in (v, a) if given is not None]
         if any(by_name) != all(by_name):
             raise ConfigurationError("give v and a both by name, or both for all joints")
-        return self._joint_rates("v", v), self._joint_rates("a", a), all(by_name)
-
-    def _joint_rates(self, what: str, given: Motion | None) -> Array:
-        if given is None:
-            return self._rest
-        if isinstance(given, Mapping):
-            found = self._rest.copy()
-            for name, value in given.items():
-                if name not in self._names:
-                    raise UnknownNameError("actuated joint", name, self.mechanism.actuated)
-                found[self._names[name]] = value
-        else:
-            found = np.asarray(given, dtype=float)
-        if found.shape != self._rest.shape:
-            raise ConfigurationError(
-                f"{what} of {self.mechanism.name} has {len(self._rest)} numbers, not {found.shape}"
-            )
-        if not np.isfinite(found).all():
-            raise ConfigurationError(f"{what} of {self.mechanism.name} has numbers that are not finite")
-        return found
-
-    def _rows(self, what: str, given: ArrayLike, width: int) -> Array:
-        found = np.ascontiguousarray(given, dtype=float)
-        if found.ndim != 2 or found.shape[1] != width:
-            raise ConfigurationError(f"{what} must be (count, {width}) for {self.mechanism.name}, not {found.shape}")
-        if not np.isfinite(found).all():
-            raise ConfigurationError(f"{what} has numbers that are not finite")
-        return found
-
-    def _all(self, what: str, given: ArrayLike | None, count: int, actuated: bool) -> Array:
-        """Return rates (count, nv)."""
-        if given is None:
-            return np.zeros((count, len(self._rest)))
-        rates = self._rows(what, given, len(self._names) if actuated else len(self._rest))
-        if len(rates) != count:
-            raise ConfigurationError(f"{what} has {len(rates)} rows, q has {count}")
-        if not actuated:
-            return rates
-        found = np.zeros((count, len(self._rest)))
-        found[:, list(self._names.values())] = rates
-        return found
+        return joint_rates(self.mechanism, "v", v), joint_rates(self.mechanism, "a", a), all(by_name)
 
     def _closed_motion(
         self, q: Array, v: Array, a: Array, completes: bool, motions: plain.Motions
@@ -436,7 +372,7 @@ class InverseDynamics(OneThread):
             v, a, *gaps = plain.complete(self.tree, q, v, a, motions)
         else:
             gaps = list(plain.openings(self.tree, q, v, a, motions))
-        self._check_gaps(np.array([0.0, *gaps]), completes)
+        check_gaps(self.mechanism, np.array([0.0, *gaps]), completes)
         return v, a
 
     def _plain(self, q: Array, v: Array | None, a: Array | None, completes: bool) -> tuple[Array, plain.Balance]:
@@ -451,31 +387,3 @@ class InverseDynamics(OneThread):
         if not found.is_held:
             return np.full(len(self._names), np.nan), found
         return np.asarray(found.efforts / self.tree.step[list(self._names.values())]), found
-
-
-def _set_up(tree: LoadedTree) -> DynamicsMemory:
-    """Return the kernel's memory."""
-    mechanism = tree.mechanism
-    fixed = plain.columns_of(mechanism).start
-    memory = set_up(DynamicsMemory(count=1), mechanism.structure.system, mechanism.cluster_ranks, fixed)
-    columns = plain.actuated_columns(mechanism)
-    memory.resize(actuated=len(columns), mobility=memory.n - memory.rank)
-    memory.actuated_dof[:], memory.step[:] = np.array(columns, dtype=int) - fixed, tree.step[columns]
-    _load(memory, tree)
-    return memory
-
-
-def _load(memory: DynamicsMemory, tree: LoadedTree) -> None:
-    """Write the bodies, gravity and wrenches of a tree into a kernel's memory."""
-    model = tree.model
-    memory.resize(loads=len(tree.loads))
-    for j in range(1, model.njoints):
-        body: Any = model.inertias[j]
-        memory.mass[j], memory.centre[j], memory.inertia[j] = body.mass, body.lever, body.inertia
-    memory.gravity[:] = tree.gravity
-    moving = plain.columns_of(tree.mechanism)
-    memory.armature[:], memory.damping[:] = model.armature[moving], model.damping[moving]
-    memory.friction[:] = model.upperDryFrictionLimit[moving]
-    for i, (payload, joint, placement) in enumerate(tree.loads):
-        memory.load_joint[i], memory.load_offset[i] = joint, frame_of(placement)
-        memory.load_turns[i], memory.load[i] = payload.axes == "node", payload.wrench

@@ -9,8 +9,9 @@ import pinocchio as pin
 
 from cinegen.arrays import Array, ArrayLike
 from cinegen.dynamics import plain
-from cinegen.dynamics.inverse_dynamics import InverseDynamics, Motion
+from cinegen.dynamics.inverse_dynamics import InverseDynamics
 from cinegen.dynamics.loads import LoadedTree
+from cinegen.dynamics.rates import Motion
 from cinegen.errors import ConfigurationError
 from cinegen.jit.one_thread import in_one_thread
 from cinegen.singularities.singularity import SINGULAR

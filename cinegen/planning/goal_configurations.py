@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +16,7 @@ from cinegen.collision.scene_table import about_z
 from cinegen.errors import ClosureError
 from cinegen.ik.local_ik import LocalIK
 from cinegen.ik.task import FrameTask
+from cinegen.model import Mechanism
 from cinegen.planning.attempt import PlanStatus
 from cinegen.planning.attraction import TaskAttraction
 from cinegen.planning.path_constraints import Kept, TaskProjection, path_tasks, projection
@@ -26,6 +27,7 @@ TOLERANCE = 1e-4
 """Tolerance of a goal, characteristic lengths and rad."""
 
 _STARTS = 200  # start configurations of the search
+_STARTS_OF_DRAGS = 40  # of the search during a drag, one in a tick
 _ENOUGH = 24  # configurations
 _SAMPLES = 200
 _DISTINCT = 0.1  # rad or characteristic lengths: nearer configurations count as one
@@ -233,3 +235,21 @@ def _too_near(clearance: Clearance, scene: Scene, pair: int, distance: float) ->
             touching = touching if own else owners[touching]
             return f"{reason}; if they may touch, add '{touching}' to touches of '{held[body]}'"
     return reason + (f'; if these links may touch, add allowed_collisions = [["{one}", "{other}"]]' if own else "")
+
+
+def clear_configurations(
+    mechanism: Mechanism, clearance: Clearance, tasks: Sequence[FrameTask], safety: float
+) -> Iterator[list[Array] | None]:
+    """Search for configurations in which all targets are reached and the safety distance is kept.
+
+    Yields None after each start, and the configurations found at the end.
+    """
+    local, rng = LocalIK(mechanism, tuple(tasks)), np.random.default_rng(0)
+    found = []
+    for _ in range(_STARTS_OF_DRAGS):
+        if local.solve(local.random_start(rng), 1e-8) and local.closure <= CLOSURE:
+            q = local.best
+            if clearance.least(q) >= safety:
+                found.append(q)
+        yield None
+    yield found

@@ -15,18 +15,16 @@ from cinegen.collision.clearance import Clearance
 from cinegen.errors import CinegenError
 from cinegen.ik import FrameTask, LookAhead, Solver, Status, Step
 from cinegen.ik.barrier import Range
-from cinegen.ik.local_ik import LocalIK
 from cinegen.ik.state import State
 from cinegen.ik.thresholds import SECONDARY_TRIES, TRIES
 from cinegen.loops.arrays import null_space
-from cinegen.model import Mechanism
 from cinegen.model.motion_limits import motion_limits
 from cinegen.planning.braking import BrakingBarrier
 from cinegen.planning.clearance_barrier import ClearanceBarrier
 from cinegen.planning.evasion import Evasion, Threat
+from cinegen.planning.goal_configurations import clear_configurations
 from cinegen.planning.manoeuvres import driven_motions
 from cinegen.planning.vortices import DetourDirection, Vortices
-from cinegen.tolerances import CLOSURE
 
 _PREDICTION_GAIN = -math.log1p(-0.2)  # 1/tick: a prediction arrives within a few ticks
 _PREDICTION_PERIOD = 4e-3  # s between two ticks of the prediction, at least
@@ -39,7 +37,6 @@ _PROGRESS = 0.02  # fraction of the remaining distance
 _QUIET = 0.02  # s without an active vortex until the tasks are resumed
 _MOVED = 0.02  # characteristic lengths or rad: a target or an obstacle that moved further is a new situation
 _REFUSALS = 3  # of a step, before it is replaced by braking
-_STARTS = 40  # start configurations of the search, one in a tick
 _CONFIGURATIONS = 3  # that are tried
 _STRIDE = 0.02  # rad or characteristic lengths: largest step towards a configuration
 _AT_CONFIGURATION = 0.02  # rad or characteristic lengths from a configuration, where the tasks are resumed
@@ -369,7 +366,7 @@ class AvoidingSolver(Solver):
     def _search_configurations(self, tasks: Sequence[FrameTask]) -> None:
         """Search from one more start, once for each situation; at the end the configurations found are tried."""
         if self._search is None:
-            self._search = _configurations(self._joints.limited, self.clearance, tasks, self.barrier.safety)
+            self._search = clear_configurations(self._joints.limited, self.clearance, tasks, self.barrier.safety)
         found = next(self._search, None)
         if found is not None:
             nearest = sorted(found, key=lambda q: self.mechanism.distance(self._q, q))[:_CONFIGURATIONS]
@@ -378,24 +375,6 @@ class AvoidingSolver(Solver):
             self._strategies += [_Strategy(None, direction) for direction in others]
             self._begin_strategy()
             self._suspend_tasks(bool(self._strategies))
-
-
-def _configurations(
-    mechanism: Mechanism, clearance: Clearance, tasks: Sequence[FrameTask], safety: float
-) -> Iterator[list[Array] | None]:
-    """Search for configurations in which all targets are reached and the safety distance is kept.
-
-    Yields None after each start, and the configurations found at the end.
-    """
-    local, rng = LocalIK(mechanism, tuple(tasks)), np.random.default_rng(0)
-    found = []
-    for _ in range(_STARTS):
-        if local.solve(local.random_start(rng), 1e-8) and local.closure <= CLOSURE:
-            q = local.best
-            if clearance.least(q) >= safety:
-                found.append(q)
-        yield None
-    yield found
 
 
 class _Motion:

@@ -16,7 +16,7 @@ from raff2urdf.quantities import ANGLE, LENGTH, Dimension
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from cinegen.design.calibration.estimation import HeldOut
+    from cinegen.design.calibration.result import HeldOut
 
 _BARS = 12  # of a side, at most
 _WIDE, _TALL = 7.5, 2.1  # inches: width, and height of each row

@@ -37,7 +37,7 @@ from raff2urdf.raff.document import (
     RaffRobot,
 )
 from raff2urdf.raff.oddities import oddities
-from raff2urdf.raff.sizes import label, raise_problems
+from raff2urdf.raff.sizes import label, longest, raise_problems
 from raff2urdf.raff.writer import number as shown
 from raff2urdf.readers.urdf import LEAST_SPEED, TOO_SLOW, negative_mass
 
@@ -287,7 +287,7 @@ def _drive_problems(document: Document, coupling: RaffCoupling, moving: Mapping[
 
 def _unit_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
     """Yield a problem if all lengths are below 1 mm and the file does not state that mm are meant."""
-    size, node = document.longest(robot)
+    size, node = longest(robot)
     if not document.states_units and 0.0 < size < LEAST_SIZE:
         yield document.problem(texts.SMALL, node, "parameters", robot=robot.name, least=LEAST_SIZE, size=shown(size))
 

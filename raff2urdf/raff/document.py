@@ -12,8 +12,9 @@ from enum import IntEnum, StrEnum
 from functools import cached_property
 from typing import ClassVar
 
-from raff2urdf.errors import Problem, RaffError, SourceLocation, did_you_mean
+from raff2urdf.errors import Problem, RaffError, did_you_mean
 from raff2urdf.raff import texts
+from raff2urdf.raff.source import Located, SourceText
 
 LEAST_SIZE = 5.0
 """Longest length, mm, below which a file must state its units: it may well be in m."""
@@ -62,20 +63,6 @@ class RaffParameters:
     def lengths(self) -> tuple[float, float, float]:
         """r, d and epsilon."""
         return self.r, self.d, self.epsilon
-
-
-Locations = Mapping[str, SourceLocation]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Located:
-    """A statement of a text, and the `locations` of its words."""
-
-    locations: Locations = field(default_factory=dict, compare=False, repr=False)
-
-    def line(self, word: str) -> int | None:
-        """Return the line of a word; None if it is not in the text."""
-        return self.locations[word].line if word in self.locations else None
 
 
 class _Named:
@@ -367,19 +354,6 @@ def _distinct(names: Iterable[str]) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, slots=True)
-class SourceText:
-    """The text that a document was read from, for error messages."""
-
-    name: str = "<document>"
-    lines: tuple[str, ...] = ()
-
-    def problem(self, message: str, location: SourceLocation | None = None) -> Problem:
-        """Return a problem with the name of this text and the line of the location."""
-        text = self.lines[location.line - 1] if location and 0 < location.line <= len(self.lines) else ""
-        return Problem(message, self.name, location, text)
-
-
-@dataclass(frozen=True, slots=True)
 class Document:
     """A whole RAFF file.
 
@@ -416,13 +390,6 @@ class Document:
         """Return a problem at the first of some words that the statement has; `text` is a template of the fields."""
         at = (statement.locations.get(word) for word in words) if statement is not None else ()
         return self.source.problem(text.format(**fields) if fields else text, next(filter(None, at), None))
-
-    def longest(self, robot: RaffRobot) -> tuple[float, RaffNode]:
-        """Return the longest length among the parameters of a robot, in the file's unit, and its node."""
-        return max(
-            ((max(map(abs, node.parameters.lengths)), node) for node in (robot.base, *robot.parts)),
-            key=lambda pair: pair[0],
-        )
 
     def metres(self, length: float) -> float:
         """Convert a length of the file to metres, by a division: 211.21 mm is the double nearest to 0.21121."""

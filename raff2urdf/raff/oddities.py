@@ -22,7 +22,7 @@ from raff2urdf.raff.document import (
     RaffNode,
     RaffRobot,
 )
-from raff2urdf.raff.sizes import LARGEST, label, sizes
+from raff2urdf.raff.sizes import LARGEST, label, longest, sizes
 from raff2urdf.raff.writer import number as shown
 from raff2urdf.tree import stated_inertia
 
@@ -30,9 +30,9 @@ from raff2urdf.tree import stated_inertia
 def oddities(document: Document, robot: RaffRobot) -> Iterator[Problem]:
     """Yield warnings: valid input that is probably not intended."""
     problem = document.problem
-    size, longest = document.longest(robot)
+    size, longest_node = longest(robot)
     if document.metres(size) > LONGEST and document.units == "m":
-        yield problem(texts.LARGE, longest, "parameters", robot=robot.name, size=shown(size))
+        yield problem(texts.LARGE, longest_node, "parameters", robot=robot.name, size=shown(size))
     for first, loop in duplicates(robot.loops, lambda loop: (*sorted((loop.first, loop.second)), loop.kind)):
         yield problem(texts.LOOP_TWICE, loop, "first", first=first_on(first.line("first")))
     for node in (robot.base, *robot.parts):

@@ -14,7 +14,8 @@ from raff2urdf.errors import Problem, RaffError, SourceLocation, did_you_mean
 from raff2urdf.files import read_bytes
 from raff2urdf.raff import texts
 from raff2urdf.raff.check import check_tree
-from raff2urdf.raff.document import UNITS_PER_METRE, Document, JointType, LoopKind, SourceText
+from raff2urdf.raff.document import UNITS_PER_METRE, Document, JointType, LoopKind
+from raff2urdf.raff.source import SourceText
 from raff2urdf.raff.syntax import STATEMENTS, Block
 from raff2urdf.raff.tokens import Token, tokens
 from raff2urdf.shipped import find_robot

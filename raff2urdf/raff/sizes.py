@@ -26,6 +26,12 @@ SMALLEST = 1.0 / LARGEST
 """The largest coefficient of a joint in a coupling is no smaller, rad and m."""
 
 
+def longest(robot: RaffRobot) -> tuple[float, RaffNode]:
+    """Return the longest length among the parameters of a robot, in the file's unit, and its node."""
+    nodes = (robot.base, *robot.parts)
+    return max(((max(map(abs, node.parameters.lengths)), node) for node in nodes), key=lambda pair: pair[0])
+
+
 def check_sizes(document: Document, robot: RaffRobot) -> None:
     """Check that no length, mass, moment of inertia, number of a joint's friction and coefficient of a coupling is too
     large for computations.

@@ -21,6 +21,7 @@ from raff2urdf.raff.document import (
     RaffSensor,
     RaffVariable,
 )
+from raff2urdf.raff.sizes import longest
 
 
 def dumps(document: Document, head: Sequence[str] = (), notes: Mapping[int, str] | None = None) -> str:
@@ -37,7 +38,7 @@ def dumps(document: Document, head: Sequence[str] = (), notes: Mapping[int, str]
     lines = [f"RAFF {_name(document.name)}"]
     if head:
         lines += ["", *(f"// {_comment(line)}" for line in head)]
-    if document.units != "mm" or any(0.0 < document.longest(one)[0] < LEAST_SIZE for one in document.robots):
+    if document.units != "mm" or any(0.0 < longest(one)[0] < LEAST_SIZE for one in document.robots):
         lines.append(f"units {document.units}")
     if document.gravity is not None:
         lines.append(f"gravity {_value(document.gravity)}")

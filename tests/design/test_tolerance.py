@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -237,6 +238,14 @@ def test_what_has_no_part_in_the_accuracy_is_told():
     found = tolerance("delta4", {"link2.d": 1e-4, "link7.d": 1e-4})  # only rounding rotates its platform
     assert not found.contributors(orientation=True)
     assert len(found.contributors()) == 2
+
+
+def test_equal_contributors_are_in_the_order_of_the_sources_whatever_the_rounding():
+    rng = np.random.default_rng(0)
+    found = tolerance("delta4", encoder={f"joint{j}": "0.01deg" for j in (1, 6, 12)})
+    for _ in range(8):
+        rounded = replace(found, shares=found.shares * (1.0 + 1e-12 * rng.normal(size=found.shares.shape)))
+        assert [source.name for source, _ in rounded.contributors()] == [f"joint{j} (encoder)" for j in (1, 6, 12)]
 
 
 def test_what_is_forced_is_what_loading_refuses():

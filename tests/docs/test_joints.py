@@ -1,4 +1,4 @@
-"""The recipes of docs/joints.md: parameters as in their RAFF text, and axes where Pinocchio's Jacobians have them."""
+"""The recipes of docs/joints.md: axes are where Pinocchio's Jacobians have them."""
 
 import re
 
@@ -8,9 +8,7 @@ import pytest
 from pages import ROOT
 
 import cinegen
-import raff2urdf
 
-PARAMETERS = ("gamma", "epsilon", "alpha", "d", "theta", "r")
 TEXT = (ROOT / "docs/joints.md").read_text(encoding="utf-8")
 CARDS = {
     title: (raff, [[cell.strip() for cell in row.split("|")[1:-1]] for row in rows.splitlines()])
@@ -34,13 +32,12 @@ def vector(text: str) -> np.ndarray:
 
 @pytest.fixture(params=CARDS, scope="module")
 def card(request, tmp_path_factory):
-    """Title, RAFF robot, mechanism, and rows of the table by joint."""
+    """Title, mechanism, and rows of the table by joint."""
     raff, rows = CARDS[request.param]
     path = tmp_path_factory.mktemp("card") / "card.raff"
     path.write_text(raff, encoding="utf-8")
     return (
         request.param,
-        raff2urdf.loads(raff).robots[0],
         cinegen.load(path),
         {row[0].strip("`"): row[1:] for row in rows},
     )
@@ -50,22 +47,13 @@ def test_there_are_twelve_recipes():
     assert len(CARDS) == len(re.findall("^## ", TEXT, flags=re.MULTILINE)) == 12
 
 
-def test_the_table_has_the_parameters_of_the_text(card):
-    _, robot, _, rows = card
-    for link in robot.links:
-        row = next(cells for joint, cells in rows.items() if joint.partition("_")[0] == link.joint)
-        assert {name: number(cell) for name, cell in zip(PARAMETERS, row, strict=False)} == {
-            name: getattr(link.parameters, name) for name in PARAMETERS
-        }
-
-
 def test_the_axes_are_where_the_card_says(card):
-    _, _, mechanism, rows = card
+    _, mechanism, rows = card
     model, data = mechanism.model, mechanism.model.createData()
     pin.computeJointJacobians(model, data, mechanism.q_home)
     pin.updateFramePlacements(model, data)
     assert {row for row in rows if row != "pin"} == set(mechanism.joints) | set(mechanism.balls)
-    for joint, (*_, through, along) in rows.items():
+    for joint, (through, along) in rows.items():
         point = 1e-3 * vector(through)
         if joint == "pin":
             first, second = (data.oMf[model.getFrameId(name)] for name in ("frame4", "frame5"))
@@ -91,5 +79,5 @@ def test_the_axes_are_where_the_card_says(card):
 
 
 def test_the_mobility_is_that_of_the_joint(card):
-    title, _, mechanism, _ = card
+    title, mechanism, _ = card
     assert mechanism.mobility == MOBILITY.get(title, 1)

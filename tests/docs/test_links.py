@@ -24,6 +24,14 @@ def test_links_lead_somewhere(name: str):
             assert anchor in anchors(there), f"{name}: {link}"
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_modules_that_a_page_names_exist(name: str):
+    named = re.findall(r"`([\w./]+/[\w.]+\.(?:py|mjs|js))`", (ROOT / name).read_text(encoding="utf-8"))
+    assert [
+        path for path in named if not any((ROOT / root / path).exists() for root in ("", "cinegen", "raff2urdf"))
+    ] == []
+
+
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_a_robot_has_a_picture_in_the_gallery(robot: str):
     path = ROOT / "docs" / "pictures" / f"{robot}.webp"

@@ -6,37 +6,33 @@ import math
 import os
 import shutil
 import sys
-import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from cinegen.cli.design.tolerance import ENCODER, PLAY, SIGMA, amounts
-from cinegen.cli.files import check_outputs, print_result, unchecked_links, write_figure
-from cinegen.cli.numbers import UNITS, dimension_of, interval_of, named, point
+from cinegen.cli.files import check_outputs, print_result, write_figure
+from cinegen.cli.numbers import UNITS, interval_of, named, point
 from cinegen.cli.numbers import quantity as number
 from cinegen.cli.options import FILE, JSON, PLOT, SCHEDULER, VIEW, WORKERS, ShownRobotOptions, exclude, output_option
 from cinegen.cli.progress import Progress
 from cinegen.cli.region import region
 from cinegen.cli.served_page import PageOptions
+from cinegen.cli.study.map_summary import REACTIONS, counts_of, node_at_home, summary, summary_lines
 from cinegen.cli.study.payloads import GRAVITY, PAYLOADS, WRENCHES, carried, gravity_of, wrenches
 from cinegen.errors import CinegenError, UnknownNameError
 from raff2urdf.command.command_line import UsageError, flag, no_effect, option
 from raff2urdf.files import STANDARD, output_path
-from raff2urdf.quantities import ANGULAR_STIFFNESS, LENGTH, NUMBER, STIFFNESS, shown, shown_unit
+from raff2urdf.quantities import ANGULAR_STIFFNESS, NUMBER, STIFFNESS
 
 if TYPE_CHECKING:
-    import xarray
-
     from cinegen.model import Mechanism
     from cinegen.workspace import MapSpecification
 
 _LONG = 600.0  # s, or
 _LARGE = 2e9  # bytes, that a map may take without a question
 _SURELY = 200_000  # cells that take neither
-_WIDTH = 100  # columns of text
-_ROUNDING = 1e-9  # relative error of a sum over cells
 QUANTITIES = (
     "solutions", "sigma_1", "sigma_2", "condition", "manipulability", "margin", "velocity", "force", "torque",
     "payload", "payload_any", "reaction_force", "reaction_moment", "stiffness", "rotational_stiffness", "frequency",
@@ -45,12 +41,11 @@ QUANTITIES = (
 """Names in `cinegen.workspace.quantities`, whose import takes longer than help may."""
 
 _SLOW = ("solutions", "solid_angle")
-_REACTIONS = ("reaction_force", "reaction_moment")
 _LOADED = (
     "torque",
     "payload",
     "payload_any",
-    *_REACTIONS,
+    *REACTIONS,
     "stiffness",
     "rotational_stiffness",
     "frequency",
@@ -152,8 +147,8 @@ def run(robots: ShownRobotOptions, options: MapOptions, page: PageOptions, file:
     if not result["reachable"]:
         found.close()
         shutil.rmtree(path, ignore_errors=True)
-        raise CinegenError(f"{name}: no cell of this region is reached ({_counts(result)}). {_home(spec)}")
-    text = "\n".join([*_lines(name, spec, result), f"map: {path}"])
+        raise CinegenError(f"{name}: no cell of this region is reached ({counts_of(result)}). {node_at_home(spec)}")
+    text = "\n".join([*summary_lines(name, spec, result), f"map: {path}"])
     print_result({"map": str(path), **result}, text, options.json)
     if options.plot:
         from cinegen.plotting.map import draw_map
@@ -186,8 +181,8 @@ def specification(mechanism: Mechanism, options: MapOptions, robots: ShownRobotO
         names = [name for name in names if name != "all"] + [name for name in QUANTITIES if name not in left_out]
     elif scene:
         names.append("clearance")
-    if options.reaction is not None and not set(_REACTIONS) & set(names):
-        names += _REACTIONS
+    if options.reaction is not None and not set(REACTIONS) & set(names):
+        names += REACTIONS
     springs = _springs(mechanism, options.stiffness)
     if springs and not {"stiffness", "rotational_stiffness", "frequency"} & set(names):
         names.append("stiffness")
@@ -339,95 +334,3 @@ def _confirm(spec: MapSpecification, options: MapOptions, maps: int = 1) -> None
         answer = ""
     if answer.strip().lower() not in ("y", "yes"):
         raise CinegenError("not started; nothing is written")
-
-
-# --- the result --------------------------------------------------------------------------------------------------
-
-
-def summary(found: xarray.Dataset, spec: MapSpecification) -> dict[str, Any]:
-    """Return the summary of a map for JSON: m, rad and sr; null for values without bound."""
-    import numpy as np
-
-    from cinegen.workspace import CellStatus
-    from cinegen.workspace.extent import extent
-    from cinegen.workspace.loads import left_out, notes
-
-    counts = np.bincount(found["status"].values.ravel(), minlength=len(CellStatus))
-    measured = extent(found)
-    quantities = dict[str, dict[str, Any]]()
-    for name in spec.quantities:
-        values = found[name].values[found["reachable"].values].astype(float)
-        values = values[~np.isnan(values)]
-        if len(values):
-            three = {"min": values.min(), "median": np.median(values), "max": values.max()}
-            quantities[name] = {
-                "unit": found[name].attrs["units"],
-                **{key: float(value) if np.isfinite(value) else None for key, value in three.items()},
-            }
-            quantities[name]["undetermined"] = list(left_out(spec, name)) if name in _REACTIONS else []
-    return {
-        "robot": spec.mechanism.name,
-        "node": spec.node,
-        "over": {axis.name: [axis.low, axis.high, axis.count] for axis in spec.region.axes},
-        "at": dict(spec.region.at),
-        "cells": spec.region.size,
-        "reachable": int(found["reachable"].values.sum()),
-        "status": {status.label: int(number) for status, number in zip(CellStatus, counts, strict=True) if number},
-        "checked": "joint limits in each cell, not between cells"
-        + ("" if spec.over_joints and not spec.mechanism.loops else "; branches by continuation, not proved"),
-        "quantities": quantities,
-        **({} if spec.scene is None else {"not_checked": dict(spec.mechanism.unchecked_links)}),
-        "notes": notes(spec, spec.quantities),
-        "extent": {"value": measured.value, "error": measured.error, "unit": measured.unit},
-    }
-
-
-def _lines(name: str, spec: MapSpecification, result: dict[str, Any]) -> list[str]:
-    shape = " x ".join(map(str, spec.region.shape))
-    what = f"{name}: {shape} cells over {', '.join(spec.region.names)}"
-    if spec.region.at:
-        what += f", at {', '.join(_coordinate(spec, key, value) for key, value in spec.region.at.items())}"
-    if not spec.over_joints:
-        orientation = {0: "free", 2: "of its z axis given", 3: "given"}[spec.rotation]
-        what += f"; of {spec.node}, orientation {orientation}"
-    share = 100.0 * result["reachable"] / result["cells"]
-    measured = result["extent"]
-    scale, unit = shown_unit(measured["unit"])
-    error = f" ± {scale * measured['error']:.2g}" if measured["error"] > _ROUNDING * measured["value"] else ""
-    size = f"{scale * measured['value']:.4g}{error} {unit}"
-    lines = [
-        *textwrap.wrap(what, _WIDTH, subsequent_indent="  "),
-        f"  reachable       {size}, {share:.3g} % of the region",
-        *textwrap.wrap(f"  status          {_counts(result)}", _WIDTH, subsequent_indent=" " * 18),
-    ]
-    lines += textwrap.wrap(f"  checked         {result['checked']}", _WIDTH, subsequent_indent=" " * 18)
-    if spec.scene is not None and (lost := unchecked_links(spec.mechanism)):
-        lines += textwrap.wrap(f"  clearance       {lost}", _WIDTH, subsequent_indent=" " * 18)
-    for quantity, values in result["quantities"].items():
-        scale, unit = (1.0, "") if values["unit"] == "1" else shown_unit(values["unit"])
-        three = ", ".join(
-            f"{key} {'unbounded' if values[key] is None else f'{scale * values[key]:.3g}'}"
-            for key in ("min", "median", "max")
-        )
-        more = f", along {', '.join(f'{x:.3g}' for x in spec.along)}" if quantity in ("velocity", "force") else ""
-        if quantity in _REACTIONS:
-            more, left = f", in {spec.reaction}", ", ".join(values["undetermined"])
-            more += f", without {left}, which statics does not determine" if left else ""
-        lines += textwrap.wrap(f"  {quantity:<15} {three} {unit}".rstrip() + more, _WIDTH, subsequent_indent=" " * 18)
-    lines += [line for note in result["notes"] for line in textwrap.wrap(f"  note: {note}", _WIDTH)]
-    return lines
-
-
-def _counts(result: dict[str, Any]) -> str:
-    return ", ".join(f"{number:,} {how}" for how, number in result["status"].items())
-
-
-def _coordinate(spec: MapSpecification, name: str, value: float) -> str:
-    return f"{name} = {shown(value, dimension_of(spec.mechanism, name) or NUMBER)}"
-
-
-def _home(spec: MapSpecification) -> str:
-    """Return where the node is at home: mistaken units and frames are common."""
-    home = (round(float(value), 6) for value in spec.home.translation)
-    here = ", ".join(f"{name} = {shown(value, LENGTH)}" for name, value in zip("xyz", home, strict=True))
-    return f"At home {spec.node} is at {here}; numbers are {UNITS}"

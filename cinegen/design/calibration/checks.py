@@ -28,7 +28,7 @@ from cinegen.design.errors import DesignError
 from raff2urdf.quantities import ANGLE, LENGTH, shown
 
 if TYPE_CHECKING:
-    from cinegen.design.calibration.estimation import Calibration
+    from cinegen.design.calibration.result import Calibration
 
 UNEXPLAINED = (
     "no other sign, unit or order of columns explains them; check the columns, the order of lines, and the sigmas"

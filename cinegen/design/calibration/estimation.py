@@ -21,12 +21,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
 from scipy.special import gammainc
 
 from cinegen.arrays import Array, Bools
@@ -37,193 +34,24 @@ from cinegen.design.calibration.identifiability import LISTED, Dependency, Subsp
 from cinegen.design.calibration.left_out import is_poor, left_out
 from cinegen.design.calibration.measurements import Measurements
 from cinegen.design.calibration.observation import Observation, Prediction
+from cinegen.design.calibration.result import Calibration, HeldOut, Outlier
+from cinegen.design.calibration.solver import CalibrationSolver
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
 from cinegen.design.ties import fits
 from cinegen.errors import warn
-from cinegen.typed_json import as_json
-from raff2urdf import closure
-from raff2urdf.quantities import ANGLE, LENGTH, Dimension
+from raff2urdf.quantities import ANGLE, LENGTH
 from raff2urdf.raff.document import Document
 
 LENGTH_ERROR, ANGLE_ERROR = 3e-4, math.radians(0.05)
 """Expected errors of manufacture and assembly, m and rad, of parameters for which none is given."""
 
-REJECTED = 4.0
-"""Studentised residuals beyond this many standard deviations are outliers."""
 
-_STARTS = 8.0  # expected standard deviations beyond which a reading is left out at first
-_CAUCHY = 2.0  # standard deviations from which the redescending loss weakens
-_ROUNDS = 12  # of rejection
-_SAMPLES = 64  # of errors that nothing measures
 _SMALL = 0.04  # chi-square per degree of freedom below which sigmas are too large
 _UNLIKELY = 1e-6  # probability of a chi-square that is smaller
 _COMPUTED = 1e-8  # the same below which readings were computed, not measured
 _SEEN = 4  # poses that are compared for motions of the whole robot
-_OWN = 1.0 - 1e-9  # a parameter of this determined length is determined by itself
 _WITHOUT = 1e-7  # one below has no effect
-
-
-@dataclass(frozen=True)
-class Outlier:
-    """A reading that was left out.
-
-    Attributes:
-        pose: index.
-        column: of the measurements.
-        where: pose and column by name.
-        residual: expected minus measured, m or rad.
-        sigmas: the same in standard deviations.
-    """
-
-    pose: int
-    column: int
-    where: str
-    residual: float
-    sigmas: float
-
-
-@dataclass(frozen=True)
-class HeldOut:
-    """Errors of readings that an estimate has not used, per kind: root mean squares, m or rad; NaN without any.
-
-    Attributes:
-        dimension: length or angle.
-        count: number of readings.
-        before: at nominal values.
-        after: calibrated.
-        kept: likewise, without outliers.
-        noise: of the readings themselves.
-    """
-
-    dimension: Dimension
-    count: int
-    before: float
-    after: float
-    kept: float
-    noise: float
-
-
-@dataclass(frozen=True, eq=False)
-class Calibration:
-    """Estimates of the parameters of a robot. All values in m and rad, gains dimensionless.
-
-    Attributes:
-        observation: of the measurements.
-        names: (parameters,) of the description, then gains of encoders, then of frames that were not known.
-        nominal: (parameters,) values as written; 0 of gains, and of frames where the readings put them.
-        values: (parameters,) estimates; what is not determined is nominal.
-        covariance: (parameters, parameters) of the determined part of the estimates: the Cramer-Rao bound, and
-            what expected errors of the other part add.
-        subspace: the combinations that are determined.
-        combinations: (combinations,) their estimates, in expected errors.
-        combination_covariance: (combinations, combinations).
-        dependencies: parameters that can't be told apart.
-        without_effect: names of parameters that change no reading.
-        opening: names of parameters that are not estimated: their errors would open loops of an over-constrained
-            mechanism.
-        before: (poses, outputs) expected minus measured readings at nominal values; NaN where nothing was measured.
-        after: likewise, calibrated.
-        standard: (poses, outputs) standard deviations of the readings, with what errors of the inputs add.
-        kept: (poses, outputs) which readings the estimate is made of.
-        outliers: the others.
-        chi2: sum of squares of whitened residuals of the readings kept.
-        degrees_of_freedom: readings minus combinations.
-        folds: of the cross-validation; 0 without.
-        held_out: its errors.
-    """
-
-    observation: Observation
-    names: tuple[str, ...]
-    nominal: Array
-    values: Array
-    covariance: Array
-    subspace: Subspace
-    combinations: Array
-    combination_covariance: Array
-    dependencies: tuple[Dependency, ...]
-    without_effect: tuple[str, ...]
-    opening: tuple[str, ...]
-    before: Array
-    after: Array
-    standard: Array
-    kept: Bools
-    outliers: tuple[Outlier, ...]
-    chi2: float
-    degrees_of_freedom: int
-    folds: int = 0
-    held_out: tuple[HeldOut, ...] = field(default=())
-
-    def __repr__(self) -> str:
-        count = self.subspace.basis.shape[1]
-        return f"<Calibration of {self.parameters.robot.name}: {count} combinations of {len(self.names)} parameters>"
-
-    @property
-    def parameters(self) -> Parameters:
-        """The free parameters of the description."""
-        return self.observation.design.parameters
-
-    @property
-    def sigmas(self) -> Array:
-        """(parameters,) standard deviations of the determined part of the estimates."""
-        return np.sqrt(np.diag(self.covariance))
-
-    @property
-    def separate(self) -> Bools:
-        """(parameters,) which are determined by themselves."""
-        return np.asarray(self.subspace.lengths > _OWN)
-
-    @property
-    def frames(self) -> dict[str, Array]:
-        """Poses (4, 4) of devices in the world, and of targets on their nodes, m: those that were not known."""
-        own, known = self.observation.frames, len(self.names) - len(self.observation.frames)
-        return {name: own.pose(name, self.values[known:]) for name in own.start}
-
-    @property
-    def fit(self) -> float:
-        """Chi-square per degree of freedom; about 1 if the sigmas are right. NaN without degrees of freedom."""
-        return self.chi2 / self.degrees_of_freedom if self.degrees_of_freedom > 0 else math.nan
-
-    def raff(self) -> str:
-        """Return the RAFF file with the estimates; comments stay. Offsets of encoders change the home that is written;
-        RAFF has no statement for gains."""
-        return self.parameters.with_values(self.values[: len(self.parameters)])
-
-    def unit(self, name: str) -> str:
-        """Return the unit of a parameter: m, rad, or "" of a gain."""
-        return self.observation.units[self.names.index(name)]
-
-    def dimension(self, name: str) -> Dimension:
-        """Return whether a parameter is a length or an angle."""
-        return LENGTH if self.unit(name) == "m" else ANGLE
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return what JSON shows: m and rad."""
-        kinds = {LENGTH: "length", ANGLE: "angle"}
-        columns = zip(self.names, self.nominal, self.values, self.sigmas, self.separate, strict=True)
-        left_out = (*self.without_effect, *self.opening, *self.observation.frames.names)
-        return as_json(
-            self, "names", "covariance", "without_effect", "opening", "chi2", "degrees_of_freedom", "folds",
-            poses=len(self.observation.measurements),
-            readings=int(np.isfinite(self.before).sum()),
-            parameters=[
-                {"name": name, "unit": self.unit(name), "nominal": a, "value": b, "sigma": s, "separate": own}
-                for name, a, b, s, own in columns
-                if name not in left_out
-            ],
-            frames=[{"name": name, "pose": pose} for name, pose in self.frames.items()],
-            identifiable=self.subspace.rank,
-            estimated=self.subspace.basis.shape[1],
-            dependencies=[as_json(one, "names", "changes", "text") for one in self.dependencies],
-            outliers=[
-                as_json(one, "residual", "sigmas", pose=self.observation.measurements.labels[one.pose], text=one.where)
-                for one in self.outliers
-            ],
-            held_out=[
-                as_json(one, "before", "after", "kept", "noise", kind=kinds[one.dimension], readings=one.count)
-                for one in self.held_out
-            ],
-        )  # fmt: skip
 
 
 def calibrate(
@@ -318,10 +146,10 @@ def _estimate(
     )  # fmt: skip
 
 
-def _solver(observation: Observation, nominal: Prediction, sigma: Amounts | None) -> _Solver:
+def _solver(observation: Observation, nominal: Prediction, sigma: Amounts | None) -> CalibrationSolver:
     errors = observation.expected_errors(expected_errors(observation.design.parameters, sigma))
     errors[[name in nominal.opening for name in observation.names]] = 0.0
-    return _Solver(observation, observation.covariances(nominal), errors)
+    return CalibrationSolver(observation, observation.covariances(nominal), errors)
 
 
 def expected_errors(parameters: Parameters, sigma: Amounts | None) -> Array:
@@ -341,117 +169,6 @@ def expected_errors(parameters: Parameters, sigma: Amounts | None) -> Array:
                 raise DesignError(f"expected error of {pattern}: {amount} is not above 0")
             found[indices.index(i)] = value
     return found
-
-
-class _Solver:
-    """Residuals of an observation in the combinations of a subspace, whitened."""
-
-    def __init__(self, observation: Observation, covariances: Array, errors: Array) -> None:
-        self.observation, self.covariances, self.errors = observation, covariances, errors
-        self.standard = np.sqrt(np.einsum("nkk->nk", covariances))
-
-    def expected(self, nominal: Prediction) -> Array:
-        """Return the standard deviations (poses, outputs) that residuals at nominal values have by the expected errors
-        of parameters and readings; frames are where their readings put them."""
-        known = len(self.errors) - len(self.observation.frames)
-        return np.asarray(np.sqrt(self.standard**2 + ((nominal.jacobian * self.errors)[..., :known] ** 2).sum(axis=2)))
-
-    def whiten(self, rows: Array, kept: Bools) -> Array:
-        """Return rows (poses, outputs, .) of the readings kept (poses, outputs), whitened: (rows, .)."""
-        is_diagonal = not self.observation.input_sigmas.any()
-        if is_diagonal:
-            return np.asarray((rows / self.standard[..., None])[kept])
-        found = []
-        for one, covariance, mask in zip(rows, self.covariances, kept, strict=True):
-            if mask.any():
-                factor = np.linalg.cholesky(covariance[np.ix_(mask, mask)])
-                found.append(np.linalg.solve(factor, one[mask]))
-        return np.concatenate(found)
-
-    def least_squares(self, space: Subspace, z: Array, kept: Bools, loss: str = "linear", scale: float = 1.0) -> Array:
-        """Return the combinations (combinations,) that minimise the loss of the readings kept, from z. Losses that are
-        not linear take readings as independent."""
-        observation = self.observation
-        last: dict[bytes, Prediction] = {}
-        independent = loss != "linear"
-
-        def predicted(z: Array) -> Prediction:
-            key = z.tobytes()
-            if key not in last:
-                last.clear()
-                last[key] = observation.predict(observation.values + space.changes @ z)
-            return last[key]
-
-        def whitened(rows: Array) -> Array:
-            return (rows / self.standard[..., None])[kept] if independent else self.whiten(rows, kept)
-
-        def residuals(z: Array) -> Array:
-            found = predicted(z)
-            if not (found.gap <= closure.CLOSED).all():
-                return np.full(int(kept.sum()), 1e9)  # refused: the step is shortened
-            return whitened(observation.residuals(found)[..., None])[:, 0]
-
-        def jacobian(z: Array) -> Array:
-            return np.asarray(whitened(predicted(z).jacobian) @ space.changes)
-
-        tolerance = 1e-10 if loss == "linear" else 1e-5
-        done = least_squares(
-            residuals, z, jacobian, method="trf", loss=loss, f_scale=scale, xtol=tolerance, ftol=tolerance,
-            gtol=1e-8, max_nfev=60,
-        )  # fmt: skip
-        if not done.success and loss == "linear":
-            warn(f"{observation.measurements.source}: the estimate has not converged in {done.nfev} evaluations")
-        return np.asarray(done.x)
-
-    def curvature(self, space: Subspace, theta: Array, size: float, kept: Bools) -> Array:
-        """Return what random errors along combinations that are not determined, of a size in expected ones, change the
-        readings by in second order, whitened (rows, samples): their second moment is the product with its transpose."""
-        random = np.random.default_rng(0).normal(size=(len(theta), _SAMPLES)) * (self.errors > 0.0)[:, None]
-        changes = size * self.errors[:, None] * (random - space.basis @ (space.basis.T @ random))
-        here, sums = self.observation.predict(theta, derivatives=False), list[Array]()
-        for change in changes.T:
-            both = [self.observation.predict(theta + sign * change, derivatives=False) for sign in (1.0, -1.0)]
-            if all((one.gap <= closure.CLOSED).all() for one in both):
-                sums.append(sum(map(self.observation.residuals, both)) / 2.0 - self.observation.residuals(here))
-        return (
-            self.whiten(np.stack(sums, axis=-1), kept) / math.sqrt(len(sums))
-            if sums
-            else np.zeros((int(kept.sum()), 0))
-        )
-
-    def robust(self, space: Subspace, nominal: Prediction, before: Array) -> tuple[Array, Bools]:
-        """Return combinations, and which readings (poses, outputs) are no outliers."""
-        present = np.isfinite(before)
-        sizes = np.abs(before) / self.expected(nominal)
-        start = present & (sizes <= _STARTS * max(1.0, float(np.median(sizes[present])) / 0.6745))
-        z = self.least_squares(space, np.zeros(space.basis.shape[1]), start, "soft_l1")
-        z = self.least_squares(space, z, present, "cauchy", _CAUCHY)
-        kept = np.zeros_like(present)
-        for _ in range(_ROUNDS):
-            found = self.observation.predict(self.observation.values + space.changes @ z)
-            sizes = self._studentised(space, found, kept if kept.any() else present)
-            scale = max(1.0, float(np.median(sizes[present])) / 0.6745)
-            wanted = present & (sizes <= REJECTED * scale)
-            if (wanted == kept).all():
-                break
-            kept = wanted
-            if kept.sum() < len(z):
-                contrary, count = int(present.sum() - kept.sum()), int(present.sum())
-                raise ContradictionError(
-                    f"{self.observation.measurements.source}: {contrary} of {count} readings contradict the others"
-                )
-            z = self.least_squares(space, z, kept)
-        return z, kept
-
-    def _studentised(self, space: Subspace, found: Prediction, kept: Bools) -> Array:
-        """Return residuals (poses, outputs) in their standard deviations, were they estimated without themselves."""
-        residuals = self.observation.residuals(found) / self.standard
-        rows = found.jacobian @ space.changes / self.standard[..., None]
-        inside = rows[kept]
-        inverse = np.linalg.pinv(inside.T @ inside, hermitian=True)
-        leverage = np.einsum("nkz,zy,nky->nk", rows, inverse, rows)
-        spread = np.where(kept, np.maximum(1.0 - leverage, 1e-6), 1.0 + leverage)
-        return np.asarray(np.nan_to_num(np.abs(residuals) / np.sqrt(spread), nan=0.0))
 
 
 # --- what is checked and told -----------------------------------------------------------------------------------------
@@ -526,7 +243,7 @@ def _outliers(observation: Observation, after: Array, standard: Array, left_out:
 
 
 def _held_out(
-    solver: _Solver, space: Subspace, folds: int, kept: Bools, before: Array, nominal: Prediction
+    solver: CalibrationSolver, space: Subspace, folds: int, kept: Bools, before: Array, nominal: Prediction
 ) -> tuple[int, tuple[HeldOut, ...]]:
     """Return the number of folds, and the errors of poses that an estimate from the other poses has not used; readings
     that are outliers for all poses together are in none."""

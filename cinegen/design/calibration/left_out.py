@@ -28,7 +28,7 @@ from cinegen.design.parameters import Parameters
 from raff2urdf.quantities import ANGLE, LENGTH, shown
 
 if TYPE_CHECKING:
-    from cinegen.design.calibration.estimation import Calibration
+    from cinegen.design.calibration.result import Calibration
 
 POOR = 5.0
 """Standard deviations of chi-square beyond which residuals are not those of the readings' sigmas."""

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from cinegen.arrays import Array
-from cinegen.design.calibration.estimation import Calibration
 from cinegen.design.calibration.identifiability import DEPENDENT, svd_by_qr
 from cinegen.design.calibration.measurements import Measurements
 from cinegen.design.calibration.observation import Observation
+from cinegen.design.calibration.result import Calibration
 from cinegen.design.design import Design
 from cinegen.design.poses import random_poses
 

@@ -13,7 +13,8 @@ import numpy as np
 
 from cinegen.arrays import Array
 from cinegen.design.errors import DesignError
-from cinegen.design.synthesis.problem import FEASIBLE, Goal, SynthesisProblem
+from cinegen.design.synthesis.designs import FEASIBLE
+from cinegen.design.synthesis.problem import Goal, SynthesisProblem
 from cinegen.errors import CinegenError
 from raff2urdf.command.extras import needs
 

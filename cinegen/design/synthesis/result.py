@@ -12,7 +12,8 @@ import numpy as np
 from cinegen.arrays import Array
 from cinegen.design.parameters import Parameters
 from cinegen.design.rewriting import rewritten
-from cinegen.design.synthesis.problem import FEASIBLE, SynthesisProblem
+from cinegen.design.synthesis.designs import FEASIBLE
+from cinegen.design.synthesis.problem import SynthesisProblem
 from cinegen.design.synthesis.task import DesignObjective, SynthesisTask
 from cinegen.proof import Proof
 from cinegen.typed_json import as_json

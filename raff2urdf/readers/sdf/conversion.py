@@ -1,4 +1,4 @@
-"""Read SDF, Gazebo's Simulation Description Format, as a URDF and the loops that it closes.
+"""Convert a model of an SDF to a URDF, and the loops that it closes.
 
 SDF gives every link a pose in the model, at the configuration where all joint variables are 0, and joints between
 any two links: a joint between links that the tree contains already closes a loop. Axes that mimic others and joints of
@@ -14,146 +14,35 @@ The elements that raff2urdf adds (`raff:robot`: zeros of joints, actuated joints
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from yourdfpy import Material, Visual
 
 from raff2urdf.arrays import Array
 from raff2urdf.constraints import IDENTITY, Constraints
-from raff2urdf.errors import RaffError, did_you_mean
-from raff2urdf.graphics.names import find
+from raff2urdf.errors import did_you_mean
 from raff2urdf.inertia import Inertia
 from raff2urdf.joint_dynamics import JointDynamics
 from raff2urdf.placement import inverse, with_z
 from raff2urdf.readers import uncounted
-from raff2urdf.readers.loops import closing_frames
-from raff2urdf.readers.loops.declaration import label_of, leave_out, local, tag_of
-from raff2urdf.readers.loops.declared_loops import LOOP_LIKE, named_in, own_words
-from raff2urdf.readers.loops.loop_joint import LoopJoint
-from raff2urdf.readers.sdf.included import robot_of
-from raff2urdf.readers.sdf.model import GEARBOX, LOOP_KINDS, SdfAxis, SdfJoint, SdfModel, SdfModelReader
-from raff2urdf.readers.sdf.poses import pose
-from raff2urdf.readers.urdf import LARGEST, SIZE, check_friction, negative_mass, numbers
-from raff2urdf.readers.urdf_builder import GRAVITY, Shape, UrdfBuilder, material, shapes
-from raff2urdf.readers.urdf_file import SHAPES, parse
-from raff2urdf.readers.urdf_tree import UrdfTree
-from raff2urdf.readers.xml_file import NAMESPACE, error_at, parse_xml
+from raff2urdf.readers.loops.declaration import leave_out, local, tag_of
+from raff2urdf.readers.sdf.link_parts import inertia_of, visuals_of
+from raff2urdf.readers.sdf.model import GEARBOX, LOOP_KINDS, SdfAxis, SdfJoint, SdfModel
+from raff2urdf.readers.sdf.spanning_tree import spanning_tree
+from raff2urdf.readers.urdf import SIZE, check_friction, numbers
+from raff2urdf.readers.urdf_builder import GRAVITY, UrdfBuilder
+from raff2urdf.readers.xml_file import NAMESPACE, error_at
 from raff2urdf.tree import BASE_JOINT, WORLD
 
 _ON_AXIS = 1e-12  # m: a link whose origin is this near a joint's axis rotates about its origin
 _PARALLEL = 1e-3  # rad: axes of a gear train are parallel up to this; poses are written with few digits
 
 
-class SdfRobot(NamedTuple):
-    """A robot of an SDF: its URDF, its constraints, the elements that were ignored, notes about what was read, and the
-    joints that plugins control."""
-
-    urdf: str
-    constraints: Constraints
-    ignored: list[str]
-    notes: list[str]
-    driven: set[str]
-
-
-def read(
-    text: str,
-    name: str,
-    robot: str | None = None,
-    ignore: Collection[str] = (),
-    find: Callable[[str, Path], Path] = find,
-) -> SdfRobot:
-    """Read an SDF.
-
-    Args:
-        text: of the file.
-        name: of the file, in errors.
-        robot: which model; the first with joints by default.
-        ignore: names of joints whose loop or coupling is to be left out.
-        find: the search for the files that it includes.
-
-    Raises:
-        RaffError: not an SDF, no such model, or something in it that has no counterpart; with the element's line.
-    """
-    root = parse_xml(text, name)
-    chosen = robot_of(root, name, robot, find)
-    model = SdfModelReader(name).model(chosen)
-    conversion = _SdfToUrdf(name, model, ignore)
-    urdf, values = conversion.run()
-    frames = _close_frames(name, urdf, values, ignore)
-    ignored = [*conversion.ignored, *frames, *_unread(name, chosen, model, ignore)]
-    return SdfRobot(urdf, values, ignored, conversion.notes, conversion.driven)
-
-
-def _close_frames(name: str, urdf: str, values: Constraints, ignore: Collection[str]) -> list[str]:
-    """Add loops for pairs of frames that coincide (`closing_frames`), unless a joint joins their bodies already.
-
-    Returns:
-        the frames that are ignored.
-    """
-    root = parse(urdf, name)
-    declared = list(closing_frames.find(root))
-    if not declared:
-        return []
-    tree, ignored = UrdfTree(root, name), []
-    joined = [{tree.body(loop[end]["node"])[0] for end in ("first", "second")} for loop in values["loops"]]
-    for one in declared:
-        if one.read is None or {*one.words} & {*ignore}:
-            ignored.append(f"'{one.name}' (frames)")
-            continue
-        joint = one.read(tree)
-        assert isinstance(joint, LoopJoint)
-        if {tree.body(joint.first)[0], tree.body(joint.second)[0]} not in joined:
-            values["loops"].append(joint.add_to(tree, one.name)[0])
-    return ignored
-
-
-def _unread(name: str, element: Any, model: SdfModel, ignore: Collection[str]) -> list[str]:
-    """Return what seems to declare a loop or a coupling that is not read, and is to be left out.
-
-    Raises:
-        RaffError: such an element is not to be left out.
-    """
-    names = {*model.links, *(joint.name for joint in model.joints)}
-    names |= {own.rpartition("::")[2] for own in names}
-    found = []
-    pending = [element]
-    if element.getparent().tag == "world":
-        pending += [own for own in element.getparent().iterchildren("*") if own.tag not in ("model", "actor", "light")]
-    while pending:
-        one = pending.pop()
-        word, parent = local(one), one.getparent().tag
-        likely, plugin = bool(LOOP_LIKE.search(word)), word == "plugin" and LOOP_LIKE.search(own_words(one))
-        in_place = parent in ("model", "world", "joint") or one is element
-        elsewhere = word == "joint" and parent != "model" and len(one) > 0
-        two_ends = one.tag != "joint" and one.find("parent") is not None and one.find("child") is not None
-        likely, in_place = likely or two_ends, in_place or two_ends
-        read = parent in _READ.get(word, ()) or NAMESPACE in str(one.tag)
-        if not read and (likely or plugin or elsewhere) and ((likely and in_place) or len(named_in(one, names)) > 1):
-            label, own = label_of(one), one.get("name") or tag_of(one)
-            if own not in ignore:
-                what = f"{label} seems to declare a loop or a coupling, which can't be read"
-                raise error_at(name, one, f"{what}: {leave_out(own)}")
-            found.append(f"'{own}' (line {one.sourceline})")
-        elif not read and word not in _SOLID:
-            pending += one.iterchildren("*")
-    return found
-
-
-_READ = {
-    "mimic": ("axis", "axis2"), "gearbox_ratio": ("joint",), "gearbox_reference_body": ("joint",),
-    "must_be_loop_joint": ("simbody",),
-}  # fmt: skip
-"""Elements of SDF that sound like loops or couplings, and those around them."""
-
 _OWN_NAMES = ("joint", "loop", "coupling")
 _OWN = tuple(f"{{{NAMESPACE}}}{word}" for word in _OWN_NAMES)
 """Elements in `raff:robot`."""
-
-_SOLID = ("visual", "collision", "inertial", "light", "sensor", "audio_source")  # parts of links
 
 
 class _Step(NamedTuple):
@@ -170,7 +59,7 @@ class _Step(NamedTuple):
     axis: Array
 
 
-class _SdfToUrdf:
+class SdfConversion:
     """Conversion of one model.
 
     Args:
@@ -206,7 +95,7 @@ class _SdfToUrdf:
     def run(self) -> tuple[str, Constraints]:
         """Return the URDF and its constraints."""
         model, urdf = self.model, self.urdf
-        tree, cut, detached, root = self._spanning_tree()
+        tree, cut, detached, root = spanning_tree(self.model)
         floating = model.own is not None and root != WORLD
         if root == WORLD or floating:
             urdf.add_link(WORLD)
@@ -239,12 +128,21 @@ class _SdfToUrdf:
     def _add_links(self) -> None:
         """Add the links and frames of the model."""
         for name, element in self.model.links.items():
-            self.urdf.add_link(name, self._visuals(element), self._inertia(name, element))
+            self.urdf.add_link(name, visuals_of(element, self.name), self._inertia(name, element))
         for frame in self.model.frames:
             self.urdf.add_link(frame)
         for frame, link in self.model.frames.items():
             name = self.urdf.free_name(f"{frame}_attached")
             self.urdf.add_fixed(name, link, frame, self._relative(link, frame))
+
+    def _inertia(self, name: str, link: Any) -> Inertia | None:
+        """Return the inertia of a link in its own axes; None if the file gives none, or leaves it open."""
+        element = link.find("inertial")
+        if element is not None and element.get("auto", "false") in ("1", "true"):
+            what = f"inertial of link '{name}' (line {element.sourceline}), which auto=\"true\" leaves open"
+            self.ignored.append(what)
+            return None
+        return None if element is None else inertia_of(element, name, self.name)
 
     def _note_left_out(self) -> None:
         """Note what URDF has no element for."""
@@ -280,49 +178,6 @@ class _SdfToUrdf:
     def _relative(self, parent: str, child: str) -> Array:
         """Return the placement of a link or frame on another one."""
         return inverse(self.placements[parent]) @ self.placements[child]
-
-    def _spanning_tree(self) -> tuple[list[tuple[SdfJoint, bool]], list[SdfJoint], list[str], str]:
-        """Choose the joints of the tree.
-
-        The parent of a link is at the first joint of the file that reaches it: from its parent if any does, else from
-        its child. Joints that plugins control come before others where a loop would else be cut at one of them.
-
-        Returns:
-            the tree's joints, each with whether its parent and child are swapped; joints that close loops; links that
-            no joint reaches; the root.
-        """
-        named = {joint for joint, _ in self.model.driven}
-        joints = [joint for joint in self.model.joints if joint.kind != GEARBOX]
-        found = self._grown(joints)
-        if any(joint.name in named for joint in found[1]):
-            return self._grown(sorted(joints, key=lambda joint: joint.name not in named))
-        return found
-
-    def _grown(self, joints: Sequence[SdfJoint]) -> tuple[list[tuple[SdfJoint, bool]], list[SdfJoint], list[str], str]:
-        """Return what `_spanning_tree` does, of joints in their order of preference."""
-        model = self.model
-        fixed = model.static or any(WORLD in (joint.parent, joint.child) for joint in joints)
-        root = WORLD if fixed else model.root or self._first(joints, set())
-        reached, tree, remaining, detached = {root}, [], list(joints), []
-        while True:
-            ahead = next((j for j in remaining if j.parent in reached and j.child not in reached), None)
-            step = ahead or next((j for j in remaining if j.child in reached and j.parent not in reached), None)
-            if step is not None:
-                remaining.remove(step)
-                tree.append((step, ahead is None))
-                reached |= {step.parent, step.child}
-            elif len(reached - {WORLD}) < len(model.links):
-                link = self._first(remaining, reached)  # it stays at its pose, with all links connected to it
-                detached.append(link)
-                reached.add(link)
-            else:
-                return tree, remaining, detached, root
-
-    def _first(self, joints: Sequence[SdfJoint], reached: set[str]) -> str:
-        """Return the first link, of those not reached, that is no joint's child; or else the first of them."""
-        children = {joint.child for joint in joints}
-        remaining = [link for link in self.model.links if link not in reached]
-        return next((link for link in remaining if link not in children), remaining[0])
 
     def _add_joint(self, joint: SdfJoint, reversed_ends: bool) -> None:
         """Add one joint for each axis, and a fixed one if the axis does not pass through the link's origin."""
@@ -438,7 +293,9 @@ class _SdfToUrdf:
                     terms[name] = terms.get(name, 0.0) + factor * sign
             reached = {name: c for name, c in reversed(terms.items()) if c != 0.0}
             if not reached:
-                raise self._error(joint, f"gearbox '{joint.name}' couples no joints: {leave_out(joint.name)}")
+                raise error_at(
+                    self.name, joint.element, f"gearbox '{joint.name}' couples no joints: {leave_out(joint.name)}"
+                )
             self._add_coupling(joint.name, reached)
             return
         for i, axis in enumerate(joint.axes):
@@ -489,9 +346,6 @@ class _SdfToUrdf:
             self.ignored.append(f"{what} '{joint.name}' (line {joint.element.sourceline}){why}")
         return joint.name in self.ignore
 
-    def _error(self, joint: SdfJoint, message: str) -> RaffError:
-        return error_at(self.name, joint.element, message)
-
     def _angle(self, gearbox: SdfJoint, link: str, axis: Array) -> dict[str, float]:
         """Return the angle of a link about an axis, as seen from a gearbox's reference, as a sum of joint values.
 
@@ -509,7 +363,7 @@ class _SdfToUrdf:
                     what = f"gearbox '{gearbox.name}': the angle of '{link}' about its axis, as seen from"
                     why = f"is not determined by joint values: joint '{step.joint}' rotates about another axis"
                     remedy = leave_out(gearbox.name)
-                    raise self._error(gearbox, f"{what} '{gearbox.reference}', {why}: {remedy}")
+                    raise error_at(self.name, gearbox.element, f"{what} '{gearbox.reference}', {why}: {remedy}")
                 signs[step.joint] = sign if step.axis @ axis > 0.0 else -sign
         return signs
 
@@ -520,55 +374,3 @@ class _SdfToUrdf:
             found[link] = self.carried[link]
             link = found[link].parent
         return found
-
-    def _inertia(self, name: str, link: Any) -> Inertia | None:
-        """Return the inertia of a link in its own axes; None if the file gives none. Numbers that are left out are
-        those of the format: 1 kg, and 1 kg m2 about each axis."""
-        element = link.find("inertial")
-        if element is None:
-            return None
-        if element.get("auto", "false") in ("1", "true"):
-            self.ignored.append(
-                f"inertial of link '{name}' (line {element.sourceline}), which auto=\"true\" leaves open"
-            )
-            return None
-
-        def value(path: str, default: float) -> float:
-            found = element.find(path)
-            given = [default] if found is None else numbers(found.text or "")
-            if given is None or len(given) != 1:
-                what = f"<{found.tag}> of link '{name}' must be a number, not '{(found.text or '').strip()[:60]}'{SIZE}"
-                raise error_at(self.name, found, what)
-            return given[0]
-
-        mass = value("mass", 1.0)
-        if mass < 0.0:
-            raise error_at(self.name, element.find("mass"), negative_mass(f"link '{name}'", mass))
-        moments = [[value(f"inertia/i{''.join(sorted(i + j))}", float(i == j)) for j in "xyz"] for i in "xyz"]
-        found = Inertia(mass, np.zeros(3), np.array(moments)).in_frame(pose(element, self.name))
-        if not found.largest <= LARGEST:
-            raise error_at(self.name, element, f"the inertia of link '{name}' is beyond {LARGEST:g}: check its units")
-        return found
-
-    def _visuals(self, link: Any) -> Iterator[Visual]:
-        for visual in link.iterchildren("visual"):
-            for shape, offset in _geometry(visual.find("geometry")):
-                origin = pose(visual, self.name) @ offset
-                yield Visual(origin=origin, geometry=shape, material=_material(visual))
-
-
-def _geometry(geometry: Any) -> Iterator[Shape]:
-    """Yield the shapes of a visual that URDF has."""
-    for shape in () if geometry is None else geometry.iterchildren(*SHAPES):
-        sizes = list[float]()
-        for word, count in SHAPES[shape.tag].items():
-            sizes += (numbers(shape.findtext(word, "1 1 1")) or [1.0, 1.0, 1.0])[:count]
-        yield from shapes(shape.tag, sizes, shape.findtext("uri", "").strip())
-
-
-def _material(visual: Any) -> Material | None:
-    for word in ("diffuse", "ambient"):
-        found = numbers(visual.findtext(f"material/{word}", "none"))
-        if found is not None and len(found) in (3, 4):
-            return material([*found, 1.0][:4])
-    return None

@@ -1,0 +1,125 @@
+"""Read SDF, Gazebo's Simulation Description Format, as a URDF and the loops that it closes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from raff2urdf.constraints import Constraints
+from raff2urdf.graphics.names import find
+from raff2urdf.readers.loops import closing_frames
+from raff2urdf.readers.loops.declaration import label_of, leave_out, local, tag_of
+from raff2urdf.readers.loops.declared_loops import LOOP_LIKE, named_in, own_words
+from raff2urdf.readers.loops.loop_joint import LoopJoint
+from raff2urdf.readers.sdf.conversion import SdfConversion
+from raff2urdf.readers.sdf.included import robot_of
+from raff2urdf.readers.sdf.model import SdfModel, SdfModelReader
+from raff2urdf.readers.urdf_file import parse
+from raff2urdf.readers.urdf_tree import UrdfTree
+from raff2urdf.readers.xml_file import NAMESPACE, error_at, parse_xml
+
+
+class SdfRobot(NamedTuple):
+    """A robot of an SDF: its URDF, its constraints, the elements that were ignored, notes about what was read, and the
+    joints that plugins control."""
+
+    urdf: str
+    constraints: Constraints
+    ignored: list[str]
+    notes: list[str]
+    driven: set[str]
+
+
+def read(
+    text: str,
+    name: str,
+    robot: str | None = None,
+    ignore: Collection[str] = (),
+    find: Callable[[str, Path], Path] = find,
+) -> SdfRobot:
+    """Read an SDF.
+
+    Args:
+        text: of the file.
+        name: of the file, in errors.
+        robot: which model; the first with joints by default.
+        ignore: names of joints whose loop or coupling is to be left out.
+        find: the search for the files that it includes.
+
+    Raises:
+        RaffError: not an SDF, no such model, or something in it that has no counterpart; with the element's line.
+    """
+    root = parse_xml(text, name)
+    chosen = robot_of(root, name, robot, find)
+    model = SdfModelReader(name).model(chosen)
+    conversion = SdfConversion(name, model, ignore)
+    urdf, values = conversion.run()
+    frames = _close_frames(name, urdf, values, ignore)
+    ignored = [*conversion.ignored, *frames, *_unread(name, chosen, model, ignore)]
+    return SdfRobot(urdf, values, ignored, conversion.notes, conversion.driven)
+
+
+def _close_frames(name: str, urdf: str, values: Constraints, ignore: Collection[str]) -> list[str]:
+    """Add loops for pairs of frames that coincide (`closing_frames`), unless a joint joins their bodies already.
+
+    Returns:
+        the frames that are ignored.
+    """
+    root = parse(urdf, name)
+    declared = list(closing_frames.find(root))
+    if not declared:
+        return []
+    tree, ignored = UrdfTree(root, name), []
+    joined = [{tree.body(loop[end]["node"])[0] for end in ("first", "second")} for loop in values["loops"]]
+    for one in declared:
+        if one.read is None or {*one.words} & {*ignore}:
+            ignored.append(f"'{one.name}' (frames)")
+            continue
+        joint = one.read(tree)
+        assert isinstance(joint, LoopJoint)
+        if {tree.body(joint.first)[0], tree.body(joint.second)[0]} not in joined:
+            values["loops"].append(joint.add_to(tree, one.name)[0])
+    return ignored
+
+
+def _unread(name: str, element: Any, model: SdfModel, ignore: Collection[str]) -> list[str]:
+    """Return what seems to declare a loop or a coupling that is not read, and is to be left out.
+
+    Raises:
+        RaffError: such an element is not to be left out.
+    """
+    names = {*model.links, *(joint.name for joint in model.joints)}
+    names |= {own.rpartition("::")[2] for own in names}
+    found = []
+    pending = [element]
+    if element.getparent().tag == "world":
+        pending += [own for own in element.getparent().iterchildren("*") if own.tag not in ("model", "actor", "light")]
+    while pending:
+        one = pending.pop()
+        word, parent = local(one), one.getparent().tag
+        likely, plugin = bool(LOOP_LIKE.search(word)), word == "plugin" and LOOP_LIKE.search(own_words(one))
+        in_place = parent in ("model", "world", "joint") or one is element
+        elsewhere = word == "joint" and parent != "model" and len(one) > 0
+        two_ends = one.tag != "joint" and one.find("parent") is not None and one.find("child") is not None
+        likely, in_place = likely or two_ends, in_place or two_ends
+        read = parent in _READ.get(word, ()) or NAMESPACE in str(one.tag)
+        if not read and (likely or plugin or elsewhere) and ((likely and in_place) or len(named_in(one, names)) > 1):
+            label, own = label_of(one), one.get("name") or tag_of(one)
+            if own not in ignore:
+                what = f"{label} seems to declare a loop or a coupling, which can't be read"
+                raise error_at(name, one, f"{what}: {leave_out(own)}")
+            found.append(f"'{own}' (line {one.sourceline})")
+        elif not read and word not in _SOLID:
+            pending += one.iterchildren("*")
+    return found
+
+
+_READ = {
+    "mimic": ("axis", "axis2"), "gearbox_ratio": ("joint",), "gearbox_reference_body": ("joint",),
+    "must_be_loop_joint": ("simbody",),
+}  # fmt: skip
+"""Elements of SDF that sound like loops or couplings, and those around them."""
+
+
+_SOLID = ("visual", "collision", "inertial", "light", "sensor", "audio_source")  # parts of links
