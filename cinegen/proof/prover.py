@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from cinegen.proof.singular import SingularValues
 BOXES = 10_000
 """Default number of boxes that are tested."""
 
-_BATCH = 256
+_BATCH, _FEW = 256, 2  # boxes that are tested together; while the other sign of a determinant is looked for
 _NEWTON, _CONVERGED = 8, 1e-9
 _ROUNDS = 4  # radii of a tube that are tried, 0 first
 _WIDER = 1.25  # times the radius that would just do: a margin for the checker
@@ -65,6 +65,19 @@ class _Box:
     high: Array
     x: Array
     lost: int = 0  # halvings since a configuration was found
+    determinant: float = 0.0  # of the locked joints' matrix, at the centre of what was halved
+
+
+class _Tested(NamedTuple):
+    """A box that was tested: its claim; the axis along which it would be halved; configurations at the centres of both
+    halves, None where none is found; the determinant of the locked joints' matrix at its centre, and whether it has the
+    same sign in all of it."""
+
+    leaf: Leaf
+    axis: int
+    halves: tuple[Array, Array] | None
+    determinant: float
+    is_sure: bool
 
 
 class Prover:
@@ -102,13 +115,23 @@ class Prover:
             report: is called with the share of the volume that is not halved any more.
         """
         self.nodes, self.tested, waiting = [None], 0, [_Box(0, low, high, x)]
-        decided, volume, all_proved = 0.0, float(np.prod(high - low)), True
+        decided, volume, all_proved, signs, other = 0.0, float(np.prod(high - low)), True, set[float](), 0.0
         centre, radius, count = 0.5 * (low + high), 0.5 * (high - low), ROUND[shape]
         while waiting:
-            batch, waiting = waiting[:_BATCH], waiting[_BATCH:]
+            if (
+                other and not whole
+            ):  # that sign refutes the region: down to a small box, where the determinant is largest
+                waiting.sort(key=lambda box: _urgency(box, other))
+            some = _FEW if other * waiting[0].determinant > 0.0 else _BATCH
+            batch, waiting = waiting[:some], waiting[some:]
             budget = boxes - self.tested - len(waiting)
             self.tested += len(batch)
-            for box, (leaf, axis, halves) in zip(batch, self._tested(batch), strict=True):
+            for box, (leaf, axis, halves, determinant, is_sure) in zip(batch, self._tested(batch), strict=True):
+                if box.node == 0:
+                    other = -float(np.sign(determinant))
+                elif is_sure and leaf.x:
+                    signs.add(float(np.sign(determinant)))
+                    other = -next(iter(signs)) if len(signs) == 1 else 0.0
                 axis = axis if halves else int(np.argmax((box.high - box.low) / (high - low)))
                 middle, lost = 0.5 * (box.low[axis] + box.high[axis]), 0 if halves else box.lost + 1
                 nearest = (np.clip(centre, box.low, box.high) - centre) / radius
@@ -126,8 +149,8 @@ class Prover:
                 ends = box.high.copy(), box.low.copy()
                 ends[0][axis] = ends[1][axis] = middle
                 x_low, x_high = halves or (box.x, box.x)
-                waiting.append(_Box(first, box.low, ends[0], x_low, lost))
-                waiting.append(_Box(first + 1, ends[1], box.high, x_high, lost))
+                waiting.append(_Box(first, box.low, ends[0], x_low, lost, determinant))
+                waiting.append(_Box(first + 1, ends[1], box.high, x_high, lost, determinant))
             if whole and not all_proved:
                 return False
             if report is not None:
@@ -166,9 +189,7 @@ class Prover:
                 break
         return x, inverse, done
 
-    def _tested(self, batch: list[_Box]) -> list[tuple[Leaf, int, tuple[Array, Array] | None]]:
-        """Return of each box the claim, the axis along which it would be halved, and configurations at the centres of
-        both halves; None where none is found."""
+    def _tested(self, batch: list[_Box]) -> list[_Tested]:
         e, count = self.equations, len(self.equations.unknown)
         low, high = np.array([box.low for box in batch]), np.array([box.high for box in batch])
         centre = 0.5 * (low + high)
@@ -189,14 +210,15 @@ class Prover:
                 break
             y = np.where(usable[:, None], better, y)
         axes = np.argmax(bends, axis=1).tolist()
-        claims = self._claims(x, np.abs(along[:, :count]).sum(axis=-1) + image, at, change)
+        determinants, is_sure = self._determinants(at, change)
+        claims = self._claims(x, np.abs(along[:, :count]).sum(axis=-1) + image, is_sure)
         best = [i for i in range(len(x)) if regular[i] and claims[i][0] == PROVED]
         if self._values is not None and best:
             there, tubes = Point(*(m[best] for m in at)), (x[best], centre[best], along[best], y[best])
             least, most = self._values.smallest(*tubes, there, e.change(*tubes, sharp=True))
             for k, i in enumerate(best):
                 claims[i] = self._judged(least[:, k], most[:, k])
-        found = list[tuple[Leaf, int, tuple[Array, Array] | None]]()
+        tested = list[_Tested]()
         excluded = self._reach.excludes(low, high)
         for i, axis in enumerate(axes):
             leaf, step = Leaf(OPEN, "no configuration is found"), 0.5 * along[i, :count, axis]
@@ -206,8 +228,9 @@ class Prover:
                 leaf = Leaf(*claims[i], (x[i] * e.units).tolist(), (y[i] * e.units).tolist())
             if excluded[i] and not regular[i]:
                 leaf = Leaf(UNREACHABLE, "")
-            found.append((leaf, axis, (x[i] - step, x[i] + step) if done[i] else None))
-        return found
+            halves = (x[i] - step, x[i] + step) if done[i] else None
+            tested.append(_Tested(leaf, axis, halves, float(determinants[i]) if done[i] else 0.0, bool(is_sure[i])))
+        return tested
 
     def _along(self, x: Array, centre: Array, radius: Array, inverse: Array, at: Point) -> Array:
         """Return how X and P (boxes, unknowns + parameters, .) change by eps and by its products."""
@@ -244,19 +267,18 @@ class Prover:
         defect = constant + bends.sum(axis=1) + size @ (bent + apart)[..., :count]
         return z, bends[:, :n].sum(axis=(-1, -2)), defect
 
-    def _claims(self, x: Array, radius: Array, at: Point, change: Change) -> list[tuple[str, str]]:
+    def _claims(self, x: Array, radius: Array, is_sure: Bools) -> list[tuple[str, str]]:
         """Return what is claimed of each box if it is regular, and why no more is.
 
         Args:
             x: (boxes, unknowns) the configurations are within
             radius: (boxes, unknowns) of it.
-            at: at the centres.
-            change: over the boxes.
+            is_sure: (boxes,) whether no motion remains with all actuated joints locked.
         """
         e, found, low, high = self.equations, list[tuple[str, str]](), x - radius, x + radius
         beyond = self._limits & ((low > e.upper) | (high < e.lower))
         crossed = self._limits & ((high >= e.upper) | (low <= e.lower))
-        for i, is_controlled in enumerate(self._controlled(at, change).tolist()):
+        for i, is_controlled in enumerate(is_sure.tolist()):
             if beyond[i].any():
                 found.append((LIMIT, e.names[int(beyond[i].argmax())]))
             elif crossed[i].any():
@@ -276,11 +298,12 @@ class Prover:
             return PROVED, ""
         return REGULAR, f"sigma_{1 + int(least.argmin())} may be less"
 
-    def _controlled(self, at: Point, change: Change) -> Bools:
-        """Return of which boxes (boxes,) no motion remains with all actuated joints locked: of type 2 there is none."""
+    def _determinants(self, at: Point, change: Change) -> tuple[Array, Bools]:
+        """Return the determinant (boxes,) of the locked joints' matrix at the centre, and whether it has the same sign
+        in all of the box: no singularity of type 2."""
         rows, locked = self.equations.rows, self.equations.locked
         if len(rows) != len(locked):  # actuated redundantly
-            return np.zeros(len(at.residual), dtype=bool)
+            return np.zeros(len(at.residual)), np.zeros(len(at.residual), dtype=bool)
         here, unsure = (at.jacobian[:, k][:, rows][..., locked] for k in range(2))
         left = _inverse(here)
         rest = unsure + (change.bent + change.apart)[:, rows][..., locked]
@@ -290,7 +313,14 @@ class Prover:
         total = _preconditioned(slopes[:n], rest + np.abs(slopes[n:]).sum(axis=0))
         weights = _solved(total, np.ones(total.shape[:2]))
         lesser = (total @ weights[..., None])[..., 0] < _SURE * weights
-        return np.asarray(lesser.all(axis=1) & (weights > 0.0).all(axis=1))
+        return np.linalg.det(here), np.asarray(lesser.all(axis=1) & (weights > 0.0).all(axis=1))
+
+
+def _urgency(box: _Box, sign: float) -> tuple[float, float]:
+    """Return what is least for the box that is tested next where a sign of the determinant is looked for."""
+    if not sign * box.determinant > 0.0:
+        return np.inf, 0.0
+    return float(np.prod(box.high - box.low)), -sign * box.determinant
 
 
 def _curved(by: Array, along: Array) -> Array:

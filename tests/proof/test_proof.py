@@ -9,9 +9,11 @@ import random
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from flint import arb, ctx
 from matplotlib.colors import to_rgba
+from scipy.spatial.transform import Rotation
 
 import cinegen.proof.proof
 import cinegen.proof.spread
@@ -142,6 +144,45 @@ def test_fichters_pose_is_never_proved(robot):
     poses = sorted(math.degrees(witness["pose"]["rz"]) for witness in proof.witnesses)
     assert poses[0] < 90.0 < poses[1]
     assert "a singularity of type 2 is not excluded" in proof.reasons
+
+
+def legs_of(gough, poses):
+    """Lengths (n, 6) of a Gough platform's legs, and determinants (n,) of their lines, by its geometry at home."""
+    data = gough.model.createData()
+    pin.forwardKinematics(gough.model, data, gough.q_home)
+    at = {name: data.oMi[gough.model.getJointId(name)] for name in gough.joints}
+    bases = np.array([at[f"joint{k}"].translation for k in (1, 7, 10, 13, 16, 19)])
+    home = gough.placement(gough.q_home, gough.end)
+    tops = np.array([home.actInv(at[f"joint{k}"].translation) for k in (3, 9, 12, 15, 18, 21)])
+    turned = Rotation.from_euler("ZYX", poses[:, :2:-1]).as_matrix() @ tops.T
+    turned = turned.swapaxes(1, 2)
+    vectors = poses[:, None, :3] + turned - bases
+    lengths = np.linalg.norm(vectors, axis=2)
+    lines = np.concatenate([vectors, np.cross(turned, vectors)], axis=2) / lengths[..., None]
+    return lengths, np.linalg.det(lines)
+
+
+def test_a_singularity_in_six_coordinates_has_a_witness_soon(robot):
+    turn = math.radians(5.0)
+    over = dict(zip(POSE, [(-0.05, 0.05)] * 2 + [(0.85, 0.95)] + [(-turn, turn)] * 2, strict=False))
+    over["rz"] = tuple(np.radians([60.0, 100.0]))
+    proof = prove(robot("gough"), over, boxes=150)
+    assert [one["determinant"] for one in proof.witnesses] == [1, -1]
+    poses = np.array([[one["pose"][name] for name in POSE] for one in proof.witnesses])
+    assert np.prod(legs_of(robot("gough"), poses)[1]) < 0.0
+    assert 0.0 < proof.proved < 0.5 < proof.undecided
+
+
+@pytest.mark.slow
+def test_ten_million_poses_of_a_proved_region_have_legs_of_allowed_length_and_are_not_singular(robot):
+    gough, turn = robot("gough"), math.radians(8.0)
+    over = dict(zip(POSE, [(-0.05, 0.05)] * 2 + [(0.85, 0.95)] + [(-turn, turn)] * 3, strict=True))
+    assert prove(gough, over, limits=True)
+    rng, sign = np.random.default_rng(1), np.sign(legs_of(gough, np.array([[0.0, 0.0, 0.9, 0.0, 0.0, 0.0]]))[1][0])
+    for _ in range(100):
+        lengths, determinants = legs_of(gough, rng.uniform(*np.array(list(over.values())).T, (100_000, 6)))
+        assert 0.7 < lengths.min() < lengths.max() < 1.3
+        assert (sign * determinants > 0.0).all()
 
 
 def test_mechanisms_whose_pose_is_not_enough_are_undecided(robot):
