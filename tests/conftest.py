@@ -6,6 +6,7 @@ nobody says, so that all tests together stay within minutes.
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import os
 import signal
@@ -77,6 +78,13 @@ def nothing_is_left(request):
     yield
     left = left_since(before)
     assert not left, f"left behind: {'; '.join(left)}"
+
+
+@pytest.fixture
+def closing():
+    """`closing(session)`: the session, which is closed when the test ends."""
+    with contextlib.ExitStack() as ends:
+        yield lambda one: ends.enter_context(contextlib.closing(one))
 
 
 @pytest.fixture(scope="session")
