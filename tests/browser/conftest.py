@@ -112,9 +112,9 @@ def tab(browser, spare):
 def cockpit(robot, closing):
     """`cockpit("delta4")`: its session runs in a thread; a process of its own takes two seconds of CPU to start."""
 
-    def open_cockpit(*names, setup=None, **options):
+    def open_cockpit(*names, setup=None, files=None, **options):
         setup = setup or arrange({name: robot(name) for name in names}, **options)
-        return closing(Cockpit(setup, port=0, own_process=False))
+        return closing(Cockpit(setup, port=0, own_process=False, files=files))
 
     return open_cockpit
 
