@@ -6,23 +6,23 @@ nobody says, so that all tests together stay within minutes.
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import os
 import signal
 import stat
 import sys
 import threading
-from functools import cache
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, is_hypothesis_test, settings
 from leftovers import Snapshot, left_since
+from repository import load as load_robot
 
 import cinegen
 
 ROOT = Path(__file__).resolve().parent.parent
-ROBOTS = ROOT / "robots"
 
 # On a busy machine making examples may take long: that is no failure.
 settings.register_profile("cinegen", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
@@ -80,15 +80,17 @@ def nothing_is_left(request):
     assert not left, f"left behind: {'; '.join(left)}"
 
 
-@cache
-def _robot(name: str) -> cinegen.Mechanism:
-    return cinegen.load(ROBOTS / f"{name}.raff")
+@pytest.fixture
+def closing():
+    """`closing(session)`: the session, which is closed when the test ends."""
+    with contextlib.ExitStack() as ends:
+        yield lambda one: ends.enter_context(contextlib.closing(one))
 
 
 @pytest.fixture(scope="session")
 def robot():
     """`robot("delta4")`: a mechanism of the repository."""
-    return _robot
+    return load_robot
 
 
 @pytest.fixture(scope="session")

@@ -109,18 +109,14 @@ def tab(browser, spare):
 
 
 @pytest.fixture
-def cockpit(robot):
+def cockpit(robot, closing):
     """`cockpit("delta4")`: its session runs in a thread; a process of its own takes two seconds of CPU to start."""
-    opened = []
 
-    def open_cockpit(*names, setup=None, **options):
+    def open_cockpit(*names, setup=None, files=None, **options):
         setup = setup or arrange({name: robot(name) for name in names}, **options)
-        opened.append(Cockpit(setup, port=0, own_process=False))
-        return opened[-1]
+        return closing(Cockpit(setup, port=0, own_process=False, files=files))
 
-    yield open_cockpit
-    for one in opened:
-        one.close()
+    return open_cockpit
 
 
 @pytest.fixture(scope="session")

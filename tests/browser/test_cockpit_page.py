@@ -10,9 +10,8 @@ import pytest
 from tabs import IN_BROWSER, PIXELS, becomes, find, grab, held, picture, place, rests, tools
 
 import cinegen
-from cinegen.cockpit import Cockpit
 from cinegen.mission.results import record_modes
-from cinegen.session import arrange, replay_setup
+from cinegen.session import replay_setup
 
 pytestmark = IN_BROWSER
 
@@ -242,23 +241,23 @@ def test_a_second_browser_sees_it_is_told_how_to_drive_and_takes_control(cockpit
     first.mouse.up()
 
 
-def test_the_view_only_address_shows_the_robots_and_drives_nothing(robot, tab):
-    with Cockpit(arrange({"five_bar": robot("five_bar")}), port=0, own_process=False) as one:
-        page, home = tab(one.view_url), one.state.robots["five_bar"].q
-        assert becomes(page, lambda: page.evaluate("document.documentElement.dataset.control") == "other")
-        assert page.locator("#crowd").inner_text().strip() == "This page only shows the robots."
-        assert not page.locator("#take-control").is_visible()
-        assert becomes(page, lambda: page.inner_text("#control").startswith("View only"))
-        page.press("body", "h")
-        assert page.locator("#toasts .toast").first.inner_text().startswith("This page only shows the robots: ask for")
-        picture(page, "view_only")
-        page.evaluate(
-            "cockpit.presentation.session.send({ type: 'move_joint', robot: 'five_bar', joint: 'joint1', value: 1.0 })"
-        )
-        refused = "this address only shows the robots: ask for the one with which to drive them"
-        assert becomes(page, lambda: refused in page.locator("#toasts").inner_text())
-        assert (one.state.robots["five_bar"].q == home).all()
-        assert page.get_attribute("#page-copy", "href") == one.view_url.replace("?", "snapshot.html?")
+def test_the_view_only_address_shows_the_robots_and_drives_nothing(cockpit, tab):
+    one = cockpit("five_bar")
+    page, home = tab(one.view_url), one.state.robots["five_bar"].q
+    assert becomes(page, lambda: page.evaluate("document.documentElement.dataset.control") == "other")
+    assert page.locator("#crowd").inner_text().strip() == "This page only shows the robots."
+    assert not page.locator("#take-control").is_visible()
+    assert becomes(page, lambda: page.inner_text("#control").startswith("View only"))
+    page.press("body", "h")
+    assert page.locator("#toasts .toast").first.inner_text().startswith("This page only shows the robots: ask for")
+    picture(page, "view_only")
+    page.evaluate(
+        "cockpit.presentation.session.send({ type: 'move_joint', robot: 'five_bar', joint: 'joint1', value: 1.0 })"
+    )
+    refused = "this address only shows the robots: ask for the one with which to drive them"
+    assert becomes(page, lambda: refused in page.locator("#toasts").inner_text())
+    assert (one.state.robots["five_bar"].q == home).all()
+    assert page.get_attribute("#page-copy", "href") == one.view_url.replace("?", "snapshot.html?")
 
 
 @pytest.mark.slow

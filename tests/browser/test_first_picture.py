@@ -106,11 +106,10 @@ def assert_pictures_are_settled(page):
         assert np.abs(np.array(one["data"]) - settled).max() < FAR
 
 
-def test_every_picture_that_is_seen_has_all_of_the_robot_where_it_stays(robot, tab):
-    with Cockpit(arrange({"delta4": robot("delta4")}), port=0, own_process=False) as cockpit:
-        page = tab(cockpit, SLOW_LINE, drawn=True, reduced_motion="reduce")
-        assert_pictures_are_settled(page)
-        picture(page, "first_picture")
+def test_every_picture_that_is_seen_has_all_of_the_robot_where_it_stays(cockpit, tab):
+    page = tab(cockpit("delta4"), SLOW_LINE, drawn=True, reduced_motion="reduce")
+    assert_pictures_are_settled(page)
+    picture(page, "first_picture")
 
 
 @pytest.fixture
@@ -126,13 +125,12 @@ def busy():
 @pytest.mark.slow
 @pytest.mark.usefixtures("busy")
 @pytest.mark.parametrize("name", ["delta4", "gough", "five_bar", "scara", "planetary_gear", "two_arms", "panda"])
-def test_so_it_is_each_time_while_all_processors_are_busy(robot, tab, name):
-    mechanism = cinegen.load(name) if name == "panda" else robot(name)
-    with Cockpit(arrange({name: mechanism}), port=0, own_process=False) as cockpit:
-        for _ in range(LOADS):
-            page = tab(cockpit, SLOW_LINE, drawn=True, reduced_motion="reduce")
-            assert_pictures_are_settled(page)
-            page.close()
+def test_so_it_is_each_time_while_all_processors_are_busy(robot, cockpit, tab, name):
+    shown = cockpit(setup=arrange({name: cinegen.load(name) if name == "panda" else robot(name)}))
+    for _ in range(LOADS):
+        page = tab(shown, SLOW_LINE, drawn=True, reduced_motion="reduce")
+        assert_pictures_are_settled(page)
+        page.close()
 
 
 class Sent(dict):

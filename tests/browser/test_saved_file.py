@@ -9,7 +9,7 @@ from axe import AXE, violations
 from tabs import IN_BROWSER, becomes, find, picture
 
 import cinegen
-from cinegen.cockpit import Cockpit, SetupFiles
+from cinegen.cockpit import SetupFiles
 from cinegen.session import arrange
 
 ARM = """RAFF t
@@ -27,11 +27,11 @@ pytestmark = IN_BROWSER
 class Edited:
     """A file that is driven in a page, and what an editor does to it."""
 
-    def __init__(self, path, tab):
+    def __init__(self, path, cockpit, tab):
         self.path = path
         self.write(ARM)
         setup, files = SetupFiles.of(lambda: arrange({"arm": cinegen.load(path)}))
-        self.cockpit = Cockpit(setup, port=0, own_process=False, files=files)
+        self.cockpit = cockpit(setup=setup, files=files)
         self.page = tab(self.cockpit)
 
     def write(self, text):
@@ -48,10 +48,8 @@ class Edited:
 
 
 @pytest.fixture
-def edited(tmp_path, tab):
-    one = Edited(tmp_path / "arm.raff", tab)
-    yield one
-    one.cockpit.close()
+def edited(tmp_path, cockpit, tab):
+    return Edited(tmp_path / "arm.raff", cockpit, tab)
 
 
 def drawn(node):

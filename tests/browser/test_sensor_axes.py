@@ -20,61 +20,58 @@ robot arm {
 """
 
 
-def test_axes_are_inverted_swapped_and_scaled_and_survive_a_reload_and_a_save(tmp_path, tab):
+def test_axes_are_inverted_swapped_and_scaled_and_survive_a_reload_and_a_save(tmp_path, closing, tab):
     path = tmp_path / "arm.raff"
     path.write_text(ARM)
     setup, files = SetupFiles.of(lambda: arrange({"arm": cinegen.load(path)}))
-    cockpit = Cockpit(setup, port=0, own_process=False, files=files)
-    try:
-        page = tab(cockpit)
-        card = page.locator('[data-sensor="1"]')
+    cockpit = closing(Cockpit(setup, port=0, own_process=False, files=files))
+    page = tab(cockpit)
+    card = page.locator('[data-sensor="1"]')
 
-        def row(axis):
-            return card.locator(f'[data-axis="{axis}"]')
+    def row(axis):
+        return card.locator(f'[data-axis="{axis}"]')
 
-        def unfold():
-            tools(page, "tasks")
-            card.locator("summary").click()
+    def unfold():
+        tools(page, "tasks")
+        card.locator("summary").click()
 
-        def axes():
-            return next(one.axes for one in cockpit.state.sensors if one.id == "1")
+    def axes():
+        return next(one.axes for one in cockpit.state.sensors if one.id == "1")
 
-        def shown():
-            return [
-                (
-                    row(axis).locator("select").input_value(),
-                    row(axis).locator("input[type=checkbox]").is_checked(),
-                    row(axis).locator("input[type=number]").input_value(),
-                )
-                for axis in ("x", "y", "z", "rx")
-            ]
+    def shown():
+        return [
+            (
+                row(axis).locator("select").input_value(),
+                row(axis).locator("input[type=checkbox]").is_checked(),
+                row(axis).locator("input[type=number]").input_value(),
+            )
+            for axis in ("x", "y", "z", "rx")
+        ]
 
-        unfold()
-        before = [("x", False, "1"), ("y", False, "1"), ("z", True, "1"), ("0", False, "1")]
-        assert becomes(page, lambda: shown() == before)
-        row("z").locator("select").select_option("y")  # which y had: they swap
-        assert becomes(page, lambda: axes() == "x, z, -y, 0, 0, 0")
-        row("x").get_by_label("inverted").check()
-        row("rx").locator("select").select_option("rz")
-        row("rx").locator("input[type=number]").fill("0.5")
-        row("rx").locator("input[type=number]").press("Enter")
-        changed = "-x, z, -y, 0.5*rz, 0, 0"
-        assert becomes(page, lambda: axes() == changed)
-        after = [("x", True, "1"), ("z", False, "1"), ("y", True, "1"), ("rz", False, "0.5")]
-        assert becomes(page, lambda: shown() == after)
-        picture(page, "sensor_axes")
-        page.reload()
-        assert becomes(page, READY)
-        unfold()
-        assert becomes(page, lambda: shown() == after)
-        path.write_text(ARM.replace("d 200", "d 250"))
-        assert becomes(page, lambda: cockpit.state.edition == 1)
-        assert axes() == changed
-        unfold()
-        assert becomes(page, lambda: shown() == after)
-        path.write_text(ARM.replace("x, y, -z", "y, x, z"))  # the file has the last word
-        assert becomes(page, lambda: axes() == "y, x, z, 0, 0, 0")
-        assert card.locator("details").count() == 1
-        assert not page.locator('[data-sensor="gamepad"] details').is_hidden()
-    finally:
-        cockpit.close()
+    unfold()
+    before = [("x", False, "1"), ("y", False, "1"), ("z", True, "1"), ("0", False, "1")]
+    assert becomes(page, lambda: shown() == before)
+    row("z").locator("select").select_option("y")  # which y had: they swap
+    assert becomes(page, lambda: axes() == "x, z, -y, 0, 0, 0")
+    row("x").get_by_label("inverted").check()
+    row("rx").locator("select").select_option("rz")
+    row("rx").locator("input[type=number]").fill("0.5")
+    row("rx").locator("input[type=number]").press("Enter")
+    changed = "-x, z, -y, 0.5*rz, 0, 0"
+    assert becomes(page, lambda: axes() == changed)
+    after = [("x", True, "1"), ("z", False, "1"), ("y", True, "1"), ("rz", False, "0.5")]
+    assert becomes(page, lambda: shown() == after)
+    picture(page, "sensor_axes")
+    page.reload()
+    assert becomes(page, READY)
+    unfold()
+    assert becomes(page, lambda: shown() == after)
+    path.write_text(ARM.replace("d 200", "d 250"))
+    assert becomes(page, lambda: cockpit.state.edition == 1)
+    assert axes() == changed
+    unfold()
+    assert becomes(page, lambda: shown() == after)
+    path.write_text(ARM.replace("x, y, -z", "y, x, z"))  # the file has the last word
+    assert becomes(page, lambda: axes() == "y, x, z, 0, 0, 0")
+    assert card.locator("details").count() == 1
+    assert not page.locator('[data-sensor="gamepad"] details').is_hidden()

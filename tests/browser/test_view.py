@@ -7,7 +7,6 @@ import pytest
 from tabs import IN_BROWSER, becomes, find, grab
 
 import cinegen
-from cinegen.cockpit import Cockpit
 from cinegen.cockpit.cockpit import draw
 from cinegen.cockpit.page import Page
 from cinegen.session import Setup, arrange
@@ -111,10 +110,9 @@ def share(page):
         *(("gough", size) for size in ((390, 844), (844, 390), (2200, 700))),
     ],
 )
-def test_robots_fill_most_of_the_view_at_first(loaded, tab, name, size):
-    with Cockpit(arrange({name: loaded(name)}), port=0, own_process=False) as cockpit:
-        page = tab(cockpit, viewport=dict(zip(("width", "height"), size, strict=True)))
-        assert 0.62 < share(page) < 0.78
+def test_robots_fill_most_of_the_view_at_first(loaded, cockpit, tab, name, size):
+    shown = cockpit(setup=arrange({name: loaded(name)}))
+    assert 0.62 < share(tab(shown, viewport=dict(zip(("width", "height"), size, strict=True)))) < 0.78
 
 
 def test_pictures_from_outside_are_filled_too(cockpit, tab):
@@ -139,12 +137,11 @@ def test_another_size_of_the_window_is_filled_too_unless_a_person_has_moved_the_
 
 
 @pytest.mark.parametrize("colour", ["0.8 0.45 0.2", "0.1 0.3 0.65", "0.9 0.9 0.9", "0.2 0.2 0.2"])
-def test_a_face_in_full_light_has_the_colour_of_its_material(tmp_path, tab, colour):
-    with Cockpit(Setup({"box": box(tmp_path, 0.5, colour)}), port=0, own_process=False) as cockpit:
-        page = tab(cockpit, drawn=True)
-        for complete in (True, False):
-            seen = np.array(page.evaluate(LIT, complete)) / 255.0
-            assert np.abs(seen - np.array(colour.split(), dtype=float)).max() < 0.08, complete
+def test_a_face_in_full_light_has_the_colour_of_its_material(tmp_path, cockpit, tab, colour):
+    page = tab(cockpit(setup=Setup({"box": box(tmp_path, 0.5, colour)})), drawn=True)
+    for complete in (True, False):
+        seen = np.array(page.evaluate(LIT, complete)) / 255.0
+        assert np.abs(seen - np.array(colour.split(), dtype=float)).max() < 0.08, complete
 
 
 def test_nothing_is_drawn_while_nothing_changes_and_motions_leave_nothing_behind(cockpit, tab):

@@ -20,18 +20,13 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWa
 
 
 @pytest.fixture
-def cockpit(robot):
-    opened = []
-
+def cockpit(robot, closing):
     def open_cockpit(*names, **options):
         own = {name: options.pop(name) for name in ("host", "port", "token", "own_process") if name in options}
         setup = arrange({name: robot(name) for name in names}, **options)
-        opened.append(Cockpit(setup, **{"port": 0, "own_process": False, **own}))
-        return opened[-1]
+        return closing(Cockpit(setup, **{"port": 0, "own_process": False, **own}))
 
-    yield open_cockpit
-    for one in opened:
-        one.close()
+    return open_cockpit
 
 
 def drag(browser, robot, node, by):

@@ -85,9 +85,9 @@ def test_a_mesh_without_colours_has_the_usual_one(tmp_path, box, name):
     assert thing["materials"][0]["color"] == 0xE6E6E6
 
 
-def test_the_view_holds_all_of_a_mesh_and_the_floor_is_below_it(root):
+def test_the_view_holds_all_of_a_mesh_and_the_floor_is_below_it(robot):
     """rx90 stands with its shoulder at the origin, on a pedestal of 420 mm."""
-    sent = drawn(cinegen.load(root / "robots" / "rx90.raff"))
+    sent = drawn(robot("rx90"))
     whole = np.reshape(sent["cinegen set_transform"]["matrix"], (4, 4)).T
     foot = (whole @ [0.0, 0.0, -0.42, 1.0])[2]
     floor = np.reshape(sent["/Grid set_transform"]["matrix"], (4, 4)).T[2, 3]

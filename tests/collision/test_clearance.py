@@ -6,9 +6,10 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
-from clearings import among, around, at, ball, load, measured, obstacles_of, point_among, some, wall, within_limits
+from clearings import among, around, at, ball, measured, obstacles_of, point_among, some, wall, within_limits
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from repository import load
 
 from cinegen.collision import PlanningError
 from cinegen.collision.body import Body

@@ -15,7 +15,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes_of_tables import refused, scene_with, to_point
 
-import cinegen
 from cinegen.collision import Clearance, Obstacle, SceneError, scene_of
 from cinegen.collision.body import Body
 from cinegen.collision.links import link_bodies
@@ -219,9 +218,9 @@ def _close(a, b):
 # --- another robot -----------------------------------------------------------------------------------------------
 
 
-def test_another_robot_is_an_obstacle_at_its_joint_values_and_base_pose(root):
+def test_another_robot_is_an_obstacle_at_its_joint_values_and_base_pose(robot, root):
     """Its convex bodies are as far from a ball as the robot itself is, moved there."""
-    other = cinegen.load(root / "robots/planar_3r.raff")
+    other = robot("planar_3r")
     values = {"joint1": 0.7, "joint3": -0.4}
     table = {"name": "other", "kind": "robot", "file": "robots/planar_3r.raff", "joints": values, "point": [1, 0.5, 0]}
     made = scene_of({"mobile": {"radius": 0.1}, "goal": {"point": [3, 0]}, "obstacle": [table]}, root)

@@ -133,14 +133,14 @@ def test_files_that_are_no_scenes(tmp_path):
         load_scene(tmp_path / "folder.toml" / "x.toml")
 
 
-def test_a_robot_that_is_shipped_is_found_by_its_name_from_any_folder(tmp_path, monkeypatch, root):
+def test_a_robot_that_is_shipped_is_found_by_its_name_from_any_folder(tmp_path, monkeypatch, robot):
     monkeypatch.chdir(tmp_path)
     scene = tmp_path / "scene.toml"
     scene.write_text(
         "robot = 'planar_3r'\ngoal = { point = [0.6, 0.3] }\n[[obstacle]]\nkind = 'robot'\nfile = 'five_bar'\n"
     )
     loaded = load_scene(scene)
-    assert loaded.mechanism.name == cinegen.load(root / "robots/planar_3r.raff").name
+    assert loaded.mechanism.name == robot("planar_3r").name
     assert [one.kind for one in loaded.obstacles] == ["robot"]
     assert "did you mean 'planar_3r'" in _said({"robot": "planar_3", "goal": {"point": [0, 0]}}, tmp_path)
     (tmp_path / "planar_3r").write_text("mine")  # a file of that name comes first

@@ -1,18 +1,15 @@
 """Torques and reactions against formulas of textbooks, equilibrium body by body, and other cuts of the same loops."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from random_masses import massive, random_motion
 
-import cinegen
 from cinegen.dynamics import Payload, forces
 from cinegen.errors import ClosureError, UnknownNameError
 
-ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 STILL = (0.0, 0.0, 0.0)
 
 SLIDER_CRANK = """
@@ -69,9 +66,9 @@ def test_slider_crank(engine, angle):
 
 
 @pytest.mark.parametrize("name", ["delta4", "hybrid"])
-def test_each_body_is_in_equilibrium(name):
+def test_each_body_is_in_equilibrium(robot, name):
     """Rates of momentum are what the joints of a body, its loops, gravity and a payload's wrench add up to."""
-    mechanism, rng = massive(cinegen.load(ROBOTS / f"{name}.raff")), np.random.default_rng(1)
+    mechanism, rng = massive(robot(name)), np.random.default_rng(1)
     model, data = mechanism.model, mechanism.model.createData()
     wrench = np.array([3.0, -1.0, 4.0, 0.1, 0.5, -0.9])
     for q in mechanism.random_closed(2):
@@ -100,9 +97,9 @@ def test_each_body_is_in_equilibrium(name):
             assert total[j] == pytest.approx(data.oMi[j].act(rate).vector, abs=1e-8)
 
 
-def test_actuated_joints_bear_their_torques_and_passive_ones_none():
+def test_actuated_joints_bear_their_torques_and_passive_ones_none(robot):
     for name in ("sr400", "five_bar", "arm7"):
-        mechanism = massive(cinegen.load(ROBOTS / f"{name}.raff"))
+        mechanism = massive(robot(name))
         found = forces(mechanism, mechanism.random_closed(1)[0])
         given = dict(zip(mechanism.actuated, found.torques, strict=True))
         for one in found.reactions[: len(mechanism.joints)]:

@@ -1,6 +1,6 @@
 """Torques of actuated joints against Pinocchio's and MuJoCo's dynamics, the plain form, and each other."""
 
-from pathlib import Path
+from functools import cache
 
 import numpy as np
 import pinocchio as pin
@@ -18,22 +18,14 @@ from cinegen.errors import ClosureError, ConfigurationError, UnknownNameError
 from cinegen.jit.interpreted import interpreted
 from cinegen.jit.memory import memory_at
 
-ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 FEW = ("arm7", "delta4", "differential_wrist", "five_bar", "planetary_gear", "tssm")
 LOAD = (3.0, -1.0, 4.0, 0.1, 0.5, -0.9)
 
 
 @pytest.fixture(scope="module")
-def heavy():
+def heavy(robot):
     """`heavy("gough")`: a shipped robot with random masses."""
-    made = {}
-
-    def get(name: str) -> cinegen.Mechanism:
-        if name not in made:
-            made[name] = massive(cinegen.load(ROBOTS / f"{name}.raff"))
-        return made[name]
-
-    return get
+    return cache(lambda name: massive(robot(name)))
 
 
 def load_cases(mechanism):
@@ -266,8 +258,8 @@ def test_mass_matrices_are_what_accelerates_from_rest_and_those_of_the_composite
 # --- wrong input ------------------------------------------------------------------------------------------------------
 
 
-def test_links_without_mass_are_named():
-    delta = cinegen.load(ROBOTS / "delta4_linear.raff")
+def test_links_without_mass_are_named(robot):
+    delta = robot("delta4_linear")
     with pytest.raises(MassError, match=r"r1: .*no mass: .*massless=True"):
         InverseDynamics(delta)
     weightless = InverseDynamics(delta, [Payload(delta.end, wrench=LOAD)], gravity=(0, 0, 0))

@@ -1,31 +1,27 @@
 """Wrenches that torques produce, compliance and natural frequencies, against closed forms."""
 
-from pathlib import Path
-
 import numpy as np
 import pinocchio as pin
 import pytest
 from random_masses import massive
 
-import cinegen
 from cinegen.dynamics import InverseDynamics, Payload
 from cinegen.dynamics.elasticity import Elasticity
 from cinegen.dynamics.errors import MotionError
 from cinegen.dynamics.node_wrench import node_wrench
 from cinegen.errors import CinegenError, ConfigurationError, UnknownNameError
 
-ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 STILL = (0.0, 0.0, 0.0)
 
 
 @pytest.fixture(scope="module")
-def gough():
-    return cinegen.load(ROBOTS / "gough.raff")
+def gough(robot):
+    return robot("gough")
 
 
 @pytest.fixture(scope="module")
-def arm():
-    return cinegen.load(ROBOTS / "planar_3r.raff")
+def arm(robot):
+    return robot("planar_3r")
 
 
 def lines_of(gough, q):
@@ -85,12 +81,12 @@ def test_compliance_of_a_platform_in_closed_form(gough):
         assert found == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
 
 
-def test_frequencies(arm):
+def test_frequencies(arm, robot):
     """A point mass on a lever with a spring: w^2 = k / (m l^2)."""
     dynamics = InverseDynamics(arm, [Payload(arm.end, 2.0)], massless=True)
     one = Elasticity(dynamics, np.zeros(3), {"joint1": 300.0}).frequencies()
     assert one == pytest.approx([np.sqrt(300.0 / (2.0 * 0.9**2)) / (2.0 * np.pi)])
-    heavy = massive(cinegen.load(ROBOTS / "delta4.raff"))
+    heavy = massive(robot("delta4"))
     body, q = InverseDynamics(heavy), heavy.q_home
     springs = dict.fromkeys(heavy.actuated, 1e4)
     mass = body.mass_matrix(q)

@@ -1,22 +1,17 @@
 """Torques along a trajectory: peaks, means and powers in closed form, and trajectories that are none."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-import cinegen
 from cinegen.dynamics import InverseDynamics, Payload
 from cinegen.dynamics.trajectory import torques_along
 from cinegen.errors import ClosureError, ConfigurationError
 
-ROBOTS = Path(__file__).resolve().parents[2] / "robots"
-
 
 @pytest.fixture(scope="module")
-def swing():
+def swing(robot):
     """An arm that rotates stretched, by 1 - cos(t) rad: 2 kg at 0.9 m; times and configurations."""
-    arm = cinegen.load(ROBOTS / "planar_3r.raff")
+    arm = robot("planar_3r")
     times = np.linspace(0.0, 2.0 * np.pi, 2001)
     q = np.zeros((len(times), 3))
     q[:, arm.q_index("joint1")] = 1.0 - np.cos(times)
@@ -36,13 +31,13 @@ def test_a_swing_in_closed_form(swing):
     assert len(found.not_held) == 0
 
 
-def test_trajectories_that_are_none(swing):
+def test_trajectories_that_are_none(swing, robot):
     dynamics, times, q = swing
     with pytest.raises(ConfigurationError, match="evenly spaced"):
         torques_along(dynamics, times**2, q)
     with pytest.raises(ConfigurationError, match="three times at least"):
         torques_along(dynamics, times[:2], q[:2])
-    five_bar = cinegen.load(ROBOTS / "five_bar.raff")
+    five_bar = robot("five_bar")
     still = np.tile(five_bar.q_home, (4, 1))
     held = InverseDynamics(five_bar, massless=True)
     assert torques_along(held, np.arange(4.0), still).peak == pytest.approx([0.0, 0.0])

@@ -67,6 +67,7 @@ class Browser:
             else:
                 self.told.append(said)
         self.closed = self.connection.close_code, self.connection.close_reason
+        self.connection.close()  # else it warns when it is collected, in the middle of another test
 
     def say(self, said, **fields):
         """Send a message by its type and fields, or any text or bytes."""

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import coal
 import numpy as np
 import pinocchio as pin
+from repository import load
 
-import cinegen
 from cinegen.collision import Clearance, Obstacle
 from cinegen.collision.body import Body
 from cinegen.collision.clearance import links_of
 from cinegen.collision.exact_distances import UP_TO
 from cinegen.collision.mobile_robot import mobile_body, mobile_robot
-
-ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 
 
 def at(*point: float) -> pin.SE3:
@@ -40,11 +37,6 @@ def some(kind: str, place: pin.SE3, size: float) -> Body:
         "capsule": lambda: coal.Capsule(0.4 * size, 2.0 * size),
     }
     return Body(kind, 0, place, shapes[kind]())
-
-
-@cache
-def load(name: str) -> cinegen.Mechanism:
-    return cinegen.load(ROBOTS / f"{name}.raff")
 
 
 @cache

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -14,18 +13,17 @@ from hypothesis import strategies as st
 import cinegen
 from cinegen.ik.tasks.blend import eased
 
-ROBOTS = Path(__file__).parents[2] / "robots"
 DT = 1e-3
 
 
 @pytest.fixture(scope="module")
-def delta() -> cinegen.Mechanism:
-    return cinegen.load(ROBOTS / "delta4.raff")
+def delta(robot) -> cinegen.Mechanism:
+    return robot("delta4")
 
 
 @pytest.fixture(scope="module")
-def arm() -> cinegen.Mechanism:
-    return cinegen.load(ROBOTS / "arm7.raff")
+def arm(robot) -> cinegen.Mechanism:
+    return robot("arm7")
 
 
 def beside(pose: pin.SE3, way: list[float], turn: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> pin.SE3:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import gc
 import sys
-from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -13,11 +11,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from reference_tick import damping, relative_weights, resolve
+from repository import EVERY, load
 from scipy.optimize import LinearConstraint, linprog, minimize, nnls
 from variants import FEWER, others_slow
 
 import cinegen
-import raff2urdf
 from cinegen import Solver
 from cinegen.ik._kernels import bounds, tasks
 from cinegen.ik._kernels.memory import SolverMemory
@@ -32,20 +30,9 @@ from cinegen.loops.thresholds import HEALTHY
 from cinegen.tolerances import NEAR_SINGULAR
 from raff2urdf.residual import loop_residual
 
-ROBOTS = Path(__file__).resolve().parents[2] / "robots"
-EVERY = [
-    pytest.param(path.stem, robot.name, id=f"{path.stem}-{robot.name}")
-    for path in sorted(ROBOTS.glob("*.raff"))
-    for robot in raff2urdf.load(path).robots
-]
 every_robot = pytest.mark.parametrize(("name", "which"), others_slow(EVERY, FEWER))
 seeds = st.integers(0, 2**32 - 1)
 SCALES = (1e-60, 1e-9, 1.0, 1e9, 1e60)
-
-
-@cache
-def load(name: str, which: str) -> cinegen.Mechanism:
-    return cinegen.load(ROBOTS / f"{name}.raff", which)
 
 
 def law(examples: int):

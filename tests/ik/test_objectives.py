@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from repository import load
 
 import cinegen
 from cinegen import Solver, Status
@@ -18,12 +17,6 @@ from cinegen.ik import LimitMargin, Manipulability, Posture, State
 from cinegen.loops.motions import free_motions
 
 DT = 0.01
-ROBOTS = Path(__file__).resolve().parents[2] / "robots"
-
-
-@cache
-def load(name: str) -> cinegen.Mechanism:
-    return cinegen.load(ROBOTS / f"{name}.raff")
 
 
 def begin(mechanism: cinegen.Mechanism, seed: int = 1, far: float = 0.15) -> np.ndarray:

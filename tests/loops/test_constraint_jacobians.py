@@ -2,31 +2,20 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pinocchio as pin
 import pytest
+from elementary import document
+from repository import EVERY, load
 from variants import others_slow
 
-import cinegen
-import raff2urdf
 from cinegen.loops._kernels import kinematics, residual
 from cinegen.loops._kernels.memory import LoopMemory
 from cinegen.loops.arrays import set_up
 from cinegen.loops.closed_loops import ClosedLoops
 from raff2urdf.raff.document import LoopKind
 
-ROBOTS = Path(__file__).resolve().parents[2] / "robots"
-
-
-WITH_LOOPS = [
-    pytest.param(path.stem, robot.name, id=f"{path.stem}-{robot.name}")
-    for path in sorted(ROBOTS.glob("*.raff"))
-    for robot in raff2urdf.load(path).robots
-    if robot.loops
-]
-
+WITH_LOOPS = [one for one in EVERY if document(one.values[0]).robot(one.values[1]).loops]
 
 KEPT = {
     LoopKind.RIGID: [0, 1, 2, 3, 4, 5],
@@ -69,7 +58,7 @@ def check(system: ClosedLoops, ranks: tuple[int, ...], q: np.ndarray) -> None:
 
 @pytest.mark.parametrize(("name", "which"), others_slow(WITH_LOOPS))
 def test_every_robot(name, which):
-    mechanism = cinegen.load(ROBOTS / f"{name}.raff", which)
+    mechanism = load(name, which)
     for q in mechanism.random_closed(4, seed=1):
         check(mechanism.structure.system, mechanism.cluster_ranks, q)
 

@@ -6,7 +6,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
-from clearings import load
+from repository import load
 
 from cinegen.collision import clearance_of, scene_of
 from cinegen.model.motion_limits import motion_limits

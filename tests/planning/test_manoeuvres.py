@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from clearings import load
+from repository import load
 
 from cinegen.collision import clearance_of, scene_of
 from cinegen.model.motion_limits import motion_limits

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from clearings import load, measured
+from clearings import measured
+from repository import load
 
 from cinegen.collision import clearance_of, scene_of
 from cinegen.errors import CinegenError

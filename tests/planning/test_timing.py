@@ -9,7 +9,8 @@ from itertools import pairwise
 import numpy as np
 import pinocchio as pin
 import pytest
-from clearings import load, measured
+from clearings import measured
+from repository import load
 from scipy.interpolate import CubicHermiteSpline
 
 from cinegen.collision import load_scene, scene_of

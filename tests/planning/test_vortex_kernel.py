@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from clearings import among, around, ball, load, measured, point_among
+from clearings import among, around, ball, measured, point_among
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from repository import load
 from vortex_field import Vortex, facing
 
 from cinegen.planning.descent import closeness

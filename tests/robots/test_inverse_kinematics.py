@@ -16,12 +16,12 @@ import pytest
 from elementary import angle_between
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from repository import load
 
 import cinegen
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*should mimic another joint")  # the panda's second finger
 
-ROBOTS = Path(__file__).parents[2] / "robots"
 EXAMPLES = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
 CLOSED = ("delta4", "five_bar", "gough", "hybrid", "planar_hybrid", "sr400")
 SERIAL = ("arm7", "planar_3r", "rx90")
@@ -31,7 +31,7 @@ SERIAL = ("arm7", "planar_3r", "rx90")
 def mechanism_of(name: str) -> cinegen.Mechanism:
     if name == "panda":
         return cinegen.load(EXAMPLES / "panda_description/urdf/panda.urdf")
-    return cinegen.load(ROBOTS / f"{name}.raff")
+    return load(name)
 
 
 def end_of(mechanism: cinegen.Mechanism) -> str:

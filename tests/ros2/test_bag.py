@@ -10,8 +10,6 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-import cinegen
-
 TYPES = get_typestore(Stores.ROS2_HUMBLE)
 JOINT_STATE, STRING = "sensor_msgs/msg/JointState", "std_msgs/msg/String"
 
@@ -47,10 +45,10 @@ def states():
 
 
 @pytest.mark.parametrize("storage", StoragePlugin)
-def test_a_recording_of_the_actuated_joints_becomes_one_of_all(root, tmp_path, storage, states):
+def test_a_recording_of_the_actuated_joints_becomes_one_of_all(robot, root, tmp_path, storage, states):
     given, made = record(tmp_path / "given", storage, states), tmp_path / "made"
     assert complete_bag(root / "generated/delta4.urdf", given, made) == (20, [])
-    delta, (greeting, *found) = cinegen.load(root / "robots/delta4.raff"), read(made)
+    delta, (greeting, *found) = robot("delta4"), read(made)
     assert (greeting[0], greeting[1], greeting[2].data) == ("/chatter", 1, "hello")
     for (topic, time, message), before, number in zip(found, states, range(20), strict=True):
         assert (topic, time) == ("/joint_states", (number + 2) * 10_000_000)

@@ -38,19 +38,14 @@ OF_EACH_KIND = [
 
 
 @pytest.fixture
-def two(tmp_path):
+def two(tmp_path, closing):
     """Return a session of a robot with two arms, of the given name and base pose."""
     (tmp_path / "two_armed.urdf").write_text(two_armed.URDF)
-    opened = []
 
     def session(bases=None, **options):
-        setup = arrange({"duo": cinegen.load(tmp_path / "two_armed.urdf")}, bases, **options)
-        opened.append(Session(setup))
-        return opened[-1]
+        return closing(Session(arrange({"duo": cinegen.load(tmp_path / "two_armed.urdf")}, bases, **options)))
 
-    yield session
-    for one in opened:
-        one.close()
+    return session
 
 
 def add(session, description, robot="duo"):

@@ -13,18 +13,10 @@ from cinegen.session import commands as c
 
 
 @pytest.fixture
-def session(tmp_path):
-    opened = []
-
-    def open_session(**options):
-        path = tmp_path / "biped.urdf"
-        path.write_text(bipeds.URDF)
-        opened.append(Session(arrange({"biped": cinegen.load(path, **options)})))
-        return opened[-1]
-
-    yield open_session
-    for one in opened:
-        one.close()
+def session(tmp_path, closing):
+    path = tmp_path / "biped.urdf"
+    path.write_text(bipeds.URDF)
+    return lambda **options: closing(Session(arrange({"biped": cinegen.load(path, **options)})))
 
 
 def drag(session, node, by):

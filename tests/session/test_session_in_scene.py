@@ -27,20 +27,16 @@ POSTS = [
 
 
 @pytest.fixture
-def session(robot):
+def session(robot, closing):
     """`session("arm7", POLE)`: a session with a robot among these obstacles."""
-    opened = []
 
     def open_session(name, *obstacles, record=None, rate=250.0, **keys):
         mechanism = robot(name)
         said = {"robot": f"{name}.raff", "goal": {"point": [0.0, 0.0, 0.0]}, "safety": SAFETY, **keys}
         scene = scene_of({**said, "obstacle": list(obstacles)}, mechanism=mechanism)
-        opened.append(Session(scene_setup(scene, record=record, rate=rate)))
-        return opened[-1]
+        return closing(Session(scene_setup(scene, record=record, rate=rate)))
 
-    yield open_session
-    for one in opened:
-        one.close()
+    return open_session
 
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")

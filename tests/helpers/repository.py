@@ -1,4 +1,4 @@
-"""The robots of the repository, and one of each kind of them."""
+"""The robots of the repository, each loaded once in a process, and one of each kind of them."""
 
 import warnings
 from functools import cache
@@ -23,5 +23,5 @@ one_of_each_kind = pytest.mark.parametrize(("name", "which"), [one for one in EV
 def load(name: str, which: str | None = None) -> cinegen.Mechanism:
     """A robot of the repository; none of them loads with a warning."""
     with warnings.catch_warnings():
-        warnings.simplefilter("error")
+        warnings.simplefilter("error", UserWarning)
         return cinegen.load(ROBOTS / f"{name}.raff", which)
