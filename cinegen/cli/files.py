@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from cinegen.errors import CinegenError
 from raff2urdf.command.command_line import UsageError
 from raff2urdf.errors import first_of
+from raff2urdf.escape import terminal
 from raff2urdf.files import GENERATED, STANDARD, check_new, read_bytes, write_all
 
 if TYPE_CHECKING:
@@ -91,7 +92,8 @@ def write_figure(path: Path, figure: Figure, quiet: bool = False) -> None:
             figure.savefig(picture, format=form, dpi=150, metadata=_METADATA.get(form))
     except ValueError as error:  # matplotlib lists the formats
         raise CinegenError(f"{path}: can't be written: {error}") from None
-    write(path, picture.getvalue())
+    content = picture.getvalue()
+    write(path, terminal(content.decode()) if form == "svg" else content)  # comments quote all texts
     if not quiet:
         print(f"picture: {path}", flush=True)
 

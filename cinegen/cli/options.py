@@ -143,8 +143,7 @@ class RobotOptions(SceneRobotOptions):
                     options, file, robot=robot, loops=loops, ignore_loops=self.ignore_loops, ignore=self.ignore,
                     relax=self.relax, srdf=self.srdf, fixed_base=self.fixed_base, actuated=actuated,
                 )  # fmt: skip
-                stem = one_line(stem_of(file).encode(errors="replace").decode())  # a file's name need not be UTF-8
-                name = stem if len(wanted) == 1 else f"{stem}.{mechanism.name}"
+                name = shown_name(file, None if len(wanted) == 1 else mechanism.name)
                 while name in loaded:
                     name += "'"
                 loaded[name] = mechanism, file
@@ -183,6 +182,12 @@ def actuated_of(text: str | None) -> list[str] | None:
     if not joints:
         raise UsageError("--actuated: name joints, such as joint1,joint2")
     return joints
+
+
+def shown_name(file: Path, robot: str | None = None) -> str:
+    """Return the name of a robot as it is shown: that of its file, and its own if the file holds several."""
+    stem = one_line(stem_of(file).encode(errors="replace").decode())  # a file's name need not be UTF-8
+    return f"{stem}.{robot}" if robot else stem
 
 
 def exclude(**options: object) -> None:

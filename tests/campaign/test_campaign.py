@@ -1,15 +1,20 @@
 """The campaign finds planted faults and names them; and a slice of it finds none in the package."""
 
 import os
+import sys
 import time
 import warnings
 from copy import copy
 
 import numpy as np
 import pytest
+import typer
 
+import cinegen.cli
+import raff2urdf.cli
+import raff2urdf.urdf2raff.cli
 from campaign import messages, mutation, workers
-from campaign.kills import Kills
+from campaign.kills import WRITERS, Kills
 from campaign.readers import READERS, Files, Reader, Seed
 from campaign.ticks import Session, Ticks
 from cinegen.errors import CinegenError
@@ -184,7 +189,44 @@ def test_a_slice_of_the_messages():
 
 @pytest.mark.slow
 def test_a_slice_of_the_kills(tmp_path):
-    result = workers.run(Kills(tmp_path, 1, ("raff2urdf",)), 4, workers=1)
+    result = workers.run(Kills(tmp_path, 1, ("raff2urdf", "map", "drive")), 24, workers=1)
     assert_nothing(result)
-    assert result.counts["kills"] >= 1
-    assert result.counts["full disks"] >= 1
+    assert result.counts["kills"] == result.counts["full disks"] == 12
+
+
+def test_every_option_that_names_an_output_is_killed():
+    programs = {"cinegen": cinegen.cli, "raff2urdf": raff2urdf.cli, "urdf2raff": raff2urdf.urdf2raff.cli}
+    written = set()
+    for program, module in programs.items():
+        whole = typer.main.get_command(module.app)
+        for name, command in getattr(whole, "commands", {"": whole}).items():
+            rules = command.callback.rules
+            for one in command.params:
+                if one.name in ("output", "out") or (one.name in rules and rules[one.name].endings):
+                    written.add((f"{program} {name}".strip(), max(one.opts, key=len)))
+    calls = [f" {writer.call} " for writer in WRITERS.values()]
+    for command, name in written:
+        words = "" if name == "out" else f" {name} "  # an argument
+        assert any(call.startswith(f" {command} ") and words in call for call in calls), (command, name)
+
+
+BREAKS = {
+    "half a file": "path.write_bytes(content[:9]); path.write_bytes(content)",
+    "lost": "path.unlink(missing_ok=True); os.mkdir('x'); os.rmdir('x'); path.write_bytes(content)",
+    "end": "try: path.write_bytes(content)\nexcept OSError: raise KeyError",
+    "temporary file left": "open('.left', 'wb').close(); path.write_bytes(content)",
+    "strange file": "open('other', 'wb').close(); path.write_bytes(content); os.unlink('other')",
+}
+"""What writes a file so that a kill or a full disk breaks a promise."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", BREAKS)
+def test_a_writer_that_breaks_a_promise_is_found(kind, tmp_path, monkeypatch):
+    def write_all(contents):
+        for path, content in contents.items():
+            exec(BREAKS[kind], {"path": path, "content": content, "os": os, "time": time})
+
+    monkeypatch.setattr(sys.modules["cinegen.mission.export"], "write_all", write_all)
+    result = workers.run(Kills(tmp_path, 1, ("export",)), 40, workers=1)
+    assert kind in {cause.partition(": ")[0].removeprefix("export ") for cause in result.causes}

@@ -3,7 +3,9 @@
 import json
 import re
 import shlex
+import shutil
 import sys
+import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
@@ -95,6 +97,18 @@ def test_whatever_reaches_a_stream_of_a_command_is_text(capsys):
     assert said.out == "out\\u001b[2J\\u009b2J\\u202e\n"
     assert said.err.startswith("error\\u001b[2J\\u000d\\u202e\tx\n".replace("\\u000d", "\\r"))
     assert "\x1b" not in said.err
+
+
+def test_the_name_of_a_file_is_text_in_a_picture(root, tmp_path, capsys):
+    """Comments of an SVG quote titles."""
+    path = tmp_path / f"\x1b{CONTROLS}--><script>.raff"
+    shutil.copy(root / "robots/four_bar.raff", path)
+    picture = str(tmp_path / "a.svg")
+    assert main(["tolerance", str(path), "--sigma", "link*.d=1mm", "--samples", "0", "--plot", picture]) == 0
+    said = capsys.readouterr()
+    assert not CONTROL.search(said.out + said.err)
+    tags = {one.tag.rpartition("}")[2] for one in ElementTree.parse(picture).iter()}
+    assert "script" not in tags
 
 
 def test_a_recording_adds_no_statement_to_urscript(recording, capsys):

@@ -121,9 +121,19 @@ def test_pages_and_sensors_listen_on_this_machine_only(watched, commands):
     assert beyond(elsewhere)  # a page for other machines is seen here
 
 
+TASK = """
+starts = 2
+parameters = { "link2.d" = "200..400mm" }
+reach = { x = "-50..50mm", y = "350..400mm" }
+objective = [{ minimise = "condition" }]
+"""
+
+
 @pytest.mark.slow
-def test_processes_that_share_a_map_listen_on_this_machine_only_and_serve_no_http(watched):
-    (found,) = watched(("map", *MAP, "--workers", "2"))
+@pytest.mark.parametrize("command", [("map", *MAP), ("synthesize", "robots/five_bar.raff", "--task", "task.toml")])
+def test_processes_that_share_work_listen_on_this_machine_only_and_serve_no_http(watched, tmp_path, command):
+    (tmp_path / "task.toml").write_text(TASK)
+    (found,) = watched((*command, "--workers", "2"))
     assert len({pid for pid, *_ in found}) == 3  # the scheduler and both workers
     # One socket each: another one would be an HTTP server's. A process that begins holds its parent's for a moment.
     assert len({(address, port) for _, address, port in found}) == 3
@@ -152,8 +162,8 @@ QUIET = (
     ("compile",),
     ("validate", "TwoDofs"),
 )
-PAGES_AND_SENSORS = {"replay"}  # tested above
-OTHERS = {"heal", "calibrate", "synthesize"}  # which write files, and start no process
+ABOVE = {"replay", "synthesize"}
+OTHERS = {"heal", "calibrate"}  # which write files, and start no process
 
 
 @pytest.mark.slow
@@ -163,7 +173,7 @@ def test_all_other_commands_listen_nowhere(watched):
 
 def test_every_command_is_watched():
     commands = typer.main.get_command(cinegen.cli.app).commands
-    assert set(commands) == {call[0] for call in QUIET} | PAGES_AND_SENSORS | OTHERS
+    assert set(commands) == {call[0] for call in QUIET} | ABOVE | OTHERS
 
 
 STRANGER = """

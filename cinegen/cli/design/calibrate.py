@@ -11,11 +11,10 @@ import typer
 
 from cinegen.cli.design.tolerance import amounts
 from cinegen.cli.files import check_outputs, count, print_result, write, write_figure
-from cinegen.cli.options import FILE, JSON, PLOT, ROBOT, force_option, output_option
+from cinegen.cli.options import FILE, JSON, PLOT, ROBOT, force_option, output_option, shown_name
 from cinegen.cli.progress import Progress
 from raff2urdf.command.command_line import flag, option
 from raff2urdf.errors import first_of
-from raff2urdf.files import stem_of
 from raff2urdf.quantities import LENGTH
 
 if TYPE_CHECKING:
@@ -71,7 +70,7 @@ def run(
 
             progress.text("choosing poses")
             proposal = propose_poses(found, propose)
-    name = stem_of(file) + (f".{robot}" if robot else "")
+    name = shown_name(file, robot)
     report: dict[str, Any] = {"name": name, **found.as_dict()}
     if proposal is not None:
         report["proposal"] = {

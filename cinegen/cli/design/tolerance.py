@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING
 
 from cinegen.cli.files import check_outputs, print_result, write_figure
 from cinegen.cli.numbers import AT, configuration_at, named, parts
-from cinegen.cli.options import FILE, JSON, NODE, PLOT, ROBOT, force_option
+from cinegen.cli.options import FILE, JSON, NODE, PLOT, ROBOT, force_option, shown_name
 from cinegen.errors import CinegenError
 from raff2urdf.command.command_line import UsageError, option
 from raff2urdf.errors import first_of
-from raff2urdf.files import stem_of
 
 if TYPE_CHECKING:
     from cinegen.design.tolerance_report import Forced, ToleranceReport
@@ -65,7 +64,7 @@ def run(
     tolerances = Tolerances(file, errors, plays, readings, interval, robot, tie)
     mechanism = tolerances.design.mechanism
     found = tolerances.at(configuration_at(mechanism, at, node), node, samples, seed)
-    name, where = stem_of(file) + (f".{robot}" if robot else ""), f" at {at}" if at else " at home"
+    name, where = shown_name(file, robot), f" at {at}" if at else " at home"
     print_result({"name": name, **found.as_dict()}, _text(found, name, where), json)
     if plot is not None:
         from cinegen.plotting.accuracy import draw_tolerance

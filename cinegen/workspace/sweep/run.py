@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-import shutil
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -246,8 +245,7 @@ def _in_folder(folder: Path, source: Path, document: Document) -> Document:
         for name in names:
             for one in {name, name.with_suffix(".mtl")}:  # the colours of an OBJ
                 if may_read(there / one, source.parent) and (there / one).is_file():
-                    (here / one).parent.mkdir(parents=True, exist_ok=True)
-                    shutil.copyfile(there / one, here / one)
+                    _write({here / one: (there / one).read_bytes()})
         return replace(robot, path=f"../graphics/{robot.name}")
 
     return replace(document, robots=tuple(map(moved, document.robots)))
@@ -294,13 +292,13 @@ def _json(asked: dict[str, Any]) -> str:
     return json.dumps(asked, indent=1, sort_keys=True) + "\n"
 
 
-def _write(texts: dict[Path, str]) -> None:
+def _write(texts: Mapping[Path, str | bytes]) -> None:
     """Write files as a whole.
 
     Raises:
         MapError: one can't be written.
     """
     try:
-        write_all({path: text.encode() for path, text in texts.items()})
+        write_all({path: text.encode() if isinstance(text, str) else text for path, text in texts.items()})
     except (OSError, ValueError) as error:
         raise MapError(f"{getattr(error, 'filename', None) or next(iter(texts))} can't be written: {error}") from None
