@@ -136,12 +136,34 @@ def test_another_size_of_the_window_is_filled_too_unless_a_person_has_moved_the_
     assert becomes(page, lambda: 0.62 < share(page) < 0.78)
 
 
-@pytest.mark.parametrize("colour", ["0.8 0.45 0.2", "0.1 0.3 0.65", "0.9 0.9 0.9", "0.2 0.2 0.2"])
-def test_a_face_in_full_light_has_the_colour_of_its_material(tmp_path, cockpit, tab, colour):
-    page = tab(cockpit(setup=Setup({"box": box(tmp_path, 0.5, colour)})), drawn=True)
+@pytest.mark.parametrize(("once", "least", "most"), [("true", 0.78, 0.88), ("false", 0.89, 0.97)])
+def test_a_robot_that_leaves_the_view_is_brought_back_with_room_where_the_camera_moves_once(
+    cockpit, tab, once, least, most
+):
+    page = tab(cockpit("delta4"))
+    page.evaluate(f"""() => {{
+      const {{ view, viewer: {{ camera }} }} = cockpit;
+      camera.position.lerp(view.controls.target, 0.6);
+      view.keep({once});
+    }}""")
+    assert least < share(page) < most
+
+
+@pytest.mark.parametrize(
+    ("scheme", "colour", "expected"),
+    [
+        *(("light", colour, colour) for colour in ("0.8 0.45 0.2", "0.1 0.3 0.65", "0.9 0.9 0.9", "0.2 0.2 0.2")),
+        ("dark", "0.9 0.9 0.9", "0.9 0.9 0.9"),
+        ("dark", "0.16 0.35 0.44", "0.24 0.52 0.65"),
+        ("dark", "0.2 0.2 0.2", "0.32 0.32 0.32"),
+    ],
+)
+def test_a_face_in_full_light_has_the_colour_of_its_material(tmp_path, cockpit, tab, scheme, colour, expected):
+    """On a dark page a dark colour is brighter, so that it is seen before it; what is darker stays so."""
+    page = tab(cockpit(setup=Setup({"box": box(tmp_path, 0.5, colour)})), drawn=True, color_scheme=scheme)
     for complete in (True, False):
         seen = np.array(page.evaluate(LIT, complete)) / 255.0
-        assert np.abs(seen - np.array(colour.split(), dtype=float)).max() < 0.08, complete
+        assert np.abs(seen - np.array(expected.split(), dtype=float)).max() < 0.08, complete
 
 
 def test_nothing_is_drawn_while_nothing_changes_and_motions_leave_nothing_behind(cockpit, tab):

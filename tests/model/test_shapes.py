@@ -5,6 +5,7 @@ import pickle
 import re
 
 import numpy as np
+import pinocchio as pin
 import pytest
 import trimesh
 
@@ -281,6 +282,16 @@ def test_a_stick_figure_has_a_bar_to_each_joint_on_the_base(robot, name, count):
     on_base = [model.jointPlacements[j].translation for j in range(1, model.njoints) if model.parents[j] == 0]
     assert len(bars) == count
     assert all(min(np.linalg.norm(end - point) for point in on_base) < 1e-9 for end in ends)
+
+
+def test_bars_of_a_long_chain_are_seen():
+    """A thousand joints: what the bars ask of Pinocchio must not have its tensors of second derivatives, 48 GB."""
+    model, parent = pin.Model(), 0
+    for i in range(1000):
+        parent = model.addJoint(parent, pin.JointModelRZ(), pin.SE3(np.eye(3), np.array([0.1, 0.0, 0.0])), f"joint{i}")
+        model.addFrame(pin.Frame(f"link{i}", parent, 0, pin.SE3.Identity(), pin.FrameType.BODY))
+    radii = [shape.geometry.radius for shape in stick_figure(model) if shape.name.startswith("joint")]
+    assert radii == pytest.approx([1.5 * 0.002 * 100.0] * 1000)
 
 
 def test_a_robot_of_one_joint_has_a_plane(tmp_path):

@@ -454,6 +454,13 @@ def test_a_robot_in_memory_names_its_solids_and_needs_no_file(tmp_path: Path, mo
 # --- what it leaves alone ------------------------------------------------------------------------------------------
 
 
+def test_bars_of_a_long_chain_are_seen() -> None:
+    link = "link {} {{ parameters {{ d {} r 0.001 }} type 2 pred {} }}"
+    links = "\n".join(link.format(i, 100 * (i > 1), i - 1) for i in range(1, 101))
+    document = loads(f"RAFF Chain\nrobot chain {{\nbase {{ }}\n{links}\n}}\n")  # 9.9 m long, its median length is short
+    assert SkeletonDrawing(document, document.robots[0]).radius == pytest.approx(0.002 * 9.9)
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_what_collides_are_bars_and_markers_as_before(name: str) -> None:
     document = raff2urdf.load(ROBOTS / f"{name}.raff")

@@ -1,14 +1,7 @@
 // The path ahead: where the tasks lead in the next moments, and what will be met there.
 
 import {
-  BufferGeometry,
-  Float32BufferAttribute,
-  Group,
-  Line,
-  LineBasicMaterial,
-  Points,
-  PointsMaterial,
-  Vector3,
+  BufferGeometry, Float32BufferAttribute, Group, Line, LineBasicMaterial, Points, PointsMaterial, Vector3,
 } from "three";
 import { valueOf } from "../base/names.js";
 import { Changes } from "./changes.js";

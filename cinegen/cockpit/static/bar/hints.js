@@ -53,10 +53,10 @@ export class Hints {
     for (const event of ["pointerdown", "pointermove", "wheel", "keydown"]) window.addEventListener(event, () => this.#rest(), { capture: true, passive: true });
   }
 
-  /** Whether no part was ever dragged, and one can be. */
+  /** Whether no part was ever dragged, and a person can drag one. */
   get #waits() {
-    const { session } = this;
-    return !this.#known.has("drag") && !session.hello?.playback && session.control !== "other" && session.robots.length > 0;
+    const { session, view } = this;
+    return !view.resolution.still && !this.#known.has("drag") && !session.hello?.playback && session.control !== "other" && session.robots.length > 0;
   }
 
   /** @param {string} id */

@@ -6,7 +6,8 @@
 // For tests: #section-share with #picture, #film-video, #copy-link and #page-copy.
 
 import { pageUrl } from "../base/address.js";
-import { make } from "../base/dom.js";
+import { button, make } from "../base/dom.js";
+import { download } from "../base/download.js";
 import { Section } from "../panel/section.js";
 import { cameraOf, configurationsOf, fragmentOf } from "../base/fragment.js";
 
@@ -19,7 +20,7 @@ export class Share {
   constructor(panel, { view, session }) {
     const { body } = new Section(panel, "share", "Share", "Links, pictures and films of what the view shows");
     const press = (/** @type {string} */ id, /** @type {string} */ title, /** @type {string} */ text, click = () => {}) =>
-      make("button", { type: "button", id, class: "small", title, on: { click } }, text);
+      button({ id, class: "small", title }, click, text);
     body.append(
       press("copy-link", "Copy a link to this page with the present view and configuration", "Copy link", () => this.copy()),
       press("picture", "Download what the view shows as a PNG", "Picture", () => this.picture()),
@@ -41,10 +42,7 @@ export class Share {
   }
 
   picture() {
-    const link = make("a", { href: this.view.picture(), download: `${this.session.hello?.title ?? "cinegen"}.png` });
-    document.body.append(link);
-    link.click();
-    link.remove();
+    download(this.view.picture(), `${this.session.hello?.title ?? "cinegen"}.png`);
   }
 
   /** Copy a link to the clipboard, or put it into the address bar where the browser refuses that. */

@@ -6,11 +6,11 @@ const KEPT = 60000; // ms: a browser may ask where to save the file before it re
 
 /**
  * Save a file.
- * @param {Blob} content
+ * @param {Blob | string} content or its address
  * @param {string} name of the file; characters that a file system may refuse are replaced
  */
 export function download(content, name) {
-  const address = URL.createObjectURL(content);
+  const address = typeof content === "string" ? content : URL.createObjectURL(content);
   const link = make("a", { href: address, download: fileName(name) });
   document.body.append(link);
   link.click();

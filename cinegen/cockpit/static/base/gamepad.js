@@ -61,8 +61,12 @@ export function twistOf({ axes, buttons }) {
   ));
 }
 
-/** Nothing within the dead zone, and from there on from 0 to 1. @param {number} value */
-function rest(value) {
+/**
+ * Return a deflection, -1 to 1: nothing within the dead zone, and from there on from 0 to 1.
+ * @param {number} value
+ * @param {number} dead
+ */
+export function rest(value, dead = DEAD) {
   const size = Math.min(1, Math.abs(value));
-  return size <= DEAD ? 0 : (Math.sign(value) * (size - DEAD)) / (1 - DEAD);
+  return size <= dead ? 0 : (Math.sign(value) * (size - dead)) / (1 - dead);
 }

@@ -1,16 +1,8 @@
 // The cells of a map as they are drawn: balls in space, or tiles where they make a surface; in one draw call.
 
 import {
-  BufferAttribute,
-  BufferGeometry,
-  DoubleSide,
-  Float32BufferAttribute,
-  Group,
-  Mesh,
-  MeshBasicMaterial,
-  Points,
-  ShaderMaterial,
-  Vector3,
+  BufferAttribute, BufferGeometry, DoubleSide, Float32BufferAttribute, Group, Mesh, MeshBasicMaterial, Points,
+  ShaderMaterial, Vector3,
 } from "three";
 import { colour } from "./colours.js";
 

@@ -2,7 +2,7 @@
 //
 // For tests: [data-axis="x"] with a select (value: an axis or "0"), a checkbox (inverted) and a number (factor).
 
-import { make } from "../base/dom.js";
+import { choice, make } from "../base/dom.js";
 
 export const AXES = ["x", "y", "z", "rx", "ry", "rz"];
 const LARGEST = 100;
@@ -54,19 +54,10 @@ export class AxesControl {
     const edit = (/** @type {number} */ i, /** @type {Partial<Entry>} */ part) =>
       change(this.#entries.map((one, k) => (k === i ? { ...one, ...part } : one)));
     this.rows = AXES.map((axis, i) => {
-      const source = make(
-        "select",
-        {
-          class: "small",
-          "aria-label": `Axis of ${whose} that commands ${axis}`,
-          on: { change: () => change(swapped(this.#entries, i, source.value)) },
-        },
-        ...[...AXES, "0"].map((value) => make("option", { value }, value === "0" ? "none" : value)),
-      );
-      const negative = make("input", {
-        type: "checkbox",
-        on: { change: () => edit(i, { negative: negative.checked }) },
-      });
+      const on = { change: () => change(swapped(this.#entries, i, source.value)) };
+      const options = [...AXES, "0"].map((value) => /** @type {[string, string]} */ ([value, value === "0" ? "none" : value]));
+      const source = choice({ "aria-label": `Axis of ${whose} that commands ${axis}`, on }, options);
+      const negative = make("input", { type: "checkbox", on: { change: () => edit(i, { negative: negative.checked }) } });
       const factor = make("input", {
         type: "number",
         class: "number",

@@ -3,7 +3,7 @@
 // For tests: [data-payload="ROBOT"] with input[type=range], input[type=number] (kg) and select (the node);
 // [data-missing="ROBOT"] where links have no masses; #reactions (a checkbox), [data-reactions="ROBOT"] (text).
 
-import { atMostEvery, make, write } from "../base/dom.js";
+import { atMostEvery, choice, make, write } from "../base/dom.js";
 import { valueOf } from "../base/names.js";
 import { speak } from "../base/speech.js";
 import { amount, units } from "../base/units.js";
@@ -15,6 +15,7 @@ const PICTURE = 1000 / 60;
 const STEPS = 200; // of the slider
 const HEAVIEST = 1e6; // kg
 const MOVED = 400; // ms for which reports do not move a slider that is moved
+const TYPE = "Type a mass and press Enter";
 const HINT = "Holding torques and reactions: statics of the robot at rest with its payload, without friction";
 
 /** @typedef {import("../base/messages").ReactionReport} ReactionReport */
@@ -66,23 +67,13 @@ export class Forces {
   #payload(robot) {
     const { largest_payload: most, excluded } = robot.forces;
     const label = `Payload of ${robot.name}`;
+    const carries = { "aria-label": `Part that carries the payload of ${robot.name}`, title: "Part whose origin carries it" };
     const title = `A point mass of 0 to ${most} kg; the field takes any. Drag it, or use the arrow keys`;
     /** @type {Controls} */
     const one = {
       range: make("input", { type: "range", min: 0, max: most, step: most / STEPS, value: 0, "aria-label": label, title }),
-      number: make("input", {
-        type: "number",
-        min: 0,
-        max: HEAVIEST,
-        step: "any",
-        "aria-label": `${label}, in kilograms`,
-        title: "Type a mass and press Enter",
-      }),
-      node: make(
-        "select",
-        { class: "small", "aria-label": `Part that carries the payload of ${robot.name}`, title: "Part whose origin carries it" },
-        ...robot.nodes.filter(({ kind }) => kind !== "base").map(({ name }) => make("option", { value: name }, name)),
-      ),
+      number: make("input", { type: "number", min: 0, max: HEAVIEST, step: "any", "aria-label": `${label}, in kilograms`, title: TYPE }),
+      node: choice(carries, robot.nodes.filter(({ kind }) => kind !== "base").map(({ name }) => [name, name])),
       moved: -Infinity,
       text: make("p", { class: "empty", data: { reactions: robot.name } }),
       list: make("div", { class: "body" }),
@@ -106,11 +97,11 @@ export class Forces {
     const field = make("span", { class: "value" }, one.number, make("span", { class: "unit" }, "kg"));
     this.#controls.set(robot.name, one);
     this.#mass(one, 0);
-    const carries = `The weight of ${excluded.join(", ")}, which it carries, is not counted.`;
+    const others = `The weight of ${excluded.join(", ")}, which it carries, is not counted.`;
     return [
       make("div", { class: "row", data: { payload: robot.name } }, make("span", { class: "name" }, "payload"), one.range, field),
       make("label", { class: "row" }, make("span", { class: "name" }, "on"), one.node),
-      excluded.length > 0 ? make("p", { class: "empty" }, carries) : "",
+      excluded.length > 0 ? make("p", { class: "empty" }, others) : "",
       one.text,
       folded("all reactions", "Forces and moments of all joints and loops, as far as statics determines them", one.list),
     ];

@@ -2,7 +2,7 @@
 //
 // For tests: #section-map; #map-quantity, #map-shown, #map-axis, #map-cut, #map-layer, #map-share, #map-note.
 
-import { make, write } from "../base/dom.js";
+import { choice, make, write } from "../base/dom.js";
 import { speak } from "../base/speech.js";
 import { units } from "../base/units.js";
 import { valueOf } from "../map/numbers.js";
@@ -131,7 +131,7 @@ export class MapSection {
 
   /** @param {string} id @param {string} title @param {string[]} names */
   #choice(id, title, names) {
-    return make("select", { class: "small", id, title }, ...names.map((name) => make("option", { value: name }, name)));
+    return choice({ id, title }, names.map((name) => [name, name]));
   }
 
   /** @param {string} id @param {boolean} on */

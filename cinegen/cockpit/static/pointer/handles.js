@@ -6,19 +6,8 @@
 // Events: drag (whether one begins or ends), move, change (of what is drawn).
 
 import {
-  ConeGeometry,
-  CylinderGeometry,
-  DoubleSide,
-  Group,
-  Mesh,
-  MeshBasicMaterial,
-  Plane,
-  PlaneGeometry,
-  Quaternion,
-  Raycaster,
-  SphereGeometry,
-  TorusGeometry,
-  Vector3,
+  ConeGeometry, CylinderGeometry, DoubleSide, Group, Mesh, MeshBasicMaterial, Plane, PlaneGeometry, Quaternion,
+  Raycaster, SphereGeometry, TorusGeometry, Vector3,
 } from "three";
 import { Events } from "../base/events.js";
 

@@ -1,15 +1,7 @@
 // Simple shapes that the page itself draws: never lit, never picked, seen through parts where they must be.
 
 import {
-  ConeGeometry,
-  CylinderGeometry,
-  Group,
-  Mesh,
-  MeshBasicMaterial,
-  Quaternion,
-  SphereGeometry,
-  TorusGeometry,
-  Vector3,
+  ConeGeometry, CylinderGeometry, Group, Mesh, MeshBasicMaterial, Quaternion, SphereGeometry, TorusGeometry, Vector3,
 } from "three";
 
 const UP = new Vector3(0, 1, 0); // cylinders and cones stand along it

@@ -1,13 +1,7 @@
 // Robots as lines between their nodes, where pictures of their parts take too long; parts near a line can be touched.
 
 import {
-  BufferGeometry,
-  Float32BufferAttribute,
-  LineBasicMaterial,
-  LineSegments,
-  Points,
-  PointsMaterial,
-  Vector3,
+  BufferGeometry, Float32BufferAttribute, LineBasicMaterial, LineSegments, Points, PointsMaterial, Vector3,
 } from "three";
 import { theme } from "./theme.js";
 

@@ -17,6 +17,7 @@ const POSE = 7;
 const LAST = "bottom_color"; // property that the server's scene ends with
 const FILLED = 0.7; // share of the view that robots fill
 const REACHED = 0.95; // share in which they stay
+const ROOMY = 0.85; // share that they fill where the camera moves once
 const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i; // renderers without a graphics card
 const MARKS = /^(triad$|loop )/; // names of what the server draws on parts, which is no part
 
@@ -273,7 +274,7 @@ export class View {
    * @param {boolean} once
    */
   keep(once) {
-    this.#kept = [REACHED, ...(once ? [FILLED] : [])].map((share, i) => this.#around(this.#kept[i] ?? this.#pyramid(share)));
+    this.#kept = [REACHED, ...(once ? [ROOMY] : [])].map((share, i) => this.#around(this.#kept[i] ?? this.#pyramid(share)));
     if (!this.#kept[0].isWithin(this.viewer.camera.position)) this.#move(this.#kept[this.#kept.length - 1]);
   }
 

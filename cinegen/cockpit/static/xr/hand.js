@@ -2,6 +2,7 @@
 // and buttons.
 
 import { BufferGeometry, Float32BufferAttribute, Group, Line, LineBasicMaterial, Points, PointsMaterial, Quaternion, Ray, Vector3 } from "three";
+import { rest } from "../base/gamepad.js";
 import { ball, paint } from "../view/shapes.js";
 import { theme } from "../view/theme.js";
 
@@ -74,7 +75,7 @@ export class Hand {
   /** The deflection of its thumbstick, x to the right and y away, -1 to 1 each. */
   get stick() {
     const [x = 0, y = 0] = this.source.gamepad?.axes.slice(STICK) ?? [];
-    return { x: rest(x), y: -rest(y) };
+    return { x: rest(x, DEAD), y: -rest(y, DEAD) };
   }
 
   /** Whether a button was pressed in this frame. @param {Button} button */
@@ -158,10 +159,4 @@ export class Hand {
 export function put({ position: p, orientation: q }, position, quaternion = null) {
   position.set(p.x, p.y, p.z);
   quaternion?.set(q.x, q.y, q.z, q.w);
-}
-
-/** Nothing within the dead zone, and from there on from 0 to 1. @param {number} value */
-function rest(value) {
-  const size = Math.min(1, Math.abs(value));
-  return size <= DEAD ? 0 : (Math.sign(value) * (size - DEAD)) / (1 - DEAD);
 }
