@@ -23,7 +23,7 @@ from raff2urdf.coupling import Coupling, coupling_of
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.inertia import Inertia
 from raff2urdf.joint_dynamics import JointDynamics
-from raff2urdf.loops.analysis import loop_kind
+from raff2urdf.loops.mobility import loop_kind
 from raff2urdf.placement import inverse
 from raff2urdf.raff.document import (
     Document,

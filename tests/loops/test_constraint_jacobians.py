@@ -13,8 +13,8 @@ import cinegen
 import raff2urdf
 from cinegen.loops._kernels import kinematics, residual
 from cinegen.loops._kernels.memory import LoopMemory
-from cinegen.loops.arrays import set_up
 from cinegen.loops.closed_loops import ClosedLoops
+from cinegen.loops.setup import set_up
 from raff2urdf.raff.document import LoopKind
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
