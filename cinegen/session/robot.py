@@ -119,13 +119,7 @@ class DrivenRobot:
     # --- tasks ---------------------------------------------------------------------------------------------------
 
     def add_task(
-        self,
-        id: int,
-        node: str,
-        source: str,
-        label: str,
-        offset: pin.SE3 | None = None,
-        dof: tuple[int, int] = (3, 3),
+        self, id: int, node: str, source: str, label: str, offset: pin.SE3 | None = None, dof: tuple[int, int] = (3, 3)
     ) -> UserTask:
         """Add a task at the present pose of a node.
 

@@ -251,12 +251,7 @@ class Observation:
                     g = count + self.gains.index(joint)
                     jacobian[:, :, g] += by_inputs[:, :, i] * self.readings[:, i, None]
         return Prediction(
-            values,
-            jacobian,
-            by_inputs * factors,
-            state.q,
-            state.gap,
-            state.opening if derivatives else (),
+            values, jacobian, by_inputs * factors, state.q, state.gap, state.opening if derivatives else ()
         )
 
     def _place_frames(self) -> None:
