@@ -24,7 +24,7 @@ INSTALL := $(PIP) $(LOCKED)
 unexport PYTHONPATH
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help demo test nightly coverage mutations campaign check bounds docs pdf javascript kernels bench generated sbom audit clean lock FORCE
+.PHONY: help demo test ready nightly coverage mutations campaign check bounds docs pdf javascript kernels bench generated sbom audit clean lock FORCE
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -33,11 +33,14 @@ help: ## list the targets
 demo: .venv/core-installed ## install the core, and drive a robot in the browser
 	$(BIN)/cinegen demo
 
+# `+`: what it prints is shown as it comes, also where other targets are made beside it.
+test: ready ## run every check, then the tests but for those of `make nightly`
+	+$(BIN)/pytest -n $(WORKERS)
+
 # Kernels need the core only: they are compiled while the rest is installed.
-test: ## run every check, then the tests but for those of `make nightly`
+ready: ## run every check, and compile all kernels: what the tests need
 	@$(MAKE) --no-print-directory -j2 --output-sync check javascript kernels
 	@.ci/chromium
-	$(BIN)/pytest -n $(WORKERS)
 
 # What takes hours and finds the rare: tests that repeat what others prove with other numbers or robots, hostile input,
 # and random values of generated code and of pages.
@@ -80,13 +83,13 @@ BOUNDED := tests/loops tests/jit/test_banded.py tests/model/test_couplings.py te
 bounds: export NUMBA_BOUNDSCHECK := 1
 bounds: export NUMBA_CACHE_DIR := $(CURDIR)/build/bounds
 bounds: .venv/test-installed ## run the tests of the kernels with bounds checking (5 minutes of CPU)
-	@$(BIN)/cinegen compile
-	$(BIN)/pytest -n $(WORKERS) $(BOUNDED)
+	@nice $(BIN)/cinegen compile
+	nice $(BIN)/pytest -n $(WORKERS) $(BOUNDED)
 	$(BIN)/pytest -n 0 tests/jit/test_bounds.py
 
 # Sphinx comes with packages of its own: they live apart, but see those that the pages document.
 docs: .venv/test-installed build/sphinx/installed ## build the site, build/site/html/index.html; what leads nowhere is an error
-	@PYTHONPATH=build/sphinx $(BIN)/python docs/site/build.py
+	@PYTHONPATH=build/sphinx nice $(BIN)/python docs/site/build.py
 
 pdf: docs ## print the site's pages as one PDF, build/site/cinegen.pdf
 	@PYTHONPATH=build/sphinx $(BIN)/python docs/site/pdf.py

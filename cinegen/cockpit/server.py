@@ -176,6 +176,7 @@ class Server:
             await self._over.wait()
             server.stop()
             await asyncio.sleep(0.1)  # to send the last messages
+            server.close_connections()
 
         asyncio.run(run())
 
@@ -221,6 +222,11 @@ class _HttpServer(tornado.httpserver.HTTPServer):
         if stream in self._answered:
             self._forget(stream)
             self._waiting[stream] = None
+
+    def close_connections(self) -> None:
+        """Close all connections: a page that asked for something in the last moment waits for no answer."""
+        for stream in (*self._waiting, *self._answered):
+            stream.close()
 
     def _forget(self, stream: IOStream) -> None:
         self._answered.discard(stream)

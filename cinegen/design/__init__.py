@@ -21,6 +21,7 @@ from cinegen.design.synthesis import Synthesis, SynthesisTask, load_task, synthe
 from cinegen.design.tolerance import Tolerances, tolerance
 from cinegen.design.tolerance_report import ToleranceReport
 from cinegen.design.torques import holding_torques
+from cinegen.design.within import WithinTolerances
 
 __all__ = [
     "Calibration",
@@ -34,6 +35,7 @@ __all__ = [
     "SynthesisTask",
     "ToleranceReport",
     "Tolerances",
+    "WithinTolerances",
     "calibrate",
     "holding_torques",
     "load_task",

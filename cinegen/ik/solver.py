@@ -161,7 +161,7 @@ class Solver(TaskControl):
             self._user = 0
 
     def _check_thread(self) -> None:
-        """Refuse to change lists that another thread reads in `step`: call it directly before the change."""
+        """Refuse to change what another thread reads in `step`: call it directly before the change."""
         caller = get_ident()
         if self._user and self._user != caller:  # no other thread comes in between, as in `step`
             raise other_thread(self)

@@ -9,9 +9,10 @@ import numpy as np
 import pinocchio as pin
 
 from cinegen.arrays import Array
-from cinegen.joints import axis, translations
+from cinegen.joints import axis, kinematic_data, translations
 
 _THICK = 0.06  # of the median length: radius of a bar
+_THINNEST = 0.002  # of the robot's size: it would not be seen otherwise
 _BAR, _JOINT = (0.0, 0.45, 0.7, 1.0), (0.2, 0.22, 0.25, 1.0)  # Okabe and Ito's blue; nearly black
 
 
@@ -33,7 +34,10 @@ def stick_figure(
             ends[frame.parentJoint].append(np.array(frame.placement.translation))
     lengths = [float(np.linalg.norm(point)) for points in ends.values() for point in points]
     longer = [length for length in lengths if length > 1e-3 * max(lengths)]
-    radius = _THICK * (float(np.median(longer)) if longer else 1.0)
+    data = kinematic_data(model)
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    size = float(np.ptp([placement.translation for placement in data.oMi], axis=0).max())
+    radius = max(_THICK * (float(np.median(longer)) if longer else 1.0), _THINNEST * size)
     for j, points in ends.items():
         carrier = bodies.get(j)
         if carrier is None:  # nothing is named there, so nothing can be shown

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,15 +13,16 @@ from typing import Any
 import numpy as np
 
 from cinegen.arrays import Array, ArrayLike
-from cinegen.design.amounts import Amounts
-from cinegen.design.parameters import Parameters
+from cinegen.cluster import check_workers
 from cinegen.model import Mechanism
-from cinegen.proof.checker import CertificateError, check
+from cinegen.proof.checker import BoxResult, CertificateError
 from cinegen.proof.document import Exporter, ProofError
 from cinegen.proof.equations import Equations
 from cinegen.proof.prover import BOXES, ROUND, Prover
+from cinegen.proof.reach import ReachTest
 from cinegen.proof.singular import SingularValues
-from cinegen.proof.tolerances import with_tolerances
+from cinegen.proof.spread import Checker, Report
+from cinegen.proof.tolerances import Robots, with_tolerances
 from cinegen.proof.velocities import VelocityExporter
 from cinegen.singularities.slice import POSE, Coordinates
 
@@ -31,6 +32,7 @@ _CONSTANT = 1e-9  # rad or characteristic lengths: a coordinate that changes by 
 _EXACT = 1e-12  # m or rad: a fixed coordinate that is off by less is 0
 _STEPS = 40  # from a configuration to the middle of the region
 _RATIO, _SMALLEST = 1.01, 2.0**-10  # of regions that grow: accuracy, and smallest part of what is given
+_PARTS = 1000  # of a region, in reports
 _SHRINKS = 5  # by that ratio, until the checker confirms a region
 
 
@@ -41,15 +43,17 @@ class Proof:
     Attributes:
         proved: share of the region's volume in which each pose has exactly one configuration on the branch, within the
             joints' limits if they are asked for, and none is singular, or as near as a bound of singular values.
-        refuted: share in which a joint is beyond a limit at each pose, or a singular value below its bound.
+        refuted: share in which no pose is within reach, or at each a joint is beyond a limit, or a singular value below
+            its bound.
         undecided: the rest.
-        witnesses: what refutes the region: for a limit a pose, its configuration and the joint; for a singular value a
-            pose, its configuration, and `sigma_1` or `sigma_2`; for a singularity of type 2, two poses on the branch
-            where the determinants of the locked joints' matrix have opposite signs.
+        witnesses: what refutes the region: for the reach a pose, whose configuration is empty; for a limit a pose, its
+            configuration and the joint; for a singular value a pose, its configuration, and `sigma_1` or `sigma_2`; for
+            a singularity of type 2, two poses on the branch where the determinants of the locked joints' matrix have
+            opposite signs.
         reasons: number of undecided boxes by reason.
         boxes: number of boxes.
         region: ranges of its coordinates, m and rad.
-        statuses: of all boxes: `proved`, `refuted` (a limit or a singular value), `undecided`, or `outside` of a round
+        statuses: of all boxes: `proved`, `refuted` (reach, limit, singular value), `undecided`, or `outside` of a round
             region.
         certificate: JSON values; `cinegen.proof.check` reads them.
     """
@@ -104,9 +108,8 @@ class Proof:
 def prove(
     mechanism: Mechanism, over: Mapping[str, tuple[float, float]], at: Mapping[str, float] | None = None,
     node: str | None = None, q: ArrayLike | None = None, limits: bool = False, sigma: float | None = None,
-    boxes: int = BOXES, shape: str = "box", grow: bool = False, tolerances: Amounts | None = None,
-    parameters: Parameters | None = None,
-    report: Callable[[float], None] | None = None,
+    boxes: int = BOXES, shape: str = "box", grow: bool = False, tolerances: Robots | None = None,
+    workers: int | None = 1, scheduler: str | None = None, report: Report | None = None,
 ) -> Proof:  # fmt: skip
     """Prove that each pose of a region has exactly one configuration on a branch, and that none is singular.
 
@@ -121,18 +124,19 @@ def prove(
         boxes: number of boxes that are tested; of each region, with `grow`.
         shape: `box`; `cylinder`, whose ellipse lies in the ranges of the first two coordinates; `ball`, an ellipsoid.
         grow: find the largest region of these proportions about the centre that is proved as a whole, up to 1 %.
-        tolerances: largest errors of dimensions, by name or pattern: m, rad, or texts with a unit. The proof then holds
-            for all robots within them.
-        parameters: the dimensions of the mechanism, with tolerances.
-        report: is called with the share of the region that is decided; not with `grow`.
+        tolerances: all robots that it is to hold for, of `cinegen.design.WithinTolerances`.
+        workers: processes on this machine that check the certificate; None for one for each core, for many boxes.
+        scheduler: address of a Dask scheduler whose workers check it instead.
+        report: is called with what is done, and how much of how much.
 
     Raises:
-        ProofError: there is no range, or an empty one; no such shape; tolerances without parameters, or that loops
-            can't follow; sigma is negative, or given with tolerances.
-        DesignError: an unknown dimension, or a wrong unit.
+        ProofError: there is no range, or an empty one; no such shape; tolerances of another robot, or that loops can't
+            follow; sigma is negative, or given with tolerances.
         SliceError: coordinates that don't exist, or that can't be given independently.
         UnknownNameError: no such node.
+        ClusterError: workers can't be started.
     """
+    check_workers(workers, scheduler)
     whole = mechanism.successive
     coordinates = Coordinates(whole, [*over, *(at or {})], node)
     if coordinates.over_joints or not over:
@@ -146,7 +150,7 @@ def prove(
     start = whole.q_home if q is None else whole.structure.checked(q)
     if sigma is not None and not sigma >= 0.0:
         raise ProofError(f"sigma is {sigma:g}: give a bound that is not negative")
-    if sigma is not None and tolerances:
+    if sigma is not None and tolerances is not None:
         raise ProofError("singular values are bounded without tolerances only: leave out sigma or the tolerances")
     known = coordinates.coordinates(start)
     pose = np.array([(at or {}).get(name, known[name]) for name in POSE])
@@ -160,12 +164,14 @@ def prove(
         return {"format": _FORMAT, **exporter.document(start), "bounds": bounds, "shape": shape}
 
     document = export(whole)
-    if tolerances:
-        document = with_tolerances(document, _parameters(parameters, mechanism), tolerances, export)
+    if tolerances is not None:
+        if tolerances.mechanism.joints != mechanism.joints:
+            raise ProofError(f"{mechanism.name}: the tolerances are of {tolerances.mechanism.name}: give this robot's")
+        document = with_tolerances(document, tolerances, export)
     with np.errstate(all="ignore"):
-        question = _Question(document, np.array([known[name] for name in POSE]), pose, boxes)
-        ends = np.array(list(over.values()), dtype=float)
-        return question.largest(ends) if grow else question.answer(ends, report)
+        ends, known_pose = np.array(list(over.values()), dtype=float), np.array([known[name] for name in POSE])
+        question = _Question(document, known_pose, pose, boxes, Checker(workers, scheduler, report), report)
+        return question.largest(ends) if grow else question.answer(ends)
 
 
 class _Question:
@@ -176,10 +182,16 @@ class _Question:
         known: (6,) the pose of the configuration that they were written in.
         pose: (6,) that of what does not vary.
         boxes: number of boxes that are tested.
+        checker: of certificates.
+        report: see `prove`.
     """
 
-    def __init__(self, document: Mapping[str, Any], known: Array, pose: Array, boxes: int) -> None:
+    def __init__(
+        self, document: Mapping[str, Any], known: Array, pose: Array, boxes: int, checker: Checker,
+        report: Report | None,
+    ) -> None:  # fmt: skip
         self._document, self._known, self._pose, self._boxes = document, known, pose, boxes
+        self._checker, self._report = checker, report
         self._equations = Equations(document)
         self._over = [POSE.index(document["variables"][k]["name"]) for k in self._equations.over]
         self._equations.select(self._equations.start, known[self._over])
@@ -187,15 +199,19 @@ class _Question:
         self._reason = self._reason or document.get("unbounded", "")
         limits, sigma = document["bounds"]["limits"], document["bounds"]["sigma"]
         values = None if sigma is None or self._reason else SingularValues(self._equations, document)
-        self._prover = Prover(self._equations, limits, sigma, values)
+        self._prover = Prover(self._equations, ReachTest(self._equations, document), limits, sigma, values)
 
-    def answer(self, ends: Array, report: Callable[[float], None] | None = None) -> Proof:
+    def answer(self, ends: Array) -> Proof:
         """Return what is proved of a region, whose coordinates have these ends (parameters, 2)."""
         x, tree = self._at_centre(ends), [{"claim": "open", "reason": self._reason}]
         if not self._reason:
-            self._prover.run(ends[:, 0], ends[:, 1], x, self._boxes, self._document["shape"], report=report)
+            self._prover.run(ends[:, 0], ends[:, 1], x, self._boxes, self._document["shape"], report=self._decided)
             tree = self._prover.tree()
         return self._checked(ends, x, tree)
+
+    def _decided(self, share: float) -> None:
+        if self._report is not None:
+            self._report("proving", round(_PARTS * share), _PARTS)
 
     def largest(self, ends: Array) -> Proof:
         """Return the proof of the largest region of the same proportions and centre that is proved as a whole."""
@@ -247,29 +263,37 @@ class _Question:
             "tree": tree,
         }
         leaves, dropped = [node for node in tree if isinstance(node, dict)], set[int]()
+        findings = dict[int, BoxResult]()
         while True:
             document["start"] = _start(ends, (x * self._equations.units).tolist(), tree)
-            result = check(document, dropped=dropped)
+            result = self._checker.result(document, dropped, findings)
             if not dropped:
                 return _proof(document, result)
             for box in dropped:
+                findings.pop(box, None)
                 leaves[box].clear()
                 leaves[box] |= {"claim": "open", "reason": "the checker does not confirm it"}
             dropped.clear()
 
 
-def read_proof(certificate: Mapping[str, Any], report: Callable[[int, int], None] | None = None) -> Proof:
+def read_proof(
+    certificate: Mapping[str, Any], workers: int | None = 1, scheduler: str | None = None, report: Report | None = None
+) -> Proof:
     """Return what a certificate proves.
 
     Args:
         certificate: its JSON values.
-        report: is called with the number of nodes of its tree that are read, and of all.
+        workers: see `prove`.
+        scheduler: likewise.
+        report: likewise.
 
     Raises:
         ProofError: a claim is not confirmed.
+        ClusterError: workers can't be started.
     """
+    check_workers(workers, scheduler)
     try:
-        result = check(certificate) if report is None else check(certificate, report)
+        result = Checker(workers, scheduler, report).result(certificate)
     except CertificateError as error:
         raise ProofError(f"the certificate is rejected: {error}") from error
     return _proof(certificate, result)
@@ -287,8 +311,10 @@ def _proof(certificate: Mapping[str, Any], result: Mapping[str, Any]) -> Proof:
     )  # fmt: skip
 
 
-def load_proof(path: Path | str, report: Callable[[int, int], None] | None = None) -> Proof:
-    """Return what the certificate in a file proves.
+def load_proof(
+    path: Path | str, workers: int | None = 1, scheduler: str | None = None, report: Report | None = None
+) -> Proof:
+    """Return what the certificate in a file proves; for arguments see `read_proof`.
 
     Raises:
         ProofError: the file can't be read, or is no certificate; or a claim is not confirmed.
@@ -300,7 +326,7 @@ def load_proof(path: Path | str, report: Callable[[int, int], None] | None = Non
     if not isinstance(certificate, dict) or certificate.get("format") != _FORMAT:
         raise ProofError(f"{path}: is no certificate of cinegen prove ({_FORMAT})")
     try:
-        return read_proof(certificate, report)
+        return read_proof(certificate, workers, scheduler, report)
     except ProofError as error:
         raise ProofError(f"{path}: {error}") from None
 
@@ -329,12 +355,6 @@ def _leaves(ends: Array, tree: Iterable[Any]) -> Iterator[tuple[Array, Mapping[s
         low, high = box.copy(), box.copy()
         low[node, 1] = high[node, 0] = box[node].mean()
         waiting += [high, low]
-
-
-def _parameters(parameters: Parameters | None, mechanism: Mechanism) -> Parameters:
-    if parameters is None or parameters.mechanism.joints != mechanism.joints:
-        raise ProofError(f"{mechanism.name}: tolerances need the robot's Parameters: prove(parameters.mechanism, ...)")
-    return parameters
 
 
 def _not_square(equations: int, unknowns: int) -> str:

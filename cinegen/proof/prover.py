@@ -15,6 +15,7 @@ import numpy as np
 
 from cinegen.arrays import Array, Bools
 from cinegen.proof.equations import Change, Equations, Point
+from cinegen.proof.reach import ReachTest
 from cinegen.proof.singular import SingularValues
 
 BOXES = 10_000
@@ -24,7 +25,7 @@ _BATCH = 256
 _NEWTON, _CONVERGED = 8, 1e-9
 _ROUNDS = 4  # radii of a tube that are tried, 0 first
 _WIDER = 1.25  # times the radius that would just do: a margin for the checker
-_LOST = 4  # halvings of a box in whose middle no configuration is found
+_LOST = 8  # halvings of a box in whose middle no configuration is found
 _SURE = 0.98  # part of a bound that is used: the rest is a margin for the checker
 _SURE_OF_SIGMA = 0.95  # likewise of a singular value, which the checker bounds by powers
 _LEAST = 1e-7  # part of a range of the region: boxes that are smaller are not halved
@@ -32,8 +33,9 @@ _ROUNDED = 1e-9  # by so much a box is farther out than the edge of the region
 _TINY = 1e-11  # rad and characteristic lengths: smallest radius
 
 PROVED, REGULAR, LIMIT, SIGMA, OPEN, OUTSIDE = "proved", "regular", "limit", "sigma", "open", "outside"
+UNREACHABLE = "unreachable"
 """Claims of a box: everything holds; one configuration, no more is claimed; ... and a joint is beyond a limit in all of
-it; ... and a singular value is below its bound in all of it; nothing; it is not in the region."""
+it; ... and a singular value is below its bound in all of it; nothing; it is not in the region; no configuration."""
 
 ROUND = {"box": 0, "cylinder": 2, "ball": 6}
 """Shapes of regions: so many coordinates, the first ones, lie in an ellipse or ellipsoid that touches their ranges."""
@@ -70,15 +72,17 @@ class Prover:
 
     Args:
         equations: as many as there are unknowns.
+        reach: excludes boxes that no configuration reaches.
         limits: whether joints must stay within theirs.
         sigma: what the smallest singular values must be above, if there are
         values: which bounds them.
     """
 
     def __init__(
-        self, equations: Equations, limits: bool, sigma: float | None = None, values: SingularValues | None = None
-    ) -> None:
-        self.equations, self._limits, self._sigma, self._values = equations, limits, sigma, values
+        self, equations: Equations, reach: ReachTest, limits: bool, sigma: float | None = None,
+        values: SingularValues | None = None,
+    ) -> None:  # fmt: skip
+        self.equations, self._reach, self._limits, self._sigma, self._values = equations, reach, limits, sigma, values
         self.nodes = list[tuple[int, int, int] | Leaf | None]()
         self.tested = 0
 
@@ -193,12 +197,15 @@ class Prover:
             for k, i in enumerate(best):
                 claims[i] = self._judged(least[:, k], most[:, k])
         found = list[tuple[Leaf, int, tuple[Array, Array] | None]]()
+        excluded = self._reach.excludes(low, high)
         for i, axis in enumerate(axes):
             leaf, step = Leaf(OPEN, "no configuration is found"), 0.5 * along[i, :count, axis]
             if done[i]:
                 leaf = Leaf(OPEN, "no unique configuration is proved")
             if regular[i] and claims[i][0] != OPEN:
                 leaf = Leaf(*claims[i], (x[i] * e.units).tolist(), (y[i] * e.units).tolist())
+            if excluded[i] and not regular[i]:
+                leaf = Leaf(UNREACHABLE, "")
             found.append((leaf, axis, (x[i] - step, x[i] + step) if done[i] else None))
         return found
 

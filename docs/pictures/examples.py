@@ -21,6 +21,7 @@ from playwright.sync_api import sync_playwright
 import cinegen
 from cinegen.cockpit.graphic_file import material
 from cinegen.plotting import draw_designs
+from cinegen.plotting.proof import draw_proof
 from cinegen.plotting.sheet import BLUE, GREEN, INK, ORANGE, finish, label, sheet
 from cinegen.plotting.sweep import draw_sweep
 
@@ -144,6 +145,7 @@ FIGURES = {
     "26_firmware_of_a_delta": actuated,
     "27_steps_of_a_delta": steps,
     "28_five_bar_for_a_rectangle": lambda left: draw_designs(left["robots"], left["found"]["other bars"].task.reach),
+    "29_prove_workspaces": lambda left: draw_proof(left["larger"], name="five_bar"),
 }
 """Functions that make a matplotlib figure."""
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from raff2urdf.arrays import ArrayLike
 from raff2urdf.raff.document import Document, JointType, RaffFrame, RaffLink, RaffNode, RaffPart, RaffRobot
-from raff2urdf.raff.kleinfinger import Kleinfinger
+from raff2urdf.raff.kleinfinger import Kleinfinger, transform
 from raff2urdf.tree import home, kleinfinger, limits
 
 if TYPE_CHECKING:  # takes half a second
@@ -35,6 +35,7 @@ JOINT = (0.2, 0.22, 0.25)
 MARK = "cinegen:skeleton"
 """Beginning of the names of a URDF's collision shapes that are bars and markers, rather than shapes of the robot."""
 
+_THINNEST = 0.002  # of a robot's size: radius of bars, which would not be seen otherwise
 _FARTHEST = 100.0  # of the sum of a robot's lengths: limits beyond stand for none, as 1e6 does in many files
 
 
@@ -51,7 +52,11 @@ class SkeletonDrawing:
         self.document, self.robot = document, robot
         self.parameters = {part.number: kleinfinger(document, part.parameters) for part in robot.parts}
         lengths = _lengths(self.parameters.values())
-        self.radius = 0.06 * median(lengths)
+        placed = {0: np.eye(4)}
+        for part in robot.outward:
+            placed[part.number] = placed[part.pred] @ transform(self.parameters[part.number])
+        size = float(np.ptp([placement[:3, 3] for placement in placed.values()], axis=0).max())
+        self.radius = max(0.06 * median(lengths), _THINNEST * size)
         self.farthest = _FARTHEST * math.fsum(lengths)
         branch, last = {0: 0}, 0
         self.colours = {0: BASE}

@@ -20,6 +20,8 @@ import warnings
 from collections.abc import Collection, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from copy import deepcopy
+from graphlib import CycleError, TopologicalSorter
+from itertools import pairwise
 from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -64,8 +66,8 @@ def read(path: Path, ignore: Collection[str] = (), text: str | None = None) -> M
         text: of an MJCF that is no file; the path is only a name then.
 
     Raises:
-        RaffError: MuJoCo can't read it, for the reasons that it gives: all that can be found, but only the first in a
-            file that attaches others; or equality constraints have no counterpart.
+        RaffError: MuJoCo can't read it, for the reasons that it gives: all that can be found; or equality constraints
+            have no counterpart.
         MissingExtraError: MuJoCo is not installed.
     """
     with needs("mjcf", f"{path}: MJCF files"):
@@ -112,7 +114,11 @@ def _problems(
 
     for missing in faulty.not_included:
         say(*missing)
-    for _ in range(_MOST if next(names.iter("attach"), None) is None else 0):
+    for model, file in faulty.attached():
+        if file.suffix.lower() != ".urdf" and (said := _problems_of(mujoco, file)):
+            problems += [(files.index(str(file)), math.inf, problem) for problem in said]
+            faulty.leave_out_model(model, roots[file].get("model"))
+    for _ in range(_MOST):
         try:
             _read(mujoco, path, ignore, faulty.text())
             break
@@ -129,6 +135,17 @@ def _problems(
     if why and not problems:
         say(why)
     return (problem for _, _, problem in sorted(problems, key=itemgetter(0, 1)))
+
+
+def _problems_of(mujoco: Any, path: Path) -> list[Problem]:
+    """Return the problems for which MuJoCo can't read a file that another one attaches."""
+    try:
+        _read(mujoco, path, (), None)
+    except _MujocoError as error:
+        return list(_problems(mujoco, path, (), _files(path, None)[0], str(error)))
+    except RaffError:  # it is told of the whole
+        pass
+    return []
 
 
 def _read(mujoco: Any, path: Path, ignore: Collection[str], text: str | None) -> MjcfRobot:
@@ -244,9 +261,10 @@ def _files(path: Path, text: str | None) -> tuple[dict[Path, Any], list[Problem]
         the first elements of the files that can be read, by their paths, and the problems of the others.
 
     Raises:
-        RaffError: the file itself can't be read.
+        RaffError: the file itself can't be read, or one attaches itself.
     """
     folder, pending, met = path.absolute().parent, [path], {path.absolute()}
+    named = dict[Path, dict[Path, str]]()  # by each file
     roots, problems = dict[Path, Any](), list[Problem]()
     while pending:
         inner = pending.pop(0)
@@ -261,7 +279,10 @@ def _files(path: Path, text: str | None) -> tuple[dict[Path, Any], list[Problem]
         places = [folder, *(folder / e.get("assetdir") for e in root.iter("compiler") if e.get("assetdir"))]
         for element in root.iter("include", "model"):
             for file in (place / element.get("file", "") for place in (*places, inner.parent)):
-                if not file.exists() or file.is_dir() or file.absolute() in met:
+                if not file.exists() or file.is_dir():
+                    continue
+                named.setdefault(inner.absolute(), {})[file.absolute()] = element.tag
+                if file.absolute() in met:
                     continue
                 met.add(file.absolute())
                 label = f"{inner}:{element.sourceline}: the file '{element.get('file')}'"
@@ -273,6 +294,13 @@ def _files(path: Path, text: str | None) -> tuple[dict[Path, Any], list[Problem]
                     problems += error.problems
                     continue
                 pending += [file] if file.suffix.lower() in ("", ".xml", ".mjcf", ".urdf") else []
+    try:
+        TopologicalSorter(named).prepare()
+    except CycleError as error:
+        *_, first, last = error.args[1]
+        if "model" in (named[above][below] for below, above in pairwise(error.args[1])):  # MuJoCo would crash
+            why = f"{last.name} names {first.name}, which names it in turn, also through others: leave one out"
+            raise RaffError([*problems, Problem(f"{path}: a file attaches itself: {why}")]) from None
     return roots, problems
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from raff2urdf.shipped import similar_file
 
 
 class FaultyMjcf:
-    """An MJCF with the files that it includes, from which faults are left out, one after another.
+    """An MJCF with the files that it includes or attaches, from which faults are left out, one after another.
 
     Args:
         path: of the file.
@@ -29,6 +29,7 @@ class FaultyMjcf:
         self._at, self._is_whole, self._misspelled = dict[int, Any](), True, set[Any]()
         self._file = {element: str(file) for file, root in roots.items() for element in root.iter("*")}
         known = {file.absolute(): root for file, root in roots.items()}
+        self._paths = {file.absolute(): file for file in roots}
         left = {file: root for file, root in known.items() if root is not self.root}
         while (include := next(self.root.iter("include"), None)) is not None:
             name, within = include.get("file", ""), self._file[include]
@@ -46,6 +47,21 @@ class FaultyMjcf:
                         (f"there is no file '{name}'{similar_file(places[0])}", within, include.sourceline)
                     )
             include.getparent().remove(include)
+
+    def attached(self) -> Iterator[tuple[Any, Path]]:
+        """Yield the elements that name a file to be attached, with it; they name its absolute path then."""
+        for model in list(self.root.iter("model")):
+            for folder in (next(iter(self._paths)).parent, Path(self._file[model]).absolute().parent):
+                if (path := folder / model.get("file", "")) in self._paths:
+                    model.set("file", str(path))
+                    yield model, self._paths[path]
+                    break
+
+    def leave_out_model(self, model: Any, name: str | None) -> None:
+        """Leave out a file that is attached, and what attaches it."""
+        name, self._is_whole = model.get("name", name), False
+        for element in [model, *(one for one in self.root.iter("attach") if one.get("model") == name)]:
+            element.getparent().remove(element)
 
     def text(self) -> str:
         """Return the text of what is left, with each element on a line of its own: MuJoCo names lines."""
@@ -89,6 +105,7 @@ class FaultyMjcf:
         if element.tag == "body":
             tags = ("inertial",) if "inertia" in why else ("joint", "freejoint") if re.search("joint|dofs", why) else ()
             whole = [one for one in element if one.tag in tags]
+        self._is_whole &= element.tag not in ("model", "attach")
         for one in whole if element.getparent() is not None and element.tag != "worldbody" else ():
             self._gone |= {str(inner.get("name")) for inner in one.iter("*") if inner.get("name")}
             one.getparent().remove(one)

@@ -16,7 +16,7 @@ from cinegen.cockpit import Cockpit
 from cinegen.session import arrange
 
 # The server's drawing commands come a few at a time, as over a slow line. Kept of each picture that is visible: its
-# pixels, made small, and the labels that have no place yet.
+# pixels, made small, and its labels with their places.
 SLOW_LINE = """
 window.pictures = [];
 let cockpit;
@@ -45,9 +45,9 @@ Object.defineProperty(window, "cockpit", {
       copy.imageSmoothingQuality = "high";
       copy.drawImage(view.canvas, 0, 0, 45, 28);
       const { data } = copy.getImageData(0, 0, 45, 28);
-      const labels = [...document.querySelectorAll(".labels:not([hidden]) .label:not([hidden])")];
-      const unplaced = labels.filter(({ style }) => style.transform === "").map(({ textContent }) => textContent);
-      window.pictures.push({ data: [...data], unplaced });
+      const shown = [...document.querySelectorAll(".labels:not([hidden]) .label:not([hidden])")];
+      const labels = shown.map(({ textContent, style }) => [textContent, style.transform]);
+      window.pictures.push({ data: [...data], labels });
     };
   },
 });
@@ -98,7 +98,8 @@ def assert_pictures_are_settled(page):
     """Every picture that was seen is the last one, when nothing moves any more."""
     assert becomes(page, RESTS)
     pictures = page.evaluate("pictures")
-    assert [one["unplaced"] for one in pictures if one["unplaced"]] == []
+    assert [one["labels"] for one in pictures] == [pictures[-1]["labels"]] * len(pictures)
+    assert all(place for _, place in pictures[-1]["labels"])
     settled = np.array(pictures[-1]["data"], dtype=float)
     assert np.ptp(settled) > 100.0
     for one in pictures:

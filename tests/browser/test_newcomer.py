@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tabs import IN_BROWSER, becomes, find, grab, held, picture, rests
+from tabs import IN_BROWSER, READY, becomes, find, grab, held, picture, rests
 
 MOST = 3
 
@@ -153,23 +153,36 @@ def test_the_base_is_fixed_and_says_so(cockpit, tab):
     assert not one.state.robots["delta4"].tasks
 
 
+def clock(page):
+    """Give it a clock that runs as others do, and can be put forward."""
+    page.clock.install()
+
+
 def test_a_hand_shows_once_how_to_drag_and_moves_nothing(cockpit, tab):
     one = cockpit("delta4", follow=None)
-    page, home = tab(one, reduced_motion="no-preference"), one.state.robots["delta4"].q
+    page, home = tab(one, prepare=clock, reduced_motion="no-preference"), one.state.robots["delta4"].q
+    page.clock.fast_forward(3000)
     assert becomes(page, "document.getElementById('hand') !== null")
+    page.clock.fast_forward(2600)
     assert becomes(page, "document.getElementById('hand') === null")
     assert (one.state.robots["delta4"].q == home).all()
     assert page.evaluate("document.documentElement.dataset.control") == "free"
     assert one.state.undo == 0
     assert page.evaluate("localStorage.getItem('cinegen.hints')") == '["hand"]'
-    still = tab(one, reduced_motion="reduce", viewport={"width": 500, "height": 400})
-    still.wait_for_timeout(4000)
+    still = tab(one, prepare=clock, reduced_motion="reduce", viewport={"width": 500, "height": 400})
+    still.clock.fast_forward(4000)
+    assert still.evaluate("localStorage.getItem('cinegen.hints')") is None
+    still.emulate_media(reduced_motion="no-preference")
+    still.goto(f"{one.url}&camera=1")  # frames of a film
+    assert becomes(still, READY)
+    still.clock.fast_forward(4000)
     assert still.evaluate("localStorage.getItem('cinegen.hints')") is None
 
 
 def test_the_hand_drags_a_ghost_of_what_is_at_the_end_while_the_robot_moves(cockpit, tab):
     """Not the whole screw of a SCARA; its place is the moving robot's, a bit aside."""
-    page = tab(cockpit("scara", follow="circle"), reduced_motion="no-preference")
+    page = tab(cockpit("scara", follow="circle"), prepare=clock, reduced_motion="no-preference")
+    page.clock.fast_forward(3000)
     assert becomes(page, "document.getElementById('hand') !== null")
     height, away = page.evaluate("""() => {
       const { Box3, Vector3 } = MeshCat.THREE, { view, hello: { robots: [{ name, end, length }] } } = cockpit;

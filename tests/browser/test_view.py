@@ -40,7 +40,7 @@ FRAMES = """new Promise((done) => {
 })"""
 MEMORY = """() => {
   const { memory: { geometries, textures }, programs } = cockpit.viewer.renderer.info;
-  return [programs.length, geometries, textures, document.querySelectorAll("*").length];
+  return [programs.length, geometries, textures, document.querySelectorAll(":not(#announcer *, .labels *)").length];
 }"""
 # Two boxes beside each other, seen from above. The first has a colour.
 BOX = """<robot name="box"><link name="box"><visual><geometry><box size="{size} {size} {size}"/></geometry>

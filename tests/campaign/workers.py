@@ -174,7 +174,7 @@ def _start(context: Any, campaign: Campaign, index: int, first: int, step: int, 
 
 
 def _work(pipe: Connection, trace: Any, *arguments: Any) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGINT, lambda *_: None)  # commands that are started would inherit SIG_IGN
     die_with_parent()
     try:
         _run_all(pipe, trace, *arguments)

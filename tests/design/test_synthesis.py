@@ -1,6 +1,7 @@
 """Synthesis against published and elementary optima, and differences of independent evaluations."""
 
 import json
+from functools import partial
 
 import coal
 import numpy as np
@@ -10,7 +11,7 @@ from orthoglide import orthoglide
 
 import cinegen
 from cinegen.design import DesignError, Parameters, Tolerances, load_task, synthesize
-from cinegen.design.synthesis import SynthesisProblem, task_of
+from cinegen.design.synthesis import SynthesisProblem, search, task_of
 from cinegen.dynamics import Payload, forces
 from raff2urdf.errors import RaffWarning
 
@@ -292,9 +293,27 @@ def test_the_written_robot_is_in_the_assembly_mode_that_was_optimised(tmp_path):
     assert cinegen.inverse_kinematics(robot, {robot.end: goal}).found
 
 
+def test_a_region_is_proved_with_the_result_or_the_task_is_not_done(tmp_path, monkeypatch):
+    task = changed(
+        constraints={"joint_limits": False, "proved": True}, reach={"x": "-100..100mm", "y": "350..450mm"}, starts=1
+    )
+    found = synthesize("five_bar", task)
+    assert found.holds
+    assert "proved 100 % of the region" in found.text
+    path = tmp_path / "best.raff"
+    path.write_text(found.raff, encoding="utf-8")
+    assert cinegen.prove(cinegen.load(path), {"x": (-0.1, 0.1), "y": (0.35, 0.45)})
+    monkeypatch.setattr(search, "prove", partial(cinegen.prove, boxes=1))
+    found = synthesize("five_bar", task)
+    assert found.check.holds
+    assert not found.holds
+    assert "the region is not proved: the result does not do the whole task" in found.text
+
+
 @pytest.mark.parametrize(
     ("values", "message"),
     [
+        (changed(constraints={"proved": True}, reach=NEAR), "needs a region with an extent"),
         (changed(reach=NEAR | {"points": [[0.0, 3.0], [0.0, 5.0]]}, starts=1), r"y [35]000 mm is still [\d.e+]+ mm"),
         (changed(reach={"x": "-150..150mm"}), "which is 1 coordinates, but 2 actuated joints move it"),
         (changed(parameters={"link2.d": "150..500mm", "link5.theta": "-170..-10deg"}), "is the variable of joint5"),

@@ -14,6 +14,7 @@ EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 LONG = {
     *("18_singularities", "19_around_an_obstacle", "20_design_of_a_delta", "21_tolerance_budget_of_a_delta"),
     *("23_bearings_of_a_press", "25_calibrate_a_gough", "27_steps_of_a_delta", "28_five_bar_for_a_rectangle"),
+    "29_prove_workspaces",
 }
 
 

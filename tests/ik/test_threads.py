@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -38,13 +40,23 @@ def _pulled(mechanism):
     return solver
 
 
+VALUES = {
+    "q": lambda solver: solver.mechanism.q_home, "objectives": lambda _: (), "barriers": lambda _: (),
+    "position_limits": lambda _: None, "dt": lambda _: 2.0 * DT, "keep_branch": lambda _: True,
+    "keeps_linearisation": lambda _: True,
+}  # fmt: skip
+"""What is set; 0.1 unless named."""
+PROPERTIES = [name for name, value in inspect.getmembers(Solver) if getattr(value, "fset", None)]
+
+
 @pytest.mark.parametrize(
     "use",
     [
+        *(
+            partial(lambda name, one: setattr(one, name, VALUES.get(name, lambda _: 0.1)(one)), name)
+            for name in PROPERTIES
+        ),
         lambda solver: solver.step(),
-        lambda solver: setattr(solver, "q", solver.mechanism.q_home),
-        lambda solver: setattr(solver, "dt", 2.0 * DT),
-        lambda solver: setattr(solver, "keeps_linearisation", True),
         lambda solver: solver.lift_limits(position=True),
         lambda solver: solver.copy_state(Solver(solver.mechanism, DT)),
         lambda solver: LookAhead(solver.mechanism, DT).copy(solver),
@@ -52,7 +64,7 @@ def _pulled(mechanism):
         lambda solver: solver.remove_task(solver.tasks[0]),
         lambda solver: solver.blend(solver.tasks[0], weight=0.0),
     ],
-    ids=["step", "q", "dt", "linearisation", "limits", "copy_to", "copy_from", "add", "remove", "blend"],
+    ids=[*PROPERTIES, "step", "limits", "copy_to", "copy_from", "add", "remove", "blend"],
 )
 def test_a_second_thread_gets_an_error_and_leaves_the_first_unharmed(robot, use):
     mechanism, meeting = robot("delta4"), Meeting()

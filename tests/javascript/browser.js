@@ -7,10 +7,7 @@ globalThis.location = new URL("http://127.0.0.1:7000/?token=a+b");
 
 /** What `localStorage` keeps. */
 export const kept = new Map();
-globalThis.localStorage = {
-  getItem: (name) => kept.get(name) ?? null,
-  setItem: (name, text) => kept.set(name, text),
-};
+globalThis.localStorage = { getItem: (name) => kept.get(name) ?? null, setItem: (name, text) => kept.set(name, text) };
 
 /** A session's line to the server, spoken to by hand: `line.emit("state", ...)`; `line.sent` holds what was sent. */
 export async function line() {

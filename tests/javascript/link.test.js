@@ -65,10 +65,7 @@ beforeEach(() => {
 
 test("addresses keep the page's token", () => {
   assert.equal(pageUrl("map/about.json"), "http://127.0.0.1:7000/map/about.json?token=a+b");
-  assert.deepEqual(
-    Socket.opened.map(({ url }) => url),
-    ["ws://127.0.0.1:7000/page?token=a+b"],
-  );
+  assert.deepEqual(Socket.opened.map(({ url }) => url), ["ws://127.0.0.1:7000/page?token=a+b"]);
 });
 
 test("a state is acknowledged after all listeners have applied it", () => {

@@ -24,11 +24,7 @@ export function small({ edges = false } = {}) {
     cells: shown,
     done: shown,
     shown,
-    axes: [
-      { ...axis, name: "x", count: 3 },
-      { ...axis, name: "y", count: 2 },
-      { ...axis, name: "z", count: 1 },
-    ],
+    axes: [{ ...axis, name: "x", count: 3 }, { ...axis, name: "y", count: 2 }, { ...axis, name: "z", count: 1 }],
     quantity: "sigma",
     quantities: [{ name: "sigma", unit: "1", text: "least singular value", low: 0, high: 1, least: 0, most: 1 }],
   };

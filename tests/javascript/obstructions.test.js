@@ -8,13 +8,7 @@ import { line } from "./browser.js";
 window.matchMedia ??= () => ({ matches: false, addEventListener: () => {} });
 const { Obstructions } = await import("../../cinegen/cockpit/static/aids/obstructions.js");
 
-const FOUND = {
-  label: "'link3' would hit 'pole'",
-  points: [
-    [0, 0, 0.5],
-    [0.3, 0, 0.5],
-  ],
-};
+const FOUND = { label: "'link3' would hit 'pole'", points: [[0, 0, 0.5], [0.3, 0, 0.5]] };
 
 /** Return a page with robots of length 2 m, `show` a state's obstructions in it, and what is drawn then. */
 async function page(...names) {
@@ -56,10 +50,7 @@ test("it follows the points, with the same parts, and is hidden when the robot i
     [0, 0, 0.6], // in contact: no rod
   ];
   const drawn = show({ arm: { ...FOUND, points } });
-  assert.deepEqual(
-    drawn.map((part) => part.position.toArray()),
-    points,
-  );
+  assert.deepEqual(drawn.map((part) => part.position.toArray()), points);
   assert.equal(stage.children.length, 3);
   assert.deepEqual(show({}), []);
   assert.equal(texts.get("obstruction arm")[0], "");

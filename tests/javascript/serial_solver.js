@@ -22,8 +22,7 @@ function fk(q) {
   TABLE.joints.forEach(({ parent, placement, axis, prismatic }, i) => {
     const unit = ["x", "y", "z"].map((one) => Number(one === axis));
     const half = q[i] / 2;
-    const moved = prismatic
-      ? [...unit.map((x) => x * q[i]), 0, 0, 0, 1]
+    const moved = prismatic ? [...unit.map((x) => x * q[i]), 0, 0, 0, 1]
       : [0, 0, 0, ...unit.map((x) => x * Math.sin(half)), Math.cos(half)];
     const placed = parent < 0 ? placement : compose(world[parent], placement);
     world.push(compose(placed, moved));

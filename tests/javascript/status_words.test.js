@@ -42,9 +42,9 @@ test("a limit that keeps nothing from its target is none to a person", () => {
     const status = { name: "AT_LIMIT", label: "at limit: a", description: "" };
     return statusesInWords({ state: { statuses: { arm: status } }, report: {}, control: "free", tasks, robot: () => ({ length: 2 }) }, FRONT).arm.name;
   };
-  assert.equal(name([0.0019, 0]), "FOLLOWING");
-  assert.equal(name([0.0021, 0]), "AT_LIMIT");
-  assert.equal(name([0.0019, 0], [0, 0.01]), "AT_LIMIT");
+  assert.equal(name([0.023, 0.05]), "FOLLOWING");
+  assert.equal(name([0.025, 0]), "AT_LIMIT");
+  assert.equal(name([0.023, 0], [0, 0.07]), "AT_LIMIT");
   assert.equal(name(), "AT_LIMIT");
   assert.equal(name(undefined), "AT_LIMIT");
 });

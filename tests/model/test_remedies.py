@@ -563,7 +563,6 @@ BARS_FILES = converted(BARS)
 PART = '<link name="b"/>' + joint("p", "a", "b")
 XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{}<link name="a"/></robot>'
 MACRO = XACRO.format('<xacro:macro name="arm">' + PART + "</xacro:macro>").replace('<link name="a"/>', "")
-BELT = urdf(AB, BC, '<belt name="b"><pulley joint="p"/><pulley joint="q"/></belt>')
 FOLLOWS = '<mimic joint="p"/>'
 RING = urdf(AB, joint("q", "b", "c", FOLLOWS), joint("s", "a", "c", FOLLOWS))
 PINNED = URDF_BARS.replace("loop_joint", "loop_thing")

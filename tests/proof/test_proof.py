@@ -4,6 +4,7 @@ import copy
 import itertools
 import json
 import math
+import pickle
 import random
 from pathlib import Path
 
@@ -13,11 +14,15 @@ from flint import arb, ctx
 from matplotlib.colors import to_rgba
 
 import cinegen.proof.proof
-from cinegen.design.parameters import Parameters
+import cinegen.proof.spread
+from cinegen.design import Parameters, WithinTolerances
 from cinegen.plotting.proof import COLOURS, draw_proof
 from cinegen.proof import CertificateError, ProofError, check, load_proof, prove
-from cinegen.proof.checker import Robot, Tube, Value
+from cinegen.proof.checker.equations import Robot, Value
+from cinegen.proof.checker.singular import smallest
+from cinegen.proof.checker.tube import Tube
 from cinegen.proof.equations import Equations
+from cinegen.proof.proof import read_proof
 from cinegen.proof.prover import Prover
 from cinegen.proof.singular import SingularValues
 from cinegen.singularities import singularity
@@ -56,11 +61,27 @@ def test_a_rectangle_of_the_five_bar_is_proved(rectangle):
             assert 0.15 < math.hypot(x - base, y) < 0.65
 
 
-def test_beyond_the_reach_nothing_is_proved(robot):
-    proof = prove(robot("five_bar"), {"x": (-0.02, 0.02), "y": (0.58, 0.66)}, boxes=150)
+def test_beyond_the_reach_nothing_is_proved_and_most_is_refuted(robot):
+    proof = prove(robot("five_bar"), {"x": (-0.02, 0.02), "y": (0.58, 0.66)}, boxes=300)
     assert not proof
-    assert proof.undecided > 0.34  # the reach ends at hypot(x -+ 150, y) = 650 mm: y = 632 on the axis
+    assert proof.proved < 0.66  # the reach ends at hypot(x -+ 150, y) = 650 mm: y = 632 on the axis
+    assert proof.refuted > 0.3
     assert set(proof.reasons) <= {"no unique configuration is proved", "no configuration is found"}
+    assert not proof.witnesses[0]["configuration"]
+    rng = np.random.default_rng(2)
+    for box, status in proof.cells():
+        for x, y in rng.uniform(*box.T, (5, 2)):
+            reached = all(0.15 < math.hypot(x - base, y) < 0.65 for base in (-0.15, 0.15))
+            assert status == "undecided" or reached is (status == "proved")
+
+
+def test_legs_of_limited_length_reach_nowhere_far_away(robot):
+    proof = prove(robot("gough"), {"x": (0.6, 0.7), "y": (-0.05, 0.05), "z": (0.85, 0.95)}, limits=True)
+    assert proof.refuted == 1.0  # by a limit, with a configuration
+    certificate = {**proof.certificate, "tree": [{"claim": "unreachable", "reason": ""}]}
+    assert check(certificate)["refuted"] == 1.0
+    with pytest.raises(CertificateError, match="not out of reach"):
+        check({**certificate, "bounds": {**certificate["bounds"], "limits": False}})
 
 
 def test_a_claim_that_the_checker_does_not_confirm_is_undecided(robot, monkeypatch):
@@ -174,7 +195,7 @@ def test_a_round_region_leaves_out_corners_that_are_out_of_reach(robot):
 )
 def test_all_robots_within_tolerances(name, over, tolerances):
     parameters = Parameters(name)
-    proof = prove(parameters.mechanism, over, limits=True, tolerances=tolerances, parameters=parameters)
+    proof = prove(parameters.mechanism, over, limits=True, tolerances=WithinTolerances(parameters, tolerances))
     assert proof, proof
     errors, rng = proof.certificate["bounds"]["tolerances"], np.random.default_rng(2)
     for _ in range(4):
@@ -201,12 +222,12 @@ def tolerated(document):
     return [(np.array(document["placements"][i]), np.array(radii[i])) for chain in used for i, _ in chain]
 
 
-def test_tolerances_that_no_joint_compensates_are_named():
+def test_tolerances_that_no_joint_compensates_are_named(robot):
     parameters = Parameters("five_bar")
     with pytest.raises(ProofError, match=r"no joint can compensate an error of 0\.05 mm of link1\.epsilon"):
-        prove(parameters.mechanism, RECTANGLE, tolerances={"*": "0.05mm"}, parameters=parameters)
-    with pytest.raises(ProofError, match="need the robot's Parameters"):
-        prove(parameters.mechanism, RECTANGLE, tolerances={"link*.d": 1e-4})
+        prove(parameters.mechanism, RECTANGLE, tolerances=WithinTolerances(parameters, {"*": "0.05mm"}))
+    with pytest.raises(ProofError, match="the tolerances are of linkage: give this robot's"):
+        prove(robot("delta4"), INSIDE["delta4"][0], tolerances=WithinTolerances(parameters, {"link*.d": 1e-4}))
 
 
 class PlainProver(Prover):
@@ -227,7 +248,7 @@ def test_plain_krawczyk_takes_many_times_as_many_boxes(robot, monkeypatch, size,
     ours = prove(robot("gough"), over, at)
     assert ours
     monkeypatch.setattr(cinegen.proof.proof, "Prover", PlainProver)
-    monkeypatch.setattr(cinegen.proof.proof, "check", lambda certificate, **_: {
+    monkeypatch.setattr(cinegen.proof.spread, "check", lambda *_: {
         "proved": 0.0, "refuted": 0.0, "undecided": 1.0, "witnesses": [], "boxes": 0, "statuses": ()
     })  # fmt: skip
     plain = prove(robot("gough"), over, at, boxes=2 * factor * ours.boxes)
@@ -257,6 +278,19 @@ def test_certificates_are_read_again(rectangle, tmp_path):
     (tmp_path / "d.json").write_text(json.dumps({**rectangle.certificate, "length": "long"}))
     with pytest.raises(ProofError, match=r"d\.json: the certificate is rejected: it is damaged"):
         load_proof(tmp_path / "d.json")
+
+
+def test_boxes_may_be_examined_by_other_processes_in_any_order(rectangle):
+    def others(function, tasks, data):
+        for task in reversed(list(tasks)):
+            sent = pickle.loads(pickle.dumps((function, data, task)))
+            yield task, pickle.loads(pickle.dumps(sent[0](*sent[1:])))
+
+    assert check(rectangle.certificate, spread=others) == check(rectangle.certificate)
+    seen = []
+    again = read_proof(rectangle.certificate, workers=2, report=lambda *step: seen.append(step))
+    assert again.as_dict() == rectangle.as_dict()
+    assert seen[-1] == ("checking", rectangle.boxes, rectangle.boxes)
 
 
 def test_a_picture_shows_each_box(robot):
@@ -361,24 +395,6 @@ def around(mechanism, names, width):
     return {name: (home[name] - width, home[name] + width) for name in names}
 
 
-def tubes(certificate):
-    """The boxes that are not halved, as the checker reads them, in the order of the tree."""
-    nodes, low_high = iter(certificate["tree"]), list(zip(*certificate["over"].values(), strict=True))
-    found, robot = [], Robot(certificate)
-
-    def read(low, high):
-        node = next(nodes)
-        if isinstance(node, dict):
-            found.append((low, high, Tube(robot, low, high, node) if node["claim"] != "open" else None))
-            return
-        middle = (low[node] + high[node]) / 2
-        read(low, [*high[:node], middle, *high[node + 1 :]])
-        read([*low[:node], middle, *low[node + 1 :]], high)
-
-    read(*map(list, low_high))
-    return found
-
-
 @pytest.mark.parametrize("name", CENTRES)
 def test_bounds_of_singular_values_contain_those_at_poses(robot, name):
     """In a tiny box they are those of `singularity`, else they contain them; likewise the prover's."""
@@ -388,9 +404,10 @@ def test_bounds_of_singular_values_contain_those_at_poses(robot, name):
         proof = prove(mechanism, around(mechanism, names, width), sigma=1e-6, limits=name == "gough", boxes=1)
         assert proof.boxes == 1
         with ctx.workprec(64):
-            ((low, high, tube),) = tubes(proof.certificate)
-            assert tube.status()[0] == "proved"
-            bounds = [[float(x) for x in pair] for pair in tube.smallest()]
+            low, high = zip(*proof.certificate["over"].values(), strict=True)
+            tube = Tube(Robot(proof.certificate), low, high, proof.certificate["tree"][0])
+            bounds = [[float(x) for x in pair] for pair in smallest(tube)]
+        assert proof.statuses == ("proved",)
         for values in np.random.default_rng(2).uniform(low, high, (8, len(names))):
             q = coordinates.from_home(dict(zip(names, values, strict=True)), steps=4)
             assert q is not None
@@ -487,7 +504,7 @@ def mutated(certificate, rng):
         k = rng.randrange(len(leaf["y"]))
         leaf["y"][k] *= factor
     elif kind == 2:
-        leaf["claim"] = rng.choice(["proved", "limit", "open", "regular"])
+        leaf["claim"] = rng.choice(["proved", "limit", "open", "regular", "unreachable"])
     elif kind == 3:
         k = rng.randrange(len(found["tree"]))
         found["tree"].insert(k, rng.choice([0, 1, 2, found["tree"][k]]))
@@ -514,6 +531,7 @@ def assert_true(certificate, result, mechanism, rng):
     equations = Equations(certificate)
     equations.rows = np.array(certificate["rows"])
     low, high = np.array(list(certificate["over"].values())).T
+    assert all(witness["configuration"] for witness in result["witnesses"])  # all of it is within reach
     if result["proved"] < 1.0:
         return
     coordinates = Coordinates(mechanism, list(RECTANGLE))

@@ -15,7 +15,7 @@ from cinegen.cli.design.tolerance import ENCODER, PLAY, SIGMA, amounts
 from cinegen.cli.files import check_outputs, print_result, write_figure
 from cinegen.cli.numbers import UNITS, interval_of, named, point
 from cinegen.cli.numbers import quantity as number
-from cinegen.cli.options import FILE, JSON, PLOT, SCHEDULER, VIEW, ShownRobotOptions, exclude, output_option
+from cinegen.cli.options import FILE, JSON, PLOT, SCHEDULER, VIEW, WORKERS, ShownRobotOptions, exclude, output_option
 from cinegen.cli.progress import Progress
 from cinegen.cli.region import region
 from cinegen.cli.served_page import PageOptions
@@ -98,7 +98,7 @@ class MapOptions:
     )
     view: bool = VIEW
     json: bool = JSON
-    workers: int | None = option("N", "processes on this machine (default: its cores)")
+    workers: int | None = WORKERS
     scheduler: str | None = SCHEDULER
     yes: bool = flag("--yes", "start without a question, however long it takes")
 
@@ -325,6 +325,3 @@ def _confirm(spec: MapSpecification, options: MapOptions, maps: int = 1) -> None
         answer = ""
     if answer.strip().lower() not in ("y", "yes"):
         raise CinegenError("not started; nothing is written")
-
-
-# --- the result --------------------------------------------------------------------------------------------------

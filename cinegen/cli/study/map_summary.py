@@ -53,6 +53,8 @@ def summary(found: xarray.Dataset, spec: MapSpecification) -> dict[str, Any]:
         "cells": spec.region.size,
         "reachable": int(found["reachable"].values.sum()),
         "status": {status.label: int(number) for status, number in zip(CellStatus, counts, strict=True) if number},
+        "checked": "joint limits in each cell, not between cells"
+        + ("" if spec.over_joints and not spec.mechanism.loops else "; branches by continuation, not proved"),
         "quantities": quantities,
         **({} if spec.scene is None else {"not_checked": dict(spec.mechanism.unchecked_links)}),
         "notes": notes(spec, spec.quantities),
@@ -79,6 +81,7 @@ def summary_lines(name: str, spec: MapSpecification, result: dict[str, Any]) -> 
         f"  reachable       {size}, {share:.3g} % of the region",
         *textwrap.wrap(f"  status          {counts_of(result)}", _WIDTH, subsequent_indent=" " * 18),
     ]
+    lines += textwrap.wrap(f"  checked         {result['checked']}", _WIDTH, subsequent_indent=" " * 18)
     if spec.scene is not None and (lost := unchecked_links(spec.mechanism)):
         lines += textwrap.wrap(f"  clearance       {lost}", _WIDTH, subsequent_indent=" " * 18)
     for quantity, values in result["quantities"].items():

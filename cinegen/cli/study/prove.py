@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 from cinegen.cli.design.tolerance import amounts
 from cinegen.cli.files import check_outputs, print_result, write, write_figure
 from cinegen.cli.numbers import UNITS, interval_of, named, values
-from cinegen.cli.options import FILE, JSON, PLOT, RobotOptions, force_option
+from cinegen.cli.options import FILE, JSON, PLOT, SCHEDULER, WORKERS, RobotOptions, force_option
 from cinegen.cli.progress import Progress
 from raff2urdf.command.command_line import flag, option
 from raff2urdf.escape import one_line
@@ -45,6 +45,8 @@ def run(
         "FILE", "certificate to write (ROBOT-proof.json)", None, "-o", "--output", endings=(".json",)
     ),
     plot: Path | None = PLOT,
+    workers: int | None = WORKERS,
+    scheduler: str | None = SCHEDULER,
     json: bool = JSON,
     force: bool = force_option(),
 ) -> int:
@@ -62,11 +64,11 @@ def run(
     name, mechanism = robots.load_one(file)
     target = output_path(output, f"{name}-proof.json")
     check_outputs(target, plot, force=force, json=json)
-    errors, parameters = amounts(tolerance, "--tolerance"), None
+    errors, within = amounts(tolerance, "--tolerance"), None
     if errors:
-        from cinegen.design.parameters import Parameters
+        from cinegen.design import Parameters, WithinTolerances
 
-        parameters = Parameters(file, robot=robots.robot)
+        within = WithinTolerances(Parameters(file, robot=robots.robot), errors)
     ranges = {
         key: interval_of(mechanism, key, ends, "--over") for key, ends in named(over, "--over", "x=-100..100mm").items()
     }
@@ -74,7 +76,7 @@ def run(
     with Progress() as progress:
         proof = prove(
             mechanism, ranges, given, node, limits=limits, sigma=sigma, boxes=boxes or BOXES, shape=shape, grow=grow,
-            tolerances=errors, parameters=parameters, report=progress.fraction,
+            tolerances=within, workers=workers, scheduler=scheduler, report=progress.steps,
         )  # fmt: skip
     write(target, dumps({"origin": GENERATED, **proof.certificate}))
     print_result({"certificate": str(target), **proof.as_dict()}, f"{lines(name, proof)}\ncertificate: {target}", json)
@@ -90,7 +92,9 @@ def lines(name: str, proof: Proof) -> str:
     found = [f"{one_line(name)}: {proof.message}", f"  region: {one_line(proof.region_text)}"]
     for witness in proof.witnesses[:2]:
         why = f"determinant {witness.get('determinant', 0):+d}"
-        if "limit" in witness:
+        if not witness["configuration"]:
+            why = "no configuration reaches it"
+        elif "limit" in witness:
             why = f"{one_line(str(witness['limit']))} is beyond a limit"
         elif "sigma" in witness:
             why = f"{one_line(str(witness['sigma']))} is below its bound"

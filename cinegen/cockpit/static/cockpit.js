@@ -130,7 +130,7 @@ appearance(shows, aids, view);
 const presentation = new Presentation({ ...shown, pick, endDrag });
 offer(presentation, session);
 new Messages(session);
-new Hints({ view, session, labels, draggings: [drag, gizmo, presentation.handDrags] });
+if (!still) new Hints({ view, session, labels, draggings: [drag, gizmo, presentation.handDrags] });
 showProblems(session);
 function look() {
   if (session.selected !== null) lookAt(view, session.selected);
@@ -189,6 +189,6 @@ window.cockpit = {
   get report() {
     return session.report;
   },
-  send: (/** @type {import("./base/link.js").ClientMessage} */ message) => session.send(message),
+  send: (/** @type {ClientMessage} */ message) => session.send(message),
 };
 link.connect();

@@ -15,6 +15,7 @@ from cinegen.design.rewriting import rewritten
 from cinegen.design.synthesis.designs import FEASIBLE
 from cinegen.design.synthesis.problem import SynthesisProblem
 from cinegen.design.synthesis.task import DesignObjective, SynthesisTask
+from cinegen.proof import Proof
 from cinegen.typed_json import as_json
 from raff2urdf.quantities import NUMBER, shown
 
@@ -132,6 +133,7 @@ class Synthesis:
         before: values of the objectives with the file's parameters; NaN where they do not do the task.
         values: of the objectives, at the targets of the optimiser.
         check: at other targets.
+        proof: of the region, if the task wants it proved.
         starts: all of them.
         front: of several objectives; empty for one.
         bound: names of variables at one of their bounds.
@@ -145,6 +147,7 @@ class Synthesis:
     before: tuple[float, ...]
     values: tuple[float, ...]
     check: Check
+    proof: Proof | None
     starts: tuple[Start, ...]
     front: tuple[FrontPoint, ...]
     bound: tuple[str, ...]
@@ -169,8 +172,8 @@ class Synthesis:
 
     @property
     def holds(self) -> bool:
-        """True where all constraints hold at the targets of the check."""
-        return self.check.holds
+        """True where all constraints hold at the targets of the check, and the region is proved if that is wanted."""
+        return self.check.holds and (self.proof is None or bool(self.proof))
 
     @property
     def torque_unit(self) -> str:
@@ -215,7 +218,10 @@ class Synthesis:
             f"  singular values there {check.sigma[0]:.4g} to {check.sigma[1]:.4g}, condition number at most "
             f"{check.condition:.4g}"
         )
-        if not self.holds:
+        if self.proof is not None:
+            lines.append(f"  {self.proof.message}: {self.proof.region_text}")
+            lines += [] if self.proof else ["  the region is not proved: the result does not do the whole task"]
+        if not check.holds:
             which = f" ({', '.join(check.violated)})" if check.violated else ""
             lines.append(f"  not all constraints hold at these points{which}: the result does not do the whole task")
         return "\n".join(lines)
@@ -249,6 +255,7 @@ class Synthesis:
                 for one, new, old in zip(self.task.objectives, self.values, self.before, strict=True)
             ],
             check=_as_dict(self.check),
+            **({} if self.proof is None else {"proof": as_json(self.proof, "proved", "refuted", "undecided", "boxes")}),
             evaluations=self.evaluations,
             configurations=self.configurations,
             starts=[{k: v for k, v in asdict(start).items() if k != "targets"} for start in self.starts],

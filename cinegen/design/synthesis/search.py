@@ -25,6 +25,7 @@ from cinegen.design.synthesis.result import Check, FrontPoint, Start, Synthesis
 from cinegen.design.synthesis.task import Precision, SynthesisTask
 from cinegen.design.synthesis.task_file import load_task, task_of
 from cinegen.errors import CinegenError
+from cinegen.proof import Proof, prove
 from raff2urdf import Document
 from raff2urdf.files import write_all
 
@@ -105,8 +106,8 @@ class _Search:
             if min(value - a, b - value) < 1e-6 * w
         )
         return Synthesis(
-            problem, p, scale, self._before(), self._values(x), checked(problem, x), tuple(starts), front, bound,
-            evaluations, configurations,
+            problem, p, scale, self._before(), self._values(x), checked(problem, x), proved(problem, x), tuple(starts),
+            front, bound, evaluations, configurations,
         )  # fmt: skip
 
     # --- starts ----------------------------------------------------------------------------------------------------
@@ -291,6 +292,22 @@ def checked(problem: SynthesisProblem, x: Array) -> Check:
         tuple(written.scoring.shown(one, written.value(one, scores)) for one in problem.task.objectives),
         margins,
     )
+
+
+def proved(problem: SynthesisProblem, x: Array) -> Proof | None:
+    """Return the proof of the region with a design, on the mechanism of the file that is written; None if it is not
+    wanted."""
+    task, (p, scale) = problem.task, problem.split(x)
+    if not task.proved:
+        return None
+    mechanism, reach = problem.parameters.mechanism_with(p), task.reach
+    middle, half = 0.5 * (reach.low + reach.high), 0.5 * scale * (reach.high - reach.low)
+    varies = half > 0.0
+    names = np.array(reach.axes)
+    over = dict(zip(names[varies], np.stack([middle - half, middle + half], axis=1)[varies].tolist(), strict=True))
+    at = dict(zip(names[~varies], middle[~varies].tolist(), strict=True))
+    shape = "ball" if reach.radius else "box"
+    return prove(mechanism, over, at, task.node or None, limits=task.joint_limits, shape=shape)
 
 
 class _State:

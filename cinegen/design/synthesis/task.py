@@ -111,6 +111,7 @@ class SynthesisTask:
         node: that reaches; empty for the last of the file.
         singular_values: least and greatest singular value, dimensionless.
         joint_limits: whether all joints must be within their limits.
+        proved: whether the region must be proved with the result (`cinegen.prove`), not only checked at points.
         size: patterns of lengths and the most that their sum may be, m; None without.
         most: largest value of further quantities: `condition`, `mass` (kg), `accuracy` (m), and `torque` as typed.
         clearance: None where bars may meet.
@@ -131,6 +132,7 @@ class SynthesisTask:
     node: str = ""
     singular_values: tuple[float, float] = (FLOOR, 1.0 / FLOOR)
     joint_limits: bool = True
+    proved: bool = False
     size: tuple[tuple[str, ...], float] | None = None
     most: Mapping[str, float | str] = field(default_factory=dict)
     clearance: DesignClearance | None = None

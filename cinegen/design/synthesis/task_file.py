@@ -136,6 +136,8 @@ def _check_needs(table: SceneTable, task: SynthesisTask) -> None:
         raise table.error("tolerances", f'{why}: sigma = {{ "link*.d" = "0.05mm" }}')
     if task.load != DesignLoad() and not task.uses("torque"):
         raise table.error("load", "is of no use: no objective and no constraint is a torque")
+    if task.proved and (len(task.reach.given) or not task.reach.varying):
+        raise table.error("constraints.proved", "needs a region with an extent: give x = ..., or a radius, in [reach]")
     if task.grows and len(task.reach.given):
         raise table.error("objective", "'region' grows a box or a ball, not single points: give x = ..., or a radius")
     if task.grows and not task.reach.varying:
@@ -165,6 +167,7 @@ def _constraints(table: SceneTable) -> dict[str, Any]:
         bounds["torque"] = lambda: _text_or_number(table, "torque")
     reads = {
         "joint_limits": lambda: table.flag("joint_limits") if "joint_limits" in table else True,
+        "proved": lambda: table.flag("proved"),
         "singular_values": lambda: _singular_values(table),
         "size": lambda: _bounded_size(table.table("size")),
         "most": lambda: read_all(bounds, SceneError),

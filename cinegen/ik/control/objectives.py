@@ -58,8 +58,9 @@ class ObjectiveControl(RateControl):
         the traceback once.
 
         Raises:
-            CinegenError: set to an object without a method `velocity`, or to one that does not fit this mechanism.
-                Other exceptions of the first call are only logged: the objective may work in a later tick.
+            CinegenError: set to an object without a method `velocity`, or to one that does not fit this mechanism; or
+                another thread uses the solver. Other exceptions of the first call are only logged: the objective may
+                work in a later tick.
         """
         return self._objectives
 
@@ -75,6 +76,7 @@ class ObjectiveControl(RateControl):
                 raise
             except Exception as error:
                 self.exception_log.report(self._source("objective", i, objective), error)
+        self._check_thread()
         self._objectives, self._detour = checked, None
 
     @property
@@ -95,7 +97,7 @@ class ObjectiveControl(RateControl):
         it, and the logger "cinegen" gets the traceback once.
 
         Raises:
-            CinegenError: set to an object without the methods `bounds` and `clear`.
+            CinegenError: set to an object without the methods `bounds` and `clear`, or another thread uses the solver.
         """
         return self._barriers
 
@@ -105,6 +107,7 @@ class ObjectiveControl(RateControl):
         for barrier in checked:
             if not (callable(getattr(barrier, "bounds", None)) and callable(getattr(barrier, "clear", None))):
                 raise CinegenError(f"a barrier has the methods `bounds` and `clear`; {barrier!r} lacks one")
+        self._check_thread()
         self._barriers = checked
         self._memory.barriers, self.keep_branch = 0, self._keeps_branch
 
@@ -117,6 +120,7 @@ class ObjectiveControl(RateControl):
 
     @keep_branch.setter
     def keep_branch(self, keeps: bool) -> None:
+        self._check_thread()
         self._keeps_branch = bool(keeps)
         self._memory.is_guarded = bool(self._barriers) or (self._keeps_branch and self.mechanism.is_constrained)
 

@@ -65,7 +65,7 @@ class RateControl(JointControl):
         infinite gain, the default, a tick corrects all of it, as far as limits allow.
 
         Raises:
-            CinegenError: set to a value that is not above 0.
+            CinegenError: set to a value that is not above 0, or another thread uses the solver.
         """
         return self._gain
 
@@ -73,6 +73,7 @@ class RateControl(JointControl):
     def gain(self, gain: float) -> None:
         if not gain > 0.0:
             raise CinegenError(f"gain must be above 0 (1/s), not {gain}")
+        self._check_thread()
         self._gain = float(gain)
         self._memory.gain = -math.expm1(-self._gain * self.dt)
 
@@ -88,7 +89,7 @@ class RateControl(JointControl):
         A larger value makes motion near singularities slower and smoother. It may be set at any time.
 
         Raises:
-            CinegenError: set to a value outside (0, 1].
+            CinegenError: set to a value outside (0, 1], or another thread uses the solver.
         """
         return float(self._memory.damping_threshold)
 
@@ -96,6 +97,7 @@ class RateControl(JointControl):
     def damping_threshold(self, near: float) -> None:
         if not 0.0 < near <= 1.0:
             raise CinegenError(f"damping_threshold must be in (0, 1], not {near}")
+        self._check_thread()
         self._memory.damping_threshold = near
 
 

@@ -232,6 +232,37 @@ def test_an_mjcf_that_includes_others(tmp_path):
         assert all(re.search(part, line) for (_, part), line in zip(parts, said, strict=True))
 
 
+def test_an_mjcf_that_attaches_others(tmp_path):
+    """What is wrong in a file that is attached is told of that file; names of it are not missed then."""
+    sub = """<mujoco model="s"><worldbody><body name="b"><geom size="0.1" colour="red"/>
+        <joint name="j" axis="0 0 0"/>
+        <joint name="k" range="1 -1" limited="true"/></body></worldbody></mujoco>"""
+    right = (
+        '<mujoco model="t"><worldbody><body name="c"><geom size="0.1"/><joint name="j"/></body></worldbody></mujoco>'
+    )
+    text = """<mujoco><asset><model file="sub.xml"/><model name="u" file="right.xml"/></asset>
+        <worldbody><body name="a"><geom size="0.1"/><joint type="hige"/>
+            <attach model="s" body="b" prefix="s-"/>
+            <attach model="u" body="d" prefix="t-"/>
+        </body></worldbody>
+        <actuator><motor joint="t-j"/></actuator></mujoco>"""
+    (tmp_path / "right.xml").write_text(right, encoding="utf-8")
+    of_all = [("a.xml:2", "'hige' .*: did you mean 'hinge'"), ("a.xml:4", "could not find body 'd'")]
+    of_sub = [("sub.xml:1", "'colour'"), ("sub.xml:2", "axis too small"), ("sub.xml:3", "swap them")]
+    itself = text.replace("right.xml", "a.xml")
+    for content, inner, wanted in (
+        (text, sub, [*of_all, *of_sub]), (text, right.replace('"c"', '"b"').replace('"t"', '"s"'), of_all),
+        (itself, right, [("a.xml", "a file attaches itself: a.xml names a.xml")]),
+    ):  # fmt: skip
+        (tmp_path / "a.xml").write_text(content, encoding="utf-8")
+        (tmp_path / "sub.xml").write_text(inner, encoding="utf-8")
+        with pytest.raises(RaffError) as found:
+            raff2urdf.to_raff(tmp_path / "a.xml", tmp_path / "a.raff")
+        said = [line.removeprefix(f"{tmp_path}/") for line in str(found.value).splitlines()]
+        assert [line.partition(": ")[0] for line in said] == [place for place, _ in wanted]
+        assert all(re.search(part, line) for (_, part), line in zip(wanted, said, strict=True))
+
+
 def test_what_has_no_counterpart_in_an_mjcf(tmp_path):
     path = tmp_path / "a.xml"
     path.write_text(UNLIKE, encoding="utf-8")

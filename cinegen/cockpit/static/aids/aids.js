@@ -23,7 +23,6 @@ export const BODIES = ["parts", "skeleton"];
 
 /**
  * Events: change.
- *
  * @extends {Events<{ change: undefined }>}
  */
 export class Aids extends Events {
@@ -45,10 +44,7 @@ export class Aids extends Events {
     return !this.none && this.#on.get(id) === true;
   }
 
-  /**
-   * @param {string} id
-   * @param {boolean} on
-   */
+  /** @param {string} id @param {boolean} on */
   choose(id, on) {
     this.#on.set(id, on);
     memory.set("aids", Object.fromEntries(this.#on));

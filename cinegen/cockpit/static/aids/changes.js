@@ -6,7 +6,6 @@ export class Changes {
 
   /**
    * Return whether `value` differs from the last one of `key`, and keep it.
-   *
    * @param {string} key
    * @param {unknown} value
    */

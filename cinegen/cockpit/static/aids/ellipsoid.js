@@ -9,7 +9,6 @@ import { COLOURS } from "../view/theme.js";
 const FLAT = 1e-3; // of the longest half axis: none is thinner
 const ORIGIN = new Vector3();
 
-/** @typedef {import("../base/session.js").KnownRobot} KnownRobot */
 /** @typedef {{ group: Group, body: Mesh, rods: Mesh[] }} Drawn */
 
 export class Ellipsoids {
@@ -17,10 +16,7 @@ export class Ellipsoids {
   #shown = new Map();
   #changes = new Changes();
 
-  /**
-   * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session,
-   *   aids: import("./aids.js").Aids }} parts
-   */
+  /** @param {{ view: View, session: Session, aids: Aids }} parts */
   constructor({ view, session, aids }) {
     this.view = view;
     this.session = session;
@@ -47,11 +43,7 @@ export class Ellipsoids {
     }
   }
 
-  /**
-   * @param {Drawn} one
-   * @param {import("../base/messages").Ellipsoid} found
-   * @param {KnownRobot} robot
-   */
+  /** @param {Drawn} one @param {import("../base/messages").Ellipsoid} found @param {KnownRobot} robot */
   #place(one, found, robot) {
     const axes = [0, 1, 2].map((i) => new Vector3().fromArray(found.axes[i] ?? [0, 0, 0]));
     const longest = Math.max(...axes.map((axis) => axis.length()));
@@ -72,10 +64,7 @@ export class Ellipsoids {
     this.view.changed();
   }
 
-  /**
-   * @param {string} name
-   * @returns {Drawn}
-   */
+  /** @param {string} name @returns {Drawn} */
   #make(name) {
     const group = new Group();
     const body = new Mesh(new SphereGeometry(1, 32, 20), paint(COLOURS.green, { opacity: 0.22, through: false }));

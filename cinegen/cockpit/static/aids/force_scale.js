@@ -4,18 +4,13 @@ const SIZE = 0.4; // characteristic lengths: an arrow of the largest round force
 
 /** @typedef {import("../base/messages").ReactionReport} ReactionReport */
 
-/**
- * Return the amount of the force of a reaction (N), as far as it is determined.
- *
- * @param {ReactionReport} reaction
- */
+/** Return the amount of the force of a reaction (N), as far as it is determined. @param {ReactionReport} reaction */
 export function sizeOf({ force }) {
   return force === null ? 0 : Math.hypot(...force);
 }
 
 /**
  * Return a round force, 1, 2 or 5 times a power of ten, which no force exceeds, and the length of its arrow.
- *
  * @param {readonly ReactionReport[]} reactions
  * @param {number} length characteristic length of the robot (m)
  */

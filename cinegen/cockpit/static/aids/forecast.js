@@ -19,12 +19,7 @@ const MOST = 4; // events that are marked
 const APART = 0.05; // characteristic lengths: marks that are nearer to each other are one
 const STILL = 0.01; // characteristic lengths: a shorter path is none
 /** @type {Record<string, number>} */
-const COLOUR = {
-  TYPE_1: COLOURS.vermilion,
-  TYPE_2: COLOURS.purple,
-  LIMIT: COLOURS.orange,
-  STOPPED: COLOURS.vermilion,
-};
+const COLOUR = { TYPE_1: COLOURS.vermilion, TYPE_2: COLOURS.purple, LIMIT: COLOURS.orange, STOPPED: COLOURS.vermilion };
 
 /** @typedef {import("../base/messages").ForecastEvent} ForecastEvent */
 /** @typedef {{ paint: import("three").MeshBasicMaterial, ball: import("three").Mesh, where: Vector3, label: string }} Mark */
@@ -38,10 +33,7 @@ export class Forecasts {
   #shown = new Map();
   #changes = new Changes();
 
-  /**
-   * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session,
-   *   labels: import("../view/labels.js").Labels, aids: import("./aids.js").Aids }} parts
-   */
+  /** @param {{ view: View, session: Session, labels: Labels, aids: Aids }} parts */
   constructor({ view, session, labels, aids }) {
     this.view = view;
     this.session = session;
@@ -75,13 +67,9 @@ export class Forecasts {
     this.view.changed();
   }
 
-  /**
-   * @param {Drawn} one
-   * @param {number[][]} path
-   * @param {ForecastEvent[]} events
-   * @param {import("../base/session.js").KnownRobot} robot
-   */
+  /** @param {Drawn} one @param {number[][]} path @param {ForecastEvent[]} events @param {KnownRobot} robot */
   #place(one, path, events, robot) {
+    const driven = this.view.resolution.still || this.session.driven; // before, the robot is alone
     const points = path.map((point) => new Vector3().fromArray(point));
     const long = points.reduce((sum, point, i) => sum + (i > 0 ? point.distanceTo(points[i - 1]) : 0), 0);
     one.group.visible = true;
@@ -100,7 +88,7 @@ export class Forecasts {
     }
     one.marks.forEach((mark, i) => {
       const [event, at] = apart[i] ?? [null, null];
-      mark.ball.visible = event !== null && event.time > 0; // a present event shows elsewhere
+      mark.ball.visible = driven && event !== null && event.time > 0; // a present event shows elsewhere
       if (mark.ball.visible && event !== null && at !== null) {
         mark.ball.position.copy(at);
         mark.ball.scale.setScalar(0.018 * robot.length);
@@ -112,10 +100,7 @@ export class Forecasts {
     this.view.changed();
   }
 
-  /**
-   * @param {string} name
-   * @returns {Drawn}
-   */
+  /** @param {string} name @returns {Drawn} */
   #make(name) {
     const [group, geometry] = [new Group(), new BufferGeometry()];
     const inked = new LineBasicMaterial({ transparent: true, opacity: 0.7, depthTest: false });

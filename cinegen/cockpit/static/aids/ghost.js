@@ -1,10 +1,10 @@
 // Targets of tasks: a translucent copy of the part at its target, and a thin tether to it where it is not reached.
 
 import { BufferGeometry, Group, Line, LineBasicMaterial, Mesh, Quaternion, Vector3 } from "three";
+import { isNear } from "../base/units.js";
 import { ball, paint } from "../view/shapes.js";
 import { theme } from "../view/theme.js";
 
-const SEEN = 0.012; // characteristic lengths, rad: a smaller error shows no ghost
 
 /** @typedef {import("../base/messages").TaskMessage} Task */
 /** @typedef {import("three").MeshBasicMaterial} Material */
@@ -19,10 +19,7 @@ export class Ghosts {
   #marks = new Map(); // by the task's id
   #last = ""; // the tasks of the last state
 
-  /**
-   * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session,
-   *   aids: import("./aids.js").Aids }} parts
-   */
+  /** @param {{ view: View, session: Session, aids: Aids }} parts */
   constructor({ view, session, aids }) {
     this.view = view;
     this.session = session;
@@ -54,10 +51,7 @@ export class Ghosts {
     }
   }
 
-  /**
-   * @param {Task} task
-   * @param {boolean} drawn
-   */
+  /** @param {Task} task @param {boolean} drawn */
   #place(task, drawn) {
     const length = this.session.robot(task.robot)?.length ?? 1;
     const known = this.#marks.get(task.id);
@@ -66,8 +60,7 @@ export class Ghosts {
     const part = this.view.pose(task.robot, task.node);
     const point = new Vector3().fromArray(task.position ?? part.position.toArray());
     const target = mark.target.fromArray(task.target ?? point.toArray());
-    const [far = 0, turned = 0] = task.error ?? [];
-    const off = far > SEEN * length || turned > SEEN * 5;
+    const off = !isNear(task.error ?? [], length);
     mark.paint.color.setHex(theme.accent);
     mark.line.material.color.setHex(theme.accent);
     mark.veil.color.setHex(theme.accent);
@@ -80,7 +73,6 @@ export class Ghosts {
 
   /**
    * Place the copy so that the constrained frame is at its target.
-   *
    * @param {Group} copy
    * @param {Task} task
    * @param {{ position: Vector3, quaternion: Quaternion }} part
@@ -94,11 +86,7 @@ export class Ghosts {
     copy.position.copy(target).sub(inPart.applyQuaternion(copy.quaternion));
   }
 
-  /**
-   * @param {Task} task
-   * @param {number} length
-   * @returns {Mark}
-   */
+  /** @param {Task} task @param {number} length @returns {Mark} */
   #make(task, length) {
     const solid = paint(theme.accent, { opacity: 0.9 });
     const mark = {
@@ -120,7 +108,6 @@ export class Ghosts {
 
 /**
  * Copy the meshes of a part as it is drawn now, without its marks of loops.
- *
  * @param {import("three").Object3D} part
  * @param {Group} copy
  * @param {Material} veil

@@ -2,13 +2,11 @@
 
 import { keyOf, partOf } from "../base/session.js";
 
-/** @typedef {import("../base/session.js").Part} Part */
-
 export class Hidden {
   /** @type {Set<string>} */
   #keys = new Set();
 
-  /** @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session }} parts */
+  /** @param {{ view: View, session: Session }} parts */
   constructor({ view, session }) {
     this.view = view;
     this.session = session;

@@ -11,7 +11,6 @@ const SIZE = 0.1; // characteristic lengths: radius of an arc
 const THIN = 0.05; // of that: its line
 const OPEN = { revolute: 1.5, prismatic: 0.3 }; // shown of a range with one end only; rad, characteristic lengths
 
-/** @typedef {import("../base/session.js").KnownRobot} KnownRobot */
 /** @typedef {import("../base/messages").JointDescription} Joint */
 /** @typedef {{ group: Group, paint: import("three").MeshBasicMaterial, range: Mesh, ball: Mesh }} Mark */
 
@@ -19,9 +18,7 @@ export class Limits {
   /** @type {Map<string, Mark>} */
   #marks = new Map();
 
-  /**
-   * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session, aids: import("./aids.js").Aids }} parts
-   */
+  /** @param {{ view: View, session: Session, aids: Aids }} parts */
   constructor({ view, session, aids }) {
     this.view = view;
     this.session = session;
@@ -105,7 +102,6 @@ export class Limits {
 
 /**
  * Return the range of a joint that is shown; an end that the joint doesn't have is near the other.
- *
  * @param {Pick<Joint, "type" | "lower" | "upper">} joint
  * @param {number} length characteristic length of the robot (m)
  * @returns {[number, number]}

@@ -8,16 +8,11 @@ import { COLOURS } from "../view/theme.js";
 
 const OPEN = 1e-6; // rad or characteristic lengths
 
-/** @typedef {import("../base/session.js").KnownRobot} KnownRobot */
-
 export class Marks {
   /** @type {Set<string>} */
   #open = new Set(); // robots with open loops
 
-  /**
-   * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session,
-   *   labels: import("../view/labels.js").Labels, aids: import("./aids.js").Aids }} parts
-   */
+  /** @param {{ view: View, session: Session, labels: Labels, aids: Aids }} parts */
   constructor({ view, session, labels, aids }) {
     this.view = view;
     this.session = session;
@@ -53,10 +48,7 @@ export class Marks {
     }
   }
 
-  /**
-   * @param {KnownRobot} robot
-   * @param {import("../base/messages").LoopDescription} loop
-   */
+  /** @param {KnownRobot} robot @param {import("../base/messages").LoopDescription} loop */
   #mark(robot, loop) {
     if (!robot.byName.has(loop.first)) return undefined;
     return this.view.group(robot.name, loop.first).children.find((child) => child.name === segment(loop.name, "loop "));

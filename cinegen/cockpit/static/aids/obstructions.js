@@ -13,10 +13,7 @@ export class Obstructions {
   /** @type {Map<string, { balls: Mesh[], line: Mesh, where: Vector3 }>} */
   #marks = new Map();
 
-  /**
-   * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session,
-   *   labels: import("../view/labels.js").Labels }} parts
-   */
+  /** @param {{ view: View, session: Session, labels: Labels }} parts */
   constructor({ view, session, labels }) {
     this.view = view;
     this.session = session;

@@ -23,10 +23,7 @@ export class Reactions {
   #paint = paint(theme.ink, { opacity: 0.9 });
   #turn = new Quaternion();
 
-  /**
-   * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session,
-   *   labels: import("../view/labels.js").Labels, aids: import("./aids.js").Aids }} parts
-   */
+  /** @param {{ view: View, session: Session, labels: Labels, aids: Aids }} parts */
   constructor({ view, session, labels, aids }) {
     this.view = view;
     this.session = session;
@@ -106,12 +103,7 @@ export class Reactions {
     }
   }
 
-  /**
-   * @param {string} key
-   * @param {string} robot
-   * @param {string} node
-   * @returns {Mark}
-   */
+  /** @param {string} key @param {string} robot @param {string} node @returns {Mark} */
   #make(key, robot, node) {
     const mark = { group: arrow(this.#paint), robot, node, point: new Vector3(), where: new Vector3() };
     this.view.stage.add(mark.group);

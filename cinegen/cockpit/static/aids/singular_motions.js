@@ -30,10 +30,7 @@ export class SingularMotions {
   #marks = new Map();
   #changes = new Changes();
 
-  /**
-   * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session,
-   *   labels: import("../view/labels.js").Labels, aids: import("./aids.js").Aids }} parts
-   */
+  /** @param {{ view: View, session: Session, labels: Labels, aids: Aids }} parts */
   constructor({ view, session, labels, aids }) {
     this.view = view;
     this.session = session;
@@ -51,8 +48,8 @@ export class SingularMotions {
   }
 
   #show() {
-    const { control, hello, report } = this.session;
-    const driven = this.view.resolution.still || control !== "free" || hello?.playback;
+    const { report } = this.session;
+    const driven = this.view.resolution.still || this.session.driven;
     for (const robot of this.session.robots) {
       for (const kind of /** @type {const} */ (["type1", "type2"])) {
         const found = valueOf(report?.robots, robot.name)?.[kind];
@@ -75,12 +72,7 @@ export class SingularMotions {
     this.view.changed();
   }
 
-  /**
-   * @param {Mark} mark
-   * @param {SingularityReport} found
-   * @param {number} near
-   * @param {import("../base/session.js").KnownRobot} robot
-   */
+  /** @param {Mark} mark @param {SingularityReport} found @param {number} near @param {KnownRobot} robot */
   #place(mark, found, near, robot) {
     const straight = new Vector3().fromArray(found.twist, 0);
     const rotation = new Vector3().fromArray(found.twist, 3);
@@ -100,11 +92,7 @@ export class SingularMotions {
     this.view.changed();
   }
 
-  /**
-   * @param {string} key
-   * @param {"type1" | "type2"} kind
-   * @returns {Mark}
-   */
+  /** @param {string} key @param {"type1" | "type2"} kind @returns {Mark} */
   #make(key, kind) {
     const material = paint(KINDS[kind].colour);
     const [arrow, arc] = [twoWays(material), twist(material)];
@@ -119,7 +107,6 @@ export class SingularMotions {
 
 /**
  * Return 0 far from a singularity, to 1 at its threshold or below.
- *
  * @param {SingularityReport | null | undefined} found
  */
 function closeness(found) {

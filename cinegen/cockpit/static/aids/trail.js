@@ -7,18 +7,13 @@ const MOST = 600; // points
 const APART = 0.004; // characteristic lengths
 const JUMP = 0.3; // characteristic lengths: a larger step starts a new trail
 
-/**
- * @typedef {{ points: Vector3[], geometry: BufferGeometry, line: Line, node: string | null, fresh: boolean }} Trail
- */
+/** @typedef {{ points: Vector3[], geometry: BufferGeometry, line: Line, node: string | null, fresh: boolean }} Trail */
 
 export class Trails {
   /** @type {Map<string, Trail>} */
   #trails = new Map();
 
-  /**
-   * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session,
-   *   aids: import("./aids.js").Aids }} parts
-   */
+  /** @param {{ view: View, session: Session, aids: Aids }} parts */
   constructor({ view, session, aids }) {
     this.view = view;
     this.session = session;
@@ -64,19 +59,9 @@ export class Trails {
       if (!trail.fresh) continue;
       trail.fresh = false;
       const { points, geometry, line } = trail;
-      const colours = points.flatMap((_, i) =>
-        old
-          .clone()
-          .lerp(young, (i + 1) / points.length)
-          .toArray(),
+      const colours = points.flatMap((_, i) => old.clone().lerp(young, (i + 1) / points.length).toArray(),
       );
-      geometry.setAttribute(
-        "position",
-        new Float32BufferAttribute(
-          points.flatMap((point) => point.toArray()),
-          3,
-        ),
-      );
+      geometry.setAttribute("position", new Float32BufferAttribute(points.flatMap((point) => point.toArray()), 3));
       geometry.setAttribute("color", new Float32BufferAttribute(colours, 3));
       line.visible = points.length > 1;
     }

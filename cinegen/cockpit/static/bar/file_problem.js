@@ -7,7 +7,7 @@ import { byId, make } from "../base/dom.js";
 
 const BLOCK = /(?: {4}.*\n?)+|.+\n?/g; // lines of the file with the marks below them, or a line about them
 
-/** @param {import("../base/session.js").Session} session */
+/** @param {Session} session */
 export function showProblems(session) {
   const place = byId("file-problem");
   session.on("problem", (text) => {

@@ -37,10 +37,7 @@ export class Hints {
   /** @type {{ began: number, hand: HTMLElement, group: Group, drawn: string } | null} */
   #show = null;
 
-  /**
-   * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session,
-   *   labels: import("../view/labels.js").Labels, draggings: Dragging[] }} parts
-   */
+  /** @param {{ view: View, session: Session, labels: Labels, draggings: Dragging[] }} parts */
   constructor({ view, session, labels, draggings }) {
     this.view = view;
     this.session = session;
@@ -69,9 +66,8 @@ export class Hints {
   }
 
   #first() {
-    const { caption, playback, map } = this.session.hello ?? {};
-    if (playback) this.#put(caption ?? "");
-    this.labels.put("hint", this.#waits ? (map ? ON_MAP : FIRST) : "", this.#where, "hint");
+    const { caption, playback } = this.session.hello ?? {};
+    this.#put(playback ? (caption ?? "") : (this.hint.textContent ?? ""));
     this.#rest();
   }
 
@@ -79,6 +75,8 @@ export class Hints {
   #put(text) {
     write(this.hint, text);
     this.hint.hidden = text === "";
+    const first = this.session.hello?.map ? ON_MAP : FIRST;
+    this.labels.put("hint", this.#waits && text === "" ? first : "", this.#where, "hint"); // one sentence at a time
   }
 
   /** @param {keyof typeof TEXTS} id */
@@ -102,11 +100,7 @@ export class Hints {
     else if (this.#drags > 1) this.#tell("pin");
   }
 
-  /**
-   * Where the end of the first robot is.
-   *
-   * @param {Vector3} point
-   */
+  /** Where the end of the first robot is. @param {Vector3} point */
   #end(point) {
     const [{ name, end }] = this.session.robots;
     return this.view.pose(name, end, point).position;
@@ -169,8 +163,7 @@ export class Hints {
 
 /**
  * Return a point of the world that is seen in the middle below all parts: a hint there covers none.
- *
- * @param {import("../view/view.js").View} view
+ * @param {View} view
  */
 function below({ root, camera }) {
   const seen = new Box3();

@@ -7,8 +7,8 @@ const TYPED = "input:not([type=checkbox]):not([type=range]), textarea, select";
 const PRESSED = "button, summary, a, input[type=checkbox], select, [tabindex]:not(canvas)";
 
 /**
- * @param {{ commands: import("./commands.js").Commands, drawer: { toggle: () => void }, session: import("../base/session.js").Session,
- *   gizmo: { setMode: (mode: string) => void, setAxes: () => void }, view: import("../view/view.js").View,
+ * @param {{ commands: import("./commands.js").Commands, drawer: { toggle: () => void }, session: Session,
+ *   gizmo: { setMode: (mode: string) => void, setAxes: () => void }, view: View,
  *   measure: { toggle: (on?: boolean) => boolean }, partTasks: { stop: () => boolean }, endDrag: () => boolean, pin: () => void,
  *   look: () => void }} parts
  */

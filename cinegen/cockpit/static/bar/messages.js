@@ -19,7 +19,7 @@ export class Messages {
   /** @type {WeakMap<Element, ReturnType<typeof setTimeout>>} */
   #timers = new WeakMap();
 
-  /** @param {import("../base/session.js").Session} session */
+  /** @param {Session} session */
   constructor(session) {
     this.toasts = byId("toasts");
     this.cover = byId("cover");
@@ -47,7 +47,6 @@ export class Messages {
 
   /**
    * Show a text for some seconds, with a button for an action; a text that is repeated stays longer.
-   *
    * @param {string} text
    * @param {string} level
    * @param {{ label: string, run: () => void } | null} action

@@ -3,7 +3,7 @@
 //
 // For tests: #stay-upright #look-at #pin-to (aria-pressed), #choosing, #selection [data-described="ID"] with button.
 
-import { atMostEvery, make, sign, write } from "../base/dom.js";
+import { atMostEvery, button, keepOnly, make, press, sign, write } from "../base/dom.js";
 import { announce } from "../base/speech.js";
 
 const OFTEN = 100; // ms
@@ -15,12 +15,7 @@ const UP = [0, 0, 1];
  * @typedef {"look-at" | "pin-to"} Choice
  */
 
-/**
- * Return the text of a task for people.
- *
- * @param {Description} task
- * @returns {string}
- */
+/** Return the text of a task for people. @param {Description} task @returns {string} */
 export function textOf(task) {
   switch (task.kind) {
     case "relative_pose": return `${task.node} pinned to ${task.other}`;
@@ -39,12 +34,7 @@ function isUpright(task) {
   return task.kind === "axis_along" && !task.on && (task.direction ?? UP).every((value, i) => Math.abs(value - UP[i]) < 1e-9);
 }
 
-/**
- * Return the parts that a task is about.
- *
- * @param {Description} task
- * @returns {string[]}
- */
+/** Return the parts that a task is about. @param {Description} task @returns {string[]} */
 function partsOf(task) {
   if (task.kind === "range") return partsOf(task.task);
   const { node, other, on } = /** @type {Record<string, string | undefined>} */ (/** @type {unknown} */ (task));
@@ -54,39 +44,31 @@ function partsOf(task) {
 export class PartTasks {
   /** @type {Choice | null} */
   #choice = null;
-  /** @type {import("../base/session.js").Part | null} */
+  /** @type {Part | null} */
   #part = null; // whose task is chosen
   /** @type {Map<number, { element: HTMLElement, text: HTMLElement }>} */
   #chips = new Map();
 
   /**
-   * @param {{ session: import("../base/session.js").Session, view: import("../view/view.js").View,
+   * @param {{ session: Session, view: View,
    *   pick: import("../pointer/pick.js").Pick, measure: { toggle: (on?: boolean) => boolean }, bar: HTMLElement, more: HTMLElement }} parts
    */
   constructor({ session, view, pick, measure, bar, more }) {
     this.session = session;
     this.view = view;
     this.pick = pick;
-    /**
-     * @param {string} id
-     * @param {string} title
-     * @param {string} mark
-     * @param {string} text
-     * @param {() => void} click
-     */
-    const press = (id, title, mark, text, click) => {
-      const word = make("span", { class: "word" }, text);
-      return make("button", { type: "button", id, class: "small", title, "aria-pressed": "false", on: { click } }, sign(mark), word);
-    };
+    /** @param {string} id @param {string} title @param {string} mark @param {string} text @param {() => void} click */
+    const task = (id, title, mark, text, click) =>
+      button({ id, class: "small", title, "aria-pressed": "false" }, click, sign(mark), make("span", { class: "word" }, text));
     /** @param {Choice} choice */
     const choose = (choice) => () => {
       measure.toggle(false);
       this.#choose(this.#choice === choice ? null : choice);
     };
-    this.upright = press("stay-upright", "Keep upright: its inclination stays while parts are dragged", "up", "Keep upright", () => this.#toggleUpright());
+    this.upright = task("stay-upright", "Keep upright: its inclination stays while parts are dragged", "up", "Keep upright", () => this.#toggleUpright());
     this.choices = {
-      "look-at": press("look-at", "Aim at: its z axis points to the part or the point that you click next", "aim", "Aim at …", choose("look-at")),
-      "pin-to": press("pin-to", "Pin to: it stays where it is relative to the part that you click next", "link", "Pin to …", choose("pin-to")),
+      "look-at": task("look-at", "Aim at: its z axis points to the part or the point that you click next", "aim", "Aim at …", choose("look-at")),
+      "pin-to": task("pin-to", "Pin to: it stays where it is relative to the part that you click next", "link", "Pin to …", choose("pin-to")),
     };
     this.hint = make("output", { id: "choosing", "aria-live": "off", hidden: true });
     this.row = make("div", { class: "tasks" }, this.upright, ...Object.values(this.choices));
@@ -134,7 +116,7 @@ export class PartTasks {
     this.#part = choice === null ? null : this.session.selected;
     const name = this.session.selected?.node ?? "";
     const texts = { "look-at": `Click the part or the point that ${name} looks at`, "pin-to": `Click the part that ${name} is pinned to` };
-    for (const [own, button] of Object.entries(this.choices)) button.setAttribute("aria-pressed", String(own === choice));
+    for (const [own, task] of Object.entries(this.choices)) press(task, own === choice);
     this.hint.hidden = choice === null;
     this.chosen.parentElement?.classList.toggle("choosing", choice !== null); // it must not cover what is clicked
     write(this.hint, choice === null ? "" : `${texts[choice]} (Esc: none)`);
@@ -152,7 +134,7 @@ export class PartTasks {
   /** @param {Description} description */
   #add(description) {
     const { selected } = this.session;
-    if (selected !== null && this.session.mayAct()) this.session.send({ type: "add_task", robot: selected.robot, description });
+    if (selected !== null) this.session.command({ type: "add_task", robot: selected.robot, description });
   }
 
   /** @param {PointerEvent} event */
@@ -166,8 +148,7 @@ export class PartTasks {
 
   /**
    * Give the selected part the task of the choice.
-   *
-   * @param {import("../base/session.js").Part} other
+   * @param {Part} other
    * @param {import("three").Vector3} point on it, in the world (m)
    */
   #take(other, point) {
@@ -191,13 +172,9 @@ export class PartTasks {
 
   #show() {
     this.row.hidden = this.session.robot(this.session.selected?.robot ?? "")?.obstacle ?? true;
-    this.upright.setAttribute("aria-pressed", String(this.#upright !== undefined));
+    press(this.upright, this.#upright !== undefined);
     const own = this.#own;
-    for (const [id, { element }] of this.#chips) {
-      if (own.some((task) => task.id === id)) continue;
-      element.remove();
-      this.#chips.delete(id);
-    }
+    keepOnly(this.#chips, own.map(({ id }) => id));
     for (const { id, description, reached } of own) {
       const chip = this.#chips.get(id) ?? this.#chip(id);
       write(chip.text, textOf(description));
@@ -209,10 +186,8 @@ export class PartTasks {
   /** @param {number} id */
   #chip(id) {
     const text = make("span");
-    const click = () => {
-      if (this.session.mayAct()) this.session.send({ type: "remove_task", task: id });
-    };
-    const remove = make("button", { type: "button", class: "small", title: "Remove this task", "aria-label": "Remove this task", on: { click } }, sign("close"));
+    const title = "Remove this task";
+    const remove = button({ class: "small", title, "aria-label": title }, () => this.session.command({ type: "remove_task", task: id }), sign("close"));
     const chip = { element: make("span", { class: "chip", data: { described: String(id) } }, text, remove), text };
     this.#chips.set(id, chip);
     this.chosen.append(chip.element);
@@ -222,7 +197,6 @@ export class PartTasks {
 
 /**
  * Return a point of the world in the frame of a part.
- *
  * @param {import("three").Vector3} point
  * @param {{ position: import("three").Vector3, quaternion: import("three").Quaternion }} pose
  */

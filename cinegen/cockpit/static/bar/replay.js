@@ -2,7 +2,7 @@
 //
 // For tests: #transport with #play (aria-pressed), #seek (seconds), #playback-speed (select), #before, #after and #stop (text).
 
-import { atMostEvery, byId, make, sign, write } from "../base/dom.js";
+import { atMostEvery, button, byId, choice, isOn, make, press, show, sign, write } from "../base/dom.js";
 import { speak } from "../base/speech.js";
 import { fixed } from "../base/units.js";
 import { fill } from "../panel/slider.js";
@@ -15,32 +15,14 @@ export class Replay {
   /** @type {[number, string][]} */
   stops = []; // times to jump to, each with a name
 
-  /** @param {import("../base/session.js").Session} session */
+  /** @param {Session} session */
   constructor(session) {
     this.session = session;
     this.bar = byId("transport");
-    this.sign = document.createElementNS("http://www.w3.org/2000/svg", "use");
-    this.play = make("button", {
-      type: "button",
-      id: "play",
-      class: "small",
-      "aria-label": "Play",
-      "aria-pressed": "false",
-      title: "Play or pause the recording",
-      on: { click: () => this.#send({ playing: this.play.getAttribute("aria-pressed") !== "true" }) },
-    });
-    const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-    svg.setAttribute("class", "sign");
-    svg.append(this.sign);
-    this.play.append(svg);
-    this.seek = make("input", {
-      type: "range",
-      id: "seek",
-      min: 0,
-      step: 0.01,
-      "aria-label": "Time in the recording",
-      title: "Go to a time",
-    });
+    const playing = { id: "play", class: "small", "aria-label": "Play", "aria-pressed": "false", title: "Play or pause the recording" };
+    this.play = button(playing, () => this.#send({ playing: !isOn(this.play) }), sign("play"));
+    const time = { id: "seek", "aria-label": "Time in the recording", title: "Go to a time" };
+    this.seek = make("input", { type: "range", min: 0, step: 0.01, ...time });
     const seek = atMostEvery(50, (/** @type {number} */ time) => this.#send({ time }));
     this.seek.addEventListener("input", () => {
       this.#moved = performance.now();
@@ -48,17 +30,9 @@ export class Replay {
       seek(Number(this.seek.value));
     });
     this.time = make("span", { class: "number" });
-    this.speed = make(
-      "select",
-      {
-        id: "playback-speed",
-        class: "small",
-        "aria-label": "Playback speed",
-        title: "How fast it is played",
-        on: { change: () => this.#send({ speed: Number(this.speed.value) }) },
-      },
-      ...SPEEDS.map((speed) => make("option", { value: speed }, `${speed} ×`)),
-    );
+    const on = { change: () => this.#send({ speed: Number(this.speed.value) }) };
+    const speed = { id: "playback-speed", "aria-label": "Playback speed", title: "How fast it is played", on };
+    this.speed = choice(speed, SPEEDS.map((value) => [value, `${value} ×`]));
     this.before = this.#step("before", "Previous", -1);
     this.after = this.#step("after", "Next", 1);
     this.stop = make("span", { id: "stop" });
@@ -77,22 +51,12 @@ export class Replay {
     });
   }
 
-  /**
-   * @param {string} id
-   * @param {string} label
-   * @param {number} step
-   */
+  /** @param {string} id @param {string} label @param {number} step */
   #step(id, label, step) {
-    const title = `${label} stop of the recording`;
-    const on = { click: () => this.#go(step) };
-    return make("button", { type: "button", id, class: "small", "aria-label": label, title, on }, sign(id));
+    return button({ id, class: "small", "aria-label": label, title: `${label} stop of the recording` }, () => this.#go(step), sign(id));
   }
 
-  /**
-   * Return the index of the last stop up to a time.
-   *
-   * @param {number} time
-   */
+  /** Return the index of the last stop up to a time. @param {number} time */
   #at(time) {
     return Math.max(0, this.stops.findLastIndex(([begins]) => begins <= time + 1e-6));
   }
@@ -107,13 +71,13 @@ export class Replay {
 
   /** @param {{ playing?: boolean, time?: number, speed?: number }} change */
   #send(change) {
-    if (this.session.mayAct()) this.session.send({ type: "control_playback", ...change });
+    this.session.command({ type: "control_playback", ...change });
   }
 
   /** @param {import("../base/messages").PlaybackStatus} status */
   #show({ time = 0, playing = false, speed = 1 }) {
-    this.play.setAttribute("aria-pressed", String(playing));
-    this.sign.setAttribute("href", playing ? "#sign-pause" : "#sign-play");
+    press(this.play, playing);
+    show(this.play, playing ? "pause" : "play");
     if (performance.now() - this.#moved > 400) this.seek.value = String(time);
     fill(this.seek);
     speak(this.seek, `${fixed(Number(this.seek.value), 1)} s of ${fixed(this.seconds, 1)} s`);

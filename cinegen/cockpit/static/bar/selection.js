@@ -5,7 +5,7 @@
 // #axes (select), #upright (checkbox) and .about.
 
 import { Vector3 } from "three";
-import { atMostEvery, byId, make, sign, write } from "../base/dom.js";
+import { atMostEvery, button, byId, choice, make, press, sign, write } from "../base/dom.js";
 import { units } from "../base/units.js";
 import { AXES } from "../pointer/gizmo.js";
 
@@ -18,30 +18,22 @@ export class Selection {
   #where = new Vector3();
 
   /**
-   * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session, hidden: import("../aids/hidden.js").Hidden,
-   *   gizmo: import("../pointer/gizmo.js").Gizmo, pin: () => void, look: () => void }} parts
+   * @param {{ view: View, session: Session, hidden: import("../aids/hidden.js").Hidden,
+   *   gizmo: Gizmo, pin: () => void, look: () => void }} parts
    */
   constructor({ view, session, hidden, gizmo, pin, look }) {
     this.view = view;
     this.session = session;
     this.gizmo = gizmo;
-    /**
-     * @param {string} id
-     * @param {string} icon
-     * @param {string} title
-     * @param {() => void} action
-     */
-    const press = (id, icon, title, action) =>
-      make("button", { type: "button", id, title, "aria-label": title.replace(/ \(.*| while .*/, ""), on: { click: action } }, sign(icon));
+    /** @param {string} id @param {string} icon @param {string} title @param {() => void} action */
+    const tool = (id, icon, title, action) => button({ id, title, "aria-label": title.replace(/ \(.*| while .*/, "") }, action, sign(icon));
     this.name = make("span", { class: "name" });
-    this.move = press("move", "move", "Move it (W)", () => gizmo.setMode("translate"));
-    this.turn = press("turn", "turn", "Rotate it (E)", () => gizmo.setMode("rotate"));
-    this.info = press("info", "info", "More of it", () => this.#unfold(this.more.hidden !== false));
-    this.axes = make(
-      "select",
-      { id: "axes", class: "small", title: "Along whose axes the arrows are (Q)", "aria-label": "Axes of the gizmo", on: { change: () => gizmo.setAxes(this.axes.value) } },
-      ...AXES.map((axes) => make("option", { value: axes }, LABELS[axes])),
-    );
+    this.move = tool("move", "move", "Move it (W)", () => gizmo.setMode("translate"));
+    this.turn = tool("turn", "turn", "Rotate it (E)", () => gizmo.setMode("rotate"));
+    this.info = tool("info", "info", "More of it", () => this.#unfold(this.more.hidden !== false));
+    const on = { change: () => gizmo.setAxes(this.axes.value) };
+    const about = { id: "axes", title: "Along whose axes the arrows are (Q)", "aria-label": "Axes of the gizmo", on };
+    this.axes = choice(about, AXES.map((axes) => [axes, LABELS[axes]]));
     this.upright = make("input", { type: "checkbox", id: "upright", on: { change: () => gizmo.setUpright(this.upright.checked) } });
     this.keep = make("label", { class: "field", title: "Constrain its orientation while it is moved" }, this.upright, "keep orientation");
     this.about = make("p", { class: "about empty" });
@@ -49,12 +41,12 @@ export class Selection {
     this.bar = byId("selection");
     this.bar.append(
       this.name,
-      press("deselect", "close", "Select nothing (Esc)", () => session.select(null, null)),
+      tool("deselect", "close", "Select nothing (Esc)", () => session.select(null, null)),
       this.move,
       this.turn,
-      press("pin", "pin", "Pin it: it stays where it is while other parts are dragged (P)", pin),
-      press("look", "eye", "Look at it: it comes into the middle of the view (L)", look),
-      press("hide", "hidden", "Hide it", () => hidden.hide(session.selected)),
+      tool("pin", "pin", "Pin it: it stays where it is while other parts are dragged (P)", pin),
+      tool("look", "eye", "Look at it: it comes into the middle of the view (L)", look),
+      tool("hide", "hidden", "Hide it", () => hidden.hide(session.selected)),
       this.info,
       this.more,
     );
@@ -83,8 +75,8 @@ export class Selection {
     if (selected === null) return;
     write(this.name, this.session.called(selected.robot, selected.node));
     const turning = this.gizmo.mode === "rotate";
-    this.move.setAttribute("aria-pressed", String(!turning));
-    this.turn.setAttribute("aria-pressed", String(turning));
+    press(this.move, !turning);
+    press(this.turn, turning);
     this.axes.value = this.gizmo.axes;
     this.upright.checked = this.gizmo.upright;
     this.keep.hidden = turning;

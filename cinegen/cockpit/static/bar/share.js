@@ -12,17 +12,12 @@ import { cameraOf, configurationsOf, fragmentOf } from "../base/fragment.js";
 
 const SAME = 1e-6; // rad or m: differences that no one sees
 
-/** @typedef {import("../base/session.js").Session} Session */
-
 export class Share {
   #met = false;
 
-  /**
-   * @param {HTMLElement} panel
-   * @param {{ view: import("../view/view.js").View, session: Session }} parts
-   */
+  /** @param {HTMLElement} panel @param {{ view: View, session: Session }} parts */
   constructor(panel, { view, session }) {
-    const { body } = new Section(panel, { id: "share", title: "Share", hint: "Links, pictures and films of what the view shows" });
+    const { body } = new Section(panel, "share", "Share", "Links, pictures and films of what the view shows");
     const press = (/** @type {string} */ id, /** @type {string} */ title, /** @type {string} */ text, click = () => {}) =>
       make("button", { type: "button", id, class: "small", title, on: { click } }, text);
     body.append(
@@ -88,7 +83,6 @@ export class Share {
 
 /**
  * Move the actuated joints of robots, as sliders do: within their limits, the passive joints follow.
- *
  * @param {Session} session
  * @param {Iterable<[string, ArrayLike<number>]>} configurations values of all joints, by robot
  */

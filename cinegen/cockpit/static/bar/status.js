@@ -38,9 +38,7 @@ const MOVING = { home: "moving home", move_to: "moving to a configuration", wayp
 export class Status {
   #where = new Vector3();
 
-  /**
-   * @param {{ session: import("../base/session.js").Session, view: import("../view/view.js").View, labels: import("../view/labels.js").Labels }} parts
-   */
+  /** @param {{ session: Session, view: View, labels: Labels }} parts */
   constructor({ session, view, labels }) {
     this.session = session;
     this.view = view;
@@ -80,7 +78,6 @@ export class Status {
 /**
  * Return the content of the chip; null if no status is known. The first of the robots with the worst status is shown,
  * unless the session is paused or moves by itself.
- *
  * @param {Record<string, { name?: string, label?: string, description?: string }>} statuses by robot
  * @param {{ paused?: boolean, moving?: string | null } | null} report
  * @param {boolean} several there are several robots or obstacles: the robot is named

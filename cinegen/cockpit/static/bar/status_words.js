@@ -1,20 +1,18 @@
 // Statuses in words, as one says them to a person who drags: which way a part can't go, and which joint is at its limit.
 
 import { valueOf } from "../base/names.js";
+import { isNear } from "../base/units.js";
 
-/** @typedef {import("../base/session.js").Session} Session */
 /** @typedef {[number, number, number]} Vector */
 
 const ALONG = 0.3; // cosine: a pull that is further from the lost direction doesn't meet it
 const PULLED = 3e-3; // characteristic lengths: a smaller pull is none
-const REACHED = 1e-3; // characteristic lengths, rad: a limit at which all targets are as near as that bars nothing
 const STRAIGHT = 0.5; // of a lost motion that has a translation this large, the translation is what is told
 /** @type {[string, string][]} along the axes of the view, both ways */
 const WAYS = [["to the right", "to the left"], ["upwards", "downwards"], ["towards you", "away from you"]];
 
 /**
  * Return the status of a robot with its label in words. Near a singularity, a pull that doesn't meet the lost direction is followed.
- *
  * @param {{ name?: string, label?: string, description?: string }} status
  * @param {import("../base/messages").RobotReport | undefined} report on the robot
  * @param {Vector[]} axes of the view, in the world: right, up, towards the viewer
@@ -35,17 +33,13 @@ export function inWords(status, report, axes, pull, length) {
   return { ...status, label: `can't push ${WAYS[most][way < 0 ? 1 : 0]} here` };
 }
 
-/**
- * @param {number[]} one
- * @param {number[]} other
- */
+/** @param {number[]} one @param {number[]} other */
 function dot(one, other) {
   return one.reduce((sum, value, i) => sum + value * other[i], 0);
 }
 
 /**
  * Return the statuses of all robots in words. Near a singularity nothing is told before a person drives: it may be at home.
- *
  * @param {Session} session
  * @param {Vector[]} axes of the view, in the world
  */
@@ -55,7 +49,7 @@ export function statusesInWords(session, axes) {
   return Object.fromEntries(
     Object.entries(state?.statuses ?? {}).map(([robot, status]) => {
       const [tasks, length] = [session.tasks.filter((one) => one.robot === robot), session.robot(robot)?.length ?? 1];
-      const isReached = tasks.every(({ error }) => error && error[0] < REACHED * length && error[1] < REACHED);
+      const isReached = tasks.every(({ error }) => error && isNear(error, length));
       if (status.name === "AT_LIMIT" && tasks.length > 0 && isReached) return [robot, { name: "FOLLOWING", label: "following", description: status.description }];
       const task = tasks.find((one) => one.source === "pointer");
       const [target, position] = [task?.target ?? [0, 0, 0], task?.position ?? task?.target ?? [0, 0, 0]];

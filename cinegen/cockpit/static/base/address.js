@@ -1,10 +1,6 @@
 // Addresses next to the page, with its token: that of who may drive, or of who only views.
 
-/**
- * Return an address next to the page, with its token.
- *
- * @param {string} name
- */
+/** Return an address next to the page, with its token. @param {string} name */
 export function pageUrl(name) {
   const url = new URL(name, location.href);
   const given = new URLSearchParams(location.search);
@@ -15,11 +11,7 @@ export function pageUrl(name) {
   return url.href;
 }
 
-/**
- * Return the address of a socket next to the page, with its token.
- *
- * @param {string} name
- */
+/** Return the address of a socket next to the page, with its token. @param {string} name */
 export function socketUrl(name) {
   const url = new URL(pageUrl(name));
   url.protocol = url.protocol.replace("http", "ws");

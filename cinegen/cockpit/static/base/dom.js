@@ -5,7 +5,6 @@ const SVG = "http://www.w3.org/2000/svg";
 /**
  * An element: `make("button", { class: "small", title: "...", on: { click } }, "text", child)`.
  * `data` sets data attributes, `on` listens, true and false set or leave out an attribute.
- *
  * @template {keyof HTMLElementTagNameMap} K
  * @param {K} tag
  * @param {Record<string, any>} attributes
@@ -26,10 +25,50 @@ export function make(tag, attributes = {}, ...children) {
 }
 
 /**
- * One of the signs of the page's sheet (see index.html).
- *
- * @param {string} name
+ * A button, which calls `click`.
+ * @param {Record<string, any>} attributes
+ * @param {() => unknown} click
+ * @param {...(Node | string)} children
  */
+export function button(attributes, click, ...children) {
+  return make("button", { type: "button", ...attributes, on: { click } }, ...children);
+}
+
+/** Return whether a button that is a switch is on. @param {Element} button */
+export function isOn(button) {
+  return button.getAttribute("aria-pressed") === "true";
+}
+
+/** Show a switch as on or off. @param {Element} button @param {boolean} on */
+export function press(button, on) {
+  if (button.getAttribute("aria-pressed") !== String(on)) button.setAttribute("aria-pressed", String(on));
+}
+
+/** Show another sign in an element. @param {Element} element @param {string} name */
+export function show(element, name) {
+  element.querySelector("use")?.setAttribute("href", `#sign-${name}`);
+}
+
+/**
+ * A list of values to choose from, each with its text.
+ * @param {Record<string, any>} attributes
+ * @param {Iterable<[string | number, string]>} options
+ */
+export function choice(attributes, options) {
+  return make("select", { class: "small", ...attributes }, ...[...options].map(([value, text]) => make("option", { value }, text)));
+}
+
+/**
+ * Take away the elements of what is no more.
+ * @template K
+ * @param {Map<K, { element: Element }>} shown
+ * @param {K[]} keys of what stays
+ */
+export function keepOnly(shown, keys) {
+  for (const [key, { element }] of shown) if (!keys.includes(key) && shown.delete(key)) element.remove();
+}
+
+/** One of the signs of the page's sheet (see index.html). @param {string} name */
 export function sign(name) {
   const svg = document.createElementNS(SVG, "svg");
   svg.setAttribute("class", "sign");
@@ -42,7 +81,6 @@ export function sign(name) {
 
 /**
  * Sets a text where it is another: an untouched element is not laid out anew.
- *
  * @param {Element} element
  * @param {string} text
  */
@@ -52,7 +90,6 @@ export function write(element, text) {
 
 /**
  * Return the element of index.html with an id.
- *
  * @template {HTMLElement} [T=HTMLElement]
  * @param {string} id
  * @returns {T}
@@ -79,10 +116,7 @@ export const memory = {
       return otherwise;
     }
   },
-  /**
-   * @param {string} name
-   * @param {unknown} value
-   */
+  /** @param {string} name @param {unknown} value */
   set(name, value) {
     try {
       localStorage.setItem(`cinegen.${name}`, JSON.stringify(value));
@@ -94,7 +128,6 @@ export const memory = {
 
 /**
  * Calls `action` at once, then at most once in `milliseconds`, with the newest value last.
- *
  * @template [T=void]
  * @param {number} milliseconds
  * @param {(value: T) => void} action

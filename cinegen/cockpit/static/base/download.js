@@ -6,7 +6,6 @@ const KEPT = 60000; // ms: a browser may ask where to save the file before it re
 
 /**
  * Save a file.
- *
  * @param {Blob} content
  * @param {string} name of the file; characters that a file system may refuse are replaced
  */
@@ -19,11 +18,7 @@ export function download(content, name) {
   setTimeout(() => URL.revokeObjectURL(address), KEPT);
 }
 
-/**
- * Return a name that file systems accept.
- *
- * @param {string} name
- */
+/** Return a name that file systems accept. @param {string} name */
 export function fileName(name) {
   return [...name].map((character) => (character < " " || '/\\:*?"<>|'.includes(character) ? "_" : character)).join("").slice(0, 120);
 }

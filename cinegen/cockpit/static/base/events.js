@@ -7,7 +7,6 @@ export class Events {
 
   /**
    * Call `listener(value)` whenever `name` happens.
-   *
    * @template {keyof T} K
    * @param {K} name
    * @param {(value: T[K]) => void} listener
@@ -19,7 +18,6 @@ export class Events {
 
   /**
    * Call all listeners to `name`, in the order in which they were added.
-   *
    * @template {keyof T} K
    * @param {K} name
    * @param {T[K]} [value]

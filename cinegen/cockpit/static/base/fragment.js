@@ -12,7 +12,6 @@ const NEAREST = 1e-9; // of the distance of the camera's position from the origi
 
 /**
  * Return the fragment of configurations and a camera.
- *
  * @param {Iterable<[string, ArrayLike<number>]>} configurations by robot
  * @param {Camera | null} camera
  */
@@ -24,7 +23,6 @@ export function fragmentOf(configurations, camera = null) {
 
 /**
  * Return the camera in a fragment.
- *
  * @param {string} fragment
  * @returns {{ camera: Camera | null, problem: string }} `problem`: why it is ignored
  */
@@ -47,7 +45,6 @@ function numbersOf(text) {
 
 /**
  * Return the configurations in a fragment, by robot.
- *
  * @param {string} fragment
  * @param {Map<string, number>} sizes number of values of each robot's configuration
  * @returns {{ configurations: Map<string, Float64Array>, problem: string }} `problem`: why it, or a part of it, is ignored

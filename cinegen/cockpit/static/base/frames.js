@@ -7,11 +7,7 @@ export class Frames {
   /** @type {number | null} */
   #next = null; // handle of the window's next frame; null: none is due
 
-  /**
-   * Call an action in each frame, with its time (ms).
-   *
-   * @param {(now: number) => void} action
-   */
+  /** Call an action in each frame, with its time (ms). @param {(now: number) => void} action */
   each(action) {
     this.#actions.push(action);
     if (this.#actions.length === 1) this.resume();
@@ -32,11 +28,7 @@ export class Frames {
     });
   }
 
-  /**
-   * Run one frame.
-   *
-   * @param {number} now ms
-   */
+  /** Run one frame. @param {number} now ms */
   run(now) {
     for (const action of this.#actions) action(now);
   }

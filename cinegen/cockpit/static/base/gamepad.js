@@ -11,19 +11,18 @@ export class Gamepad {
   /** @type {ReturnType<typeof setInterval> | undefined} */
   #timer;
 
-  /** @param {import("./session.js").Session} session */
+  /** @param {Session} session */
   constructor(session) {
     this.session = session;
     session.on("report", (report) => this.#watch(report));
     for (const name of /** @type {const} */ (["lost", "dropped"])) session.on(name, () => this.#stop());
   }
 
-  /** @param {import("./link.js").Report} report */
+  /** @param {SessionReport} report */
   #watch({ switches = [] }) {
     /** @type {Set<string | null>} */
     const mine = new Set(
-      (this.session.hello?.sensors ?? [])
-        .filter(({ id, url }) => id === "gamepad" || url?.startsWith("gamepad:"))
+      (this.session.hello?.sensors ?? []).filter(({ id, url }) => id === "gamepad" || url?.startsWith("gamepad:"))
         .map(({ id }) => id),
     );
     const wanted = switches.some(({ sensor }) => mine.has(sensor)) && this.session.control !== "other";
@@ -50,7 +49,6 @@ export class Gamepad {
 
 /**
  * Return the twist of a gamepad's deflection: x right, y away, z up, then about them; -1 to 1.
- *
  * @param {Pick<globalThis.Gamepad, "axes"> & { buttons: readonly { value: number }[] }} pad
  */
 export function twistOf({ axes, buttons }) {
@@ -63,11 +61,7 @@ export function twistOf({ axes, buttons }) {
   ));
 }
 
-/**
- * Nothing within the dead zone, and from there on from 0 to 1.
- *
- * @param {number} value
- */
+/** Nothing within the dead zone, and from there on from 0 to 1. @param {number} value */
 function rest(value) {
   const size = Math.min(1, Math.abs(value));
   return size <= DEAD ? 0 : (Math.sign(value) * (size - DEAD)) / (1 - DEAD);

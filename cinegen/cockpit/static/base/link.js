@@ -10,7 +10,6 @@ import { isState, readState } from "./page_state.js";
 
 /**
  * Messages of the server; their types are generated from cinegen/cockpit/messages.py.
- *
  * @typedef {import("./messages").HelloMessage} Hello
  * @typedef {import("./messages").StateMessage} State
  * @typedef {import("./messages").ReportMessage} Report
@@ -52,7 +51,6 @@ export class Link extends Events {
 
   /**
    * Return the present configuration of each robot, by name; null: the session's reports have them.
-   *
    * @returns {[string, Float64Array][] | null}
    */
   configurations() {
@@ -68,11 +66,7 @@ export class Link extends Events {
     this.#socket = socket;
   }
 
-  /**
-   * Send a message to the server; it is dropped while there is no connection.
-   *
-   * @param {ClientMessage} message
-   */
+  /** Send a message to the server; it is dropped while there is no connection. @param {ClientMessage} message */
   send(message) {
     if (this.#socket?.readyState === WebSocket.OPEN) this.#socket.send(JSON.stringify(message));
   }

@@ -7,11 +7,7 @@ const SHARED = 3; // names with the same beginning: it is cut
 // Control characters, and those that reverse the direction of text.
 const REFUSED = /[\p{Cc}\u200e\u200f\u2028-\u202e\u2066-\u2069]|\p{Surrogate}/gu;
 
-/**
- * Return a name that the session accepts; empty if nothing of the text is left.
- *
- * @param {string} text
- */
+/** Return a name that the session accepts; empty if nothing of the text is left. @param {string} text */
 export function cleanName(text) {
   const line = text.replace(REFUSED, " ").replace(/\s+/g, " ").trim();
   return [...line].slice(0, LONGEST).join("").trim();
@@ -20,7 +16,6 @@ export function cleanName(text) {
 /**
  * Return a name, behind a prefix, as one segment of a path of the viewer's scene, as `path_segment` of raff2urdf/escape.py
  * does: the viewer keeps nodes in objects, in which `constructor` is taken.
- *
  * @param {string} name
  * @param {string} [prefix]
  */
@@ -28,11 +23,7 @@ export function segment(name, prefix = ":") {
   return prefix + name.replaceAll("%", "%25").replaceAll("/", "%2F");
 }
 
-/**
- * Return the name in a segment with the usual prefix.
- *
- * @param {string} text
- */
+/** Return the name in a segment with the usual prefix. @param {string} text */
 export function nameOf(text) {
   return text.slice(1).replaceAll("%2F", "/").replaceAll("%25", "%");
 }
@@ -40,7 +31,6 @@ export function nameOf(text) {
 /**
  * Return the length of what a list of names need not repeat: for each name, the longest beginning up to a separator that at
  * least three of them share.
- *
  * @param {string[]} names
  * @returns {number[]}
  */
@@ -55,7 +45,6 @@ export function sharedBeginnings(names) {
 /**
  * Return the value that a record, by names of robots or joints, has of a name; undefined if it has none. Each object has a
  * `constructor` that nobody gave it.
- *
  * @template T
  * @param {Record<string, T> | null | undefined} record
  * @param {string} name

@@ -7,21 +7,16 @@ const HEAD = 8; // bytes: 0, and the length of the JSON
 const POSE = 20; // bytes: a position as float32, a quaternion as int16
 const ONE = 32767; // stands for 1 in a quaternion
 
-/**
- * Return whether a message is a state, not a drawing command.
- *
- * @param {ArrayBuffer} data
- */
+/** Return whether a message is a state, not a drawing command. @param {ArrayBuffer} data */
 export function isState(data) {
   return data.byteLength >= HEAD && new Uint8Array(data, 0, 1)[0] === 0;
 }
 
 /**
  * Return the state of a message, with the poses of all nodes.
- *
  * @param {ArrayBuffer} data
- * @param {import("./link.js").Hello} hello whose robots it is of
- * @returns {import("./link.js").State}
+ * @param {Hello} hello whose robots it is of
+ * @returns {State}
  */
 export function readState(data, { robots }) {
   const length = new DataView(data).getUint32(4, true);
@@ -51,7 +46,6 @@ export function readState(data, { robots }) {
 
 /**
  * Return the pose of what is placed in something.
- *
  * @param {number[] | undefined} pose undefined: nothing is above it
  * @param {number[]} placement
  */

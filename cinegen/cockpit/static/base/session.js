@@ -8,8 +8,6 @@ import { Events } from "./events.js";
 const NUMBERED = /^(link|frame)\d+$/; // names that say nothing
 
 /**
- * @typedef {import("./link.js").Hello} Hello
- * @typedef {import("./link.js").State} State
  * @typedef {import("./messages").NodeDescription} Node
  * @typedef {"mine" | "other" | "free"} Control
  * @typedef {{ robot: string, node: string }} Part
@@ -23,7 +21,7 @@ export class Session extends Events {
   hello = null;
   /** @type {State | null} */
   state = null;
-  /** @type {import("./link.js").Report | null} */
+  /** @type {SessionReport | null} */
   report = null;
   /** @type {Control} */
   control = "free";
@@ -46,7 +44,7 @@ export class Session extends Events {
     document.documentElement.dataset.control = this.control;
   }
 
-  /** @param {import("./link.js").ClientMessage} message */
+  /** @param {ClientMessage} message */
   send(message) {
     this.link.send(message);
   }
@@ -60,28 +58,18 @@ export class Session extends Events {
     return [...this.#robots.values()].filter(({ obstacle }) => obstacle);
   }
 
-  /**
-   * Return a robot or an obstacle.
-   *
-   * @param {string} name
-   */
+  /** Return a robot or an obstacle. @param {string} name */
   robot(name) {
     return this.#robots.get(name) ?? null;
   }
 
-  /**
-   * Return whether there is such a part.
-   *
-   * @param {string} robot
-   * @param {string} node
-   */
+  /** Return whether there is such a part. @param {string} robot @param {string} node */
   knows(robot, node) {
     return this.#robots.get(robot)?.byName.has(node) ?? false;
   }
 
   /**
    * Return whether nothing can move a part: no joint lies between it and a base that stands still.
-   *
    * @param {string} robot
    * @param {string} node
    */
@@ -95,7 +83,6 @@ export class Session extends Events {
 
   /**
    * Return the name of a part for people: that of a frame on it, such as a tool, where it has only a number itself.
-   *
    * @param {string} robot
    * @param {string} node
    */
@@ -107,11 +94,7 @@ export class Session extends Events {
     return this.robots.length > 1 ? `${robot} · ${name}` : name;
   }
 
-  /**
-   * Return the present values of each robot's joints, by name.
-   *
-   * @returns {[string, ArrayLike<number>][]}
-   */
+  /** Return the present values of each robot's joints, by name. @returns {[string, ArrayLike<number>][]} */
   configurations() {
     const reported = Object.entries(this.report?.robots ?? {}).map(([name, { q }]) => [name, q]);
     return this.link.configurations() ?? /** @type {[string, number[]][]} */ (reported);
@@ -120,6 +103,11 @@ export class Session extends Events {
   /** The present tasks. */
   get tasks() {
     return this.state?.tasks ?? [];
+  }
+
+  /** Whether robots do what a person had them do, now or when it was recorded. */
+  get driven() {
+    return this.control !== "free" || Boolean(this.hello?.playback);
   }
 
   /** Whether this page only views: the server refuses its commands. */
@@ -134,12 +122,12 @@ export class Session extends Events {
     return false;
   }
 
-  /**
-   * Select a part; nothing if there is no such part.
-   *
-   * @param {string | null} robot
-   * @param {string | null} node
-   */
+  /** Send a command, if it may be sent. @param {ClientMessage} message */
+  command(message) {
+    if (this.mayAct()) this.send(message);
+  }
+
+  /** Select a part; nothing if there is no such part. @param {string | null} robot @param {string | null} node */
   select(robot, node) {
     const selected = robot !== null && node !== null && this.knows(robot, node) ? { robot, node } : null;
     if (selected?.robot === this.selected?.robot && selected?.node === this.selected?.node) return;
@@ -179,7 +167,6 @@ export class Session extends Events {
 
 /**
  * Return an obstacle as a robot of one part.
- *
  * @param {import("./messages").ObstacleDescription} obstacle
  * @returns {KnownRobot}
  */
@@ -191,22 +178,12 @@ function asRobot({ name, length, mobility }) {
   return { name, robot: name, obstacle: true, length, mobility, end: name, base: null, forces, ...parts };
 }
 
-/**
- * Return the key of a part in maps.
- *
- * @param {string} robot
- * @param {string} node
- */
+/** Return the key of a part in maps. @param {string} robot @param {string} node */
 export function keyOf(robot, node) {
   return `${robot}\n${node}`;
 }
 
-/**
- * Return the part of a key: [robot, node].
- *
- * @param {string} key
- * @returns {[string, string]}
- */
+/** Return the part of a key: [robot, node]. @param {string} key @returns {[string, string]} */
 export function partOf(key) {
   const [robot = "", node = ""] = key.split("\n");
   return [robot, node];

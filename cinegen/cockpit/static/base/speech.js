@@ -26,18 +26,13 @@ const WORDS = [
   [/^–$/, "no value"],
 ];
 
-/**
- * Return a text with its units and signs as words: "minus 12.5 degrees" for "-12.5°".
- *
- * @param {string} text
- */
+/** Return a text with its units and signs as words: "minus 12.5 degrees" for "-12.5°". @param {string} text */
 export function spoken(text) {
   return WORDS.reduce((found, [pattern, word]) => found.replace(pattern, word), text);
 }
 
 /**
  * Give a slider, a meter or a number field the text that is read as its value.
- *
  * @param {Element} control
  * @param {string} text value with its unit, as it is shown
  */
@@ -46,11 +41,7 @@ export function speak(control, text) {
   if (control.getAttribute("aria-valuetext") !== words) control.setAttribute("aria-valuetext", words);
 }
 
-/**
- * Announce a text: screen readers read it after what they are reading.
- *
- * @param {string} text
- */
+/** Announce a text: screen readers read it after what they are reading. @param {string} text */
 export function announce(text) {
   const line = make("p", {}, spoken(text));
   const region = byId("announcer");

@@ -26,11 +26,7 @@ export class Units extends Events {
     return this.small ? NAMES[1] : NAMES[0];
   }
 
-  /**
-   * "12.3 mm" of a length in m.
-   *
-   * @param {number} metres
-   */
+  /** "12.3 mm" of a length in m. @param {number} metres */
   length(metres) {
     return this.small ? `${fixed(1000 * metres, 1)} mm` : `${fixed(metres, 4)} m`;
   }
@@ -40,23 +36,13 @@ export class Units extends Events {
     return this.small ? `${fixed(radians / DEGREE, 1)}°` : `${fixed(radians, 3)} rad`;
   }
 
-  /**
-   * A joint's value as it is shown, without its unit.
-   *
-   * @param {Joint} joint
-   * @param {number} value
-   */
+  /** A joint's value as it is shown, without its unit. @param {Joint} joint @param {number} value */
   shown(joint, value) {
     if (!this.small) return value;
     return joint.type === "prismatic" ? 1000 * value : value / DEGREE;
   }
 
-  /**
-   * The other way round.
-   *
-   * @param {Joint} joint
-   * @param {number} shown
-   */
+  /** The other way round. @param {Joint} joint @param {number} shown */
   meant(joint, shown) {
     if (!this.small) return shown;
     return joint.type === "prismatic" ? shown / 1000 : shown * DEGREE;
@@ -74,10 +60,7 @@ export class Units extends Events {
     return this.small ? "°" : "rad";
   }
 
-  /**
-   * @param {Joint} joint
-   * @param {number} value
-   */
+  /** @param {Joint} joint @param {number} value */
   joint(joint, value) {
     return joint.type === "prismatic" ? this.length(value) : this.angle(value);
   }
@@ -93,30 +76,20 @@ export class Units extends Events {
   }
 }
 
-/**
- * With so many digits, and no "-0.0".
- *
- * @param {number} value
- * @param {number} digits
- */
+/** With so many digits, and no "-0.0". @param {number} value @param {number} digits */
 export function fixed(value, digits) {
   if (!Number.isFinite(value)) return "–";
   const text = value.toFixed(digits);
   return Number(text) === 0 ? (0).toFixed(digits) : text;
 }
 
-/**
- * Two significant digits, written out.
- *
- * @param {number} value
- */
+/** Two significant digits, written out. @param {number} value */
 export function significant(value) {
   return Number.isFinite(value) ? String(Number(value.toPrecision(2))) : "–";
 }
 
 /**
  * A force or a torque with three significant digits: "642 N m", "12.3 kN".
- *
  * @param {number} value
  * @param {string} unit
  */
@@ -126,6 +99,17 @@ export function amount(value, unit) {
   const [power, prefix] = size >= 9.995e6 ? [1e6, "M"] : size >= 9995 ? [1e3, "k"] : [1, ""];
   const text = size < 5e-4 ? "0" : String(Number((value / power).toPrecision(3)));
   return `${text} ${prefix}${unit}`;
+}
+
+const SEEN = [0.012, 0.06]; // characteristic lengths, rad
+
+/**
+ * Return whether a target is reached as far as people see.
+ * @param {readonly number[]} error distance (m) and rotation (rad) to the target
+ * @param {number} length characteristic length of the robot (m)
+ */
+export function isNear([far = 0, turned = 0], length) {
+  return far <= SEEN[0] * length && turned <= SEEN[1];
 }
 
 export const units = new Units();

@@ -20,7 +20,7 @@ export class Film {
   /** @type {{ recorder: Recorder, started: number } | null} */
   #running = null;
 
-  /** @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session }} parts */
+  /** @param {{ view: View, session: Session }} parts */
   constructor({ view, session }) {
     this.view = view;
     this.session = session;
@@ -75,11 +75,7 @@ function videoType() {
   return typeof MediaRecorder === "undefined" ? null : (VIDEOS.find((type) => MediaRecorder.isTypeSupported(type)) ?? null);
 }
 
-/**
- * @param {HTMLCanvasElement} canvas
- * @param {string} type
- * @returns {Recorder}
- */
+/** @param {HTMLCanvasElement} canvas @param {string} type @returns {Recorder} */
 function videoOf(canvas, type) {
   const stream = canvas.captureStream(RATE);
   const recorder = new MediaRecorder(stream, { mimeType: type, videoBitsPerSecond: BITRATE });
@@ -89,8 +85,7 @@ function videoOf(canvas, type) {
   recorder.start(1000);
   return {
     suffix: type.startsWith("video/mp4") ? "mp4" : "webm",
-    end: () =>
-      new Promise((resolve, reject) => {
+    end: () => new Promise((resolve, reject) => {
         recorder.addEventListener("error", () => reject(new Error("the browser's encoder failed")));
         recorder.addEventListener("stop", () => resolve(new Blob(parts, { type })));
         recorder.stop();

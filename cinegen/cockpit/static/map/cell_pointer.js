@@ -10,8 +10,8 @@ import { formatted } from "./numbers.js";
 const MARK = 0.62; // of a cell's width: a cell that is pointed at
 
 /**
- * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session, labels: import("../view/labels.js").Labels, field: import("./field.js").Field,
- *   cells: import("./cells.js").Cells, legend: import("./legend.js").Legend, drag: import("../pointer/drag.js").Drag,
+ * @param {{ view: View, session: Session, labels: Labels, field: Field,
+ *   cells: import("./cells.js").Cells, legend: import("./legend.js").Legend, drag: Drag,
  *   pick: import("../pointer/pick.js").Pick }} parts
  */
 export function pointAtCells({ view, session, labels, field, cells, legend, drag, pick }) {

@@ -35,12 +35,7 @@ const FRAGMENT = `
     float light = 0.62 + 0.38 * max(0.0, dot(vec3(at.x, -at.y, sqrt(1.0 - away)), vec3(-0.35, 0.45, 0.82)));
     gl_FragColor = vec4(own * light, 1.0);
   }`;
-const CORNERS = [
-  [-0.5, -0.5],
-  [0.5, -0.5],
-  [0.5, 0.5],
-  [-0.5, 0.5],
-];
+const CORNERS = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]];
 
 /**
  * @typedef {Points<BufferGeometry, ShaderMaterial> | Mesh<BufferGeometry, MeshBasicMaterial>} Drawn
@@ -54,7 +49,7 @@ export class Cells {
   #where = new Vector3();
   #along = new Vector3();
 
-  /** @param {{ view: import("../view/view.js").View, field: import("../map/field.js").Field }} parts */
+  /** @param {{ view: View, field: Field }} parts */
   constructor({ view, field }) {
     this.view = view;
     this.field = field;
@@ -65,11 +60,7 @@ export class Cells {
     view.before(() => this.#place());
   }
 
-  /**
-   * The middle of a cell, in the world.
-   *
-   * @param {number} cell
-   */
+  /** The middle of a cell, in the world. @param {number} cell */
   middle(cell, into = new Vector3()) {
     const points = this.field.array("points");
     return into.fromArray(points, 3 * cell).applyMatrix4(this.#group.matrix);
@@ -77,7 +68,6 @@ export class Cells {
 
   /**
    * The cell that a ray of the scene meets first, and how far away; null if none.
-   *
    * @param {import("three").Ray} ray
    * @returns {Met | null}
    */
@@ -93,11 +83,7 @@ export class Cells {
     return found === null ? null : { cell: found.cell, away: found.away * scale };
   }
 
-  /**
-   * @param {Vector3} from
-   * @param {Vector3} along
-   * @param {number} radius
-   */
+  /** @param {Vector3} from @param {Vector3} along @param {number} radius */
   #ball(from, along, radius) {
     const { field } = this;
     const points = field.array("points");
@@ -114,10 +100,7 @@ export class Cells {
     return best;
   }
 
-  /**
-   * @param {Vector3} from
-   * @param {Vector3} along
-   */
+  /** @param {Vector3} from @param {Vector3} along */
   #tile(from, along) {
     const { field } = this;
     const points = field.array("points");
@@ -173,11 +156,7 @@ export class Cells {
     this.view.changed();
   }
 
-  /**
-   * The colours of all cells that are seen, of each so many times.
-   *
-   * @param {number} each
-   */
+  /** The colours of all cells that are seen, of each so many times. @param {number} each */
   #colours(each) {
     const { field } = this;
     const { seen } = field;
@@ -229,7 +208,6 @@ export class Cells {
 
 /**
  * How far along `one` a vector in the plane of two goes.
- *
  * @param {Vector3} at
  * @param {Vector3} one
  * @param {Vector3} other
@@ -239,10 +217,7 @@ function solve(at, one, other) {
   return (at.dot(one) * bb - at.dot(other) * ab) / (aa * bb - ab * ab);
 }
 
-/**
- * @param {Float32Array} positions
- * @param {Float32Array} colours
- */
+/** @param {Float32Array} positions @param {Float32Array} colours */
 function geometry(positions, colours) {
   const made = new BufferGeometry();
   made.setAttribute("position", new Float32BufferAttribute(positions, 3));

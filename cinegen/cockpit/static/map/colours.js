@@ -8,7 +8,6 @@ export const UNKNOWN = [0.62, 0.62, 0.62]; // of what has no value
 
 /**
  * Red, green and blue of a part, 0 to 1, put into an array from `at` on.
- *
  * @param {number} part
  * @param {number[] | Float32Array} into
  * @param {number} at

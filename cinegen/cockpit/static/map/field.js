@@ -11,7 +11,6 @@ const SHARE = { cloud: 0.6, surface: 0.96 }; // of a cell's width, that is drawn
 
 /**
  * Description of a map by the server; its types are generated from cinegen/cockpit/messages.py.
- *
  * @typedef {import("../base/messages").AxisShown} Axis
  * @typedef {import("../base/messages").MapDescription} About
  * @typedef {{ axis: number, index: number, layer: boolean }} Cut
@@ -35,7 +34,7 @@ export class Field extends Events {
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   #timer;
 
-  /** @param {import("../base/session.js").Session} session */
+  /** @param {Session} session */
   constructor(session) {
     super();
     /** @type {boolean | null} */
@@ -52,31 +51,19 @@ export class Field extends Events {
     return this.expected === false || this.about !== null;
   }
 
-  /**
-   * An array of numbers of all cells.
-   *
-   * @param {string} name
-   */
+  /** An array of numbers of all cells. @param {string} name */
   array(name) {
     const numbers = this.#numbers.get(name);
     if (numbers === undefined) throw new Error(`the map has no numbers called "${name}"`);
     return numbers;
   }
 
-  /**
-   * The values of a quantity; null where there are none.
-   *
-   * @param {string | null} name
-   */
+  /** The values of a quantity; null where there are none. @param {string | null} name */
   values(name = this.quantity) {
     return this.#numbers.get(`value ${name}`) ?? null;
   }
 
-  /**
-   * Return the description of the quantity that is shown; null without one.
-   *
-   * @param {string | null} name
-   */
+  /** Return the description of the quantity that is shown; null without one. @param {string | null} name */
   description(name = this.quantity) {
     return this.about?.quantities.find((one) => one.name === name) ?? null;
   }
@@ -86,11 +73,7 @@ export class Field extends Events {
     return this.shown ? this.#seen : this.#seen.subarray(0, 0);
   }
 
-  /**
-   * Chooses what is seen.
-   *
-   * @param {Partial<Choice>} choice
-   */
+  /** Chooses what is seen. @param {Partial<Choice>} choice */
   choose(choice) {
     Object.assign(this, choice);
     if ("share" in choice) memory.set(`map.share.${this.#kind}`, this.share);
@@ -125,12 +108,7 @@ export class Field extends Events {
     return this.about?.done !== done;
   }
 
-  /**
-   * Description of the map, followed by the arrays that it describes.
-   *
-   * @param {ArrayBuffer} block
-   * @returns {About}
-   */
+  /** Description of the map, followed by the arrays that it describes. @param {ArrayBuffer} block @returns {About} */
   #take(block) {
     const size = new DataView(block).getUint32(0, true);
     const about = JSON.parse(new TextDecoder().decode(new Uint8Array(block, 4, size)));
@@ -185,11 +163,7 @@ export class Field extends Events {
   }
 }
 
-/**
- * Fetch a file that the server has next to the page.
- *
- * @param {string} name
- */
+/** Fetch a file that the server has next to the page. @param {string} name */
 export async function got(name) {
   const answer = await fetch(pageUrl(name));
   if (!answer.ok) throw new Error(`${name}: ${answer.status}`);

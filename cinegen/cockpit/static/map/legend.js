@@ -11,7 +11,7 @@ export class Legend {
   /** @type {number | null} */
   #cell = null;
 
-  /** @param {{ view: import("../view/view.js").View, field: import("../map/field.js").Field }} parts */
+  /** @param {{ view: View, field: Field }} parts */
   constructor({ view, field }) {
     this.field = field;
     this.name = make("div", { class: "name" });
@@ -21,14 +21,7 @@ export class Legend {
     this.high = make("span", { class: "number high" });
     this.ends = make("div", { class: "ends" }, this.low, this.high);
     this.cell = make("dl", { class: "cell" });
-    this.element = make(
-      "div",
-      { id: "legend", hidden: true, role: "img" },
-      this.name,
-      this.bar,
-      this.ends,
-      this.cell,
-    );
+    this.element = make("div", { id: "legend", hidden: true, role: "img" }, this.name, this.bar, this.ends, this.cell);
     view.pane.parentElement?.append(this.element);
     for (const event of /** @type {const} */ (["cells", "change"])) field.on(event, () => this.#show());
     units.on("change", () => {
@@ -36,11 +29,7 @@ export class Legend {
     });
   }
 
-  /**
-   * Show the coordinates and values of a cell; null: of none.
-   *
-   * @param {number | null} cell
-   */
+  /** Show the coordinates and values of a cell; null: of none. @param {number | null} cell */
   point(cell) {
     this.#cell = cell;
     this.#showCell();

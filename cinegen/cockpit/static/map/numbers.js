@@ -6,12 +6,7 @@ const DIGITS = 3;
 const SMALL = 1e-3;
 const LARGE = 1e5;
 
-/**
- * Return a value with its unit; "1" is dimensionless.
- *
- * @param {number} value
- * @param {string} unit
- */
+/** Return a value with its unit; "1" is dimensionless. @param {number} value @param {string} unit */
 export function formatted(value, unit) {
   if (!Number.isFinite(value)) return value === Infinity ? "∞" : "–";
   const size = Math.abs(value);
@@ -21,7 +16,6 @@ export function formatted(value, unit) {
 
 /**
  * Return the coordinate of a cell along an axis, by its index among those that are shown.
- *
  * @param {Pick<import("./field.js").Axis, "unit" | "low" | "step">} axis
  * @param {number} index
  */

@@ -10,13 +10,9 @@ import { Section } from "./section.js";
 /** @type {Record<string, string>} */
 const DRAWN = { parts: "parts", skeleton: "skeletons" };
 
-/**
- * @param {HTMLElement} panel
- * @param {import("../aids/aids.js").Aids} aids
- * @param {import("../view/view.js").View} view
- */
+/** @param {HTMLElement} panel @param {Aids} aids @param {View} view */
 export function appearance(panel, aids, view) {
-  const { body } = new Section(panel, { id: "show", title: "Show", hint: "What is drawn besides the robots, and how" });
+  const { body } = new Section(panel, "show", "Show", "What is drawn besides the robots, and how");
   const boxes = AIDS.map(({ id, label, hint }) => {
     const box = make("input", { type: "checkbox", data: { aid: id }, on: { change: () => aids.choose(id, box.checked) } });
     return { id, box, label: make("label", { title: hint }, box, label) };

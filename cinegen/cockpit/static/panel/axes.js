@@ -9,10 +9,7 @@ const LARGEST = 100;
 
 /** @typedef {{ source: string, negative: boolean, factor: number }} Entry */
 
-/**
- * @param {string} text with all entries, as the session reports it
- * @returns {Entry[]}
- */
+/** @param {string} text with all entries, as the session reports it @returns {Entry[]} */
 export function parseAxes(text) {
   return text.split(", ").map((entry) => {
     const [, sign, factor = "1", source] = /^(-?)(?:(.+)\*)?(\w+)$/.exec(entry) ?? ["", "", "1", "0"];
@@ -22,16 +19,13 @@ export function parseAxes(text) {
 
 /** @param {Entry[]} entries */
 export function formatAxes(entries) {
-  return entries
-    .map(({ source, negative, factor }) =>
+  return entries.map(({ source, negative, factor }) =>
       source === "0" ? "0" : `${negative ? "-" : ""}${factor === 1 ? "" : `${factor}*`}${source}`,
-    )
-    .join(", ");
+    ).join(", ");
 }
 
 /**
  * Return the entries after another source was selected for one: translations or rotations that had it swap theirs.
- *
  * @param {Entry[]} entries
  * @param {number} index
  * @param {string} source
@@ -50,10 +44,7 @@ export class AxesControl {
   #entries = [];
   #changed = -Infinity;
 
-  /**
-   * @param {string} whose
-   * @param {(axes: string) => void} changed takes the text
-   */
+  /** @param {string} whose @param {(axes: string) => void} changed takes the text */
   constructor(whose, changed) {
     const change = (/** @type {Entry[]} */ entries) => {
       this.#changed = performance.now();

@@ -17,7 +17,6 @@ const HEAVIEST = 1e6; // kg
 const MOVED = 400; // ms for which reports do not move a slider that is moved
 const HINT = "Holding torques and reactions: statics of the robot at rest with its payload, without friction";
 
-/** @typedef {import("../base/session.js").KnownRobot} KnownRobot */
 /** @typedef {import("../base/messages").ReactionReport} ReactionReport */
 /**
  * @typedef {{ range: HTMLInputElement, number: HTMLInputElement, node: HTMLSelectElement, moved: number,
@@ -28,15 +27,11 @@ export class Forces {
   /** @type {Map<string, Controls>} */
   #controls = new Map();
 
-  /**
-   * @param {HTMLElement} panel
-   * @param {import("../base/session.js").Session} session
-   * @param {import("../aids/aids.js").Aids} aids
-   */
+  /** @param {HTMLElement} panel @param {Session} session @param {Aids} aids */
   constructor(panel, session, aids) {
     this.session = session;
     this.aids = aids;
-    this.section = new Section(panel, { id: "forces", title: "Forces", hint: HINT });
+    this.section = new Section(panel, "forces", "Forces", HINT);
     this.send = atMostEvery(PICTURE, (/** @type {{ robot: string, node: string, mass: number }} */ payload) =>
       session.send({ type: "set_payload", ...payload }),
     );
@@ -121,10 +116,7 @@ export class Forces {
     ];
   }
 
-  /**
-   * @param {Controls} one
-   * @param {number} mass
-   */
+  /** @param {Controls} one @param {number} mass */
   #mass(one, mass) {
     const text = String(Number(mass.toPrecision(4)));
     if (document.activeElement !== one.number && one.number.value !== text) one.number.value = text;
@@ -154,10 +146,7 @@ export class Forces {
     }
   }
 
-  /**
-   * @param {Controls} one
-   * @param {readonly ReactionReport[]} reactions
-   */
+  /** @param {Controls} one @param {readonly ReactionReport[]} reactions */
   #list(one, reactions) {
     const named = reactions.map(({ kind, name }) => `${kind} ${name}`).join("\n");
     if (one.named !== named) {
@@ -184,7 +173,6 @@ export class Forces {
 
 /**
  * Return the text about reactions: the scale of the arrows, and what statics does not determine.
- *
  * @param {readonly ReactionReport[]} reactions
  * @param {number} length characteristic length of the robot (m)
  */

@@ -5,7 +5,7 @@
 // [data-lock="ROBOT/JOINT"] (aria-pressed) where joints can be locked, also of a floating base.
 // [data-torque="ROBOT/JOINT"] (a meter) where links have masses, data-tone "good", "warn", "bad" or "none".
 
-import { atMostEvery, make, sign, write } from "../base/dom.js";
+import { atMostEvery, button, isOn, make, press, sign, write } from "../base/dom.js";
 import { sharedBeginnings, valueOf } from "../base/names.js";
 import { speak, spoken } from "../base/speech.js";
 import { amount, fixed, units } from "../base/units.js";
@@ -15,11 +15,11 @@ import { fill } from "./slider.js";
 const PICTURE = 1000 / 60;
 const OVER = 250; // ms after the report change: the motion ends
 const MUCH = 0.8; // of its limit: the bar of a torque turns orange
+const UNLOCKED = "Lock it: nothing moves this joint";
 const SETTLED = 600; // ms after that: the joint is at rest
 /** @type {Record<string, number>} */
 const WIDE = { revolute: Math.PI, prismatic: 0.5 }; // to each side of home, where there is no limit; rad, lengths
 
-/** @typedef {import("../base/session.js").KnownRobot} KnownRobot */
 /** @typedef {import("../base/messages").JointDescription} Joint */
 /**
  * @typedef {{ robot: KnownRobot, joint: Joint, lower: number, upper: number, key: string, beginning: string, element: HTMLElement,
@@ -30,7 +30,7 @@ const WIDE = { revolute: Math.PI, prismatic: 0.5 }; // to each side of home, whe
 export class Joints {
   /** @type {Map<string, Row>} */
   #rows = new Map();
-  /** @type {{ robot: string, joint: string, button: HTMLButtonElement }[]} */
+  /** @type {{ robot: string, joint: string, lock: HTMLButtonElement }[]} */
   #locks = [];
   /** @type {HTMLElement | null} */
   #lit = null; // the row of the joint that a pointer is on
@@ -39,17 +39,10 @@ export class Joints {
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   #end;
 
-  /**
-   * @param {HTMLElement} panel
-   * @param {import("../base/session.js").Session} session
-   */
+  /** @param {HTMLElement} panel @param {Session} session */
   constructor(panel, session) {
     this.session = session;
-    this.section = new Section(panel, {
-      id: "joints",
-      title: "Joints",
-      hint: "Move actuated joints one by one; the ends of each bar are the joint's limits",
-    });
+    this.section = new Section(panel, "joints", "Joints", "Move actuated joints one by one; the ends of each bar are the joint's limits");
     this.send = atMostEvery(PICTURE, (/** @type {{ robot: string, joint: string, value: number }} */ move) => session.send({ type: "move_joint", ...move }));
     session.on("hello", () => this.section.fill(() => this.#build()));
     session.on("report", () => this.#show());
@@ -62,7 +55,7 @@ export class Joints {
     units.on("change", () => this.section.fill(() => this.#build()));
   }
 
-  /** @param {import("../base/session.js").Part | null} part whose joint's row is lit */
+  /** @param {Part | null} part whose joint's row is lit */
   #light(part) {
     this.#lit?.classList.remove("lit");
     const joint = part && this.session.robot(part.robot)?.byName.get(part.node)?.joint;
@@ -94,7 +87,6 @@ export class Joints {
 
   /**
    * Rows, below the beginnings of names that they share where these differ.
-   *
    * @param {HTMLElement} body
    * @param {Row[]} rows
    */
@@ -134,8 +126,7 @@ export class Joints {
       mark: make("i"),
       text: make("span", { class: "number" }),
     };
-    const limits =
-      Number.isFinite(joint.lower) || Number.isFinite(joint.upper)
+    const limits = Number.isFinite(joint.lower) || Number.isFinite(joint.upper)
         ? `${units.joint(joint, row.lower)} to ${units.joint(joint, row.upper)}`
         : "no limits";
     const coupled = robot.couplings.filter(({ terms }) => Object.hasOwn(terms, joint.name)).map(({ equation }) => `; ${equation} (rad, m)`);
@@ -150,41 +141,16 @@ export class Joints {
     return row;
   }
 
-  /**
-   * A joint's name with its padlock.
-   *
-   * @param {KnownRobot} robot
-   * @param {string} joint
-   * @param {HTMLElement} name
-   */
+  /** A joint's name with its padlock. @param {KnownRobot} robot @param {string} joint @param {HTMLElement} name */
   #named(robot, joint, name) {
-    const button = make(
-      "button",
-      {
-        type: "button",
-        class: "lock",
-        hidden: true,
-        data: { lock: `${robot.name}/${joint}` },
-        "aria-pressed": "false",
-        "aria-label": `Lock ${joint} of ${robot.name}`,
-        title: "Lock it: nothing moves this joint",
-      },
-      sign("lock"),
-    );
-    button.addEventListener("click", () => {
-      if (!this.session.mayAct()) return;
-      const locked = button.getAttribute("aria-pressed") !== "true";
-      this.session.send({ type: "lock_joint", robot: robot.name, joint, locked });
-    });
-    this.#locks.push({ robot: robot.name, joint, button });
-    return make("span", { class: "lockable" }, button, name);
+    const about = { class: "lock", hidden: true, data: { lock: `${robot.name}/${joint}` }, "aria-pressed": "false", title: UNLOCKED };
+    const send = () => this.session.command({ type: "lock_joint", robot: robot.name, joint, locked: !isOn(lock) });
+    const lock = button({ ...about, "aria-label": `Lock ${joint} of ${robot.name}` }, send, sign("lock"));
+    this.#locks.push({ robot: robot.name, joint, lock });
+    return make("span", { class: "lockable" }, lock, name);
   }
 
-  /**
-   * @param {Row} row
-   * @param {HTMLElement} name
-   * @param {string} limits
-   */
+  /** @param {Row} row @param {HTMLElement} name @param {string} limits */
   #passive(row, name, limits) {
     return make(
       "div",
@@ -195,11 +161,7 @@ export class Joints {
     );
   }
 
-  /**
-   * @param {Row} row
-   * @param {HTMLElement} name
-   * @param {string} limits
-   */
+  /** @param {Row} row @param {HTMLElement} name @param {string} limits */
   #actuated(row, name, limits) {
     const { robot, joint } = row;
     const [min, max] = [row.lower, row.upper].map((value) => units.shown(joint, value));
@@ -247,11 +209,7 @@ export class Joints {
     );
   }
 
-  /**
-   * The torque or force that holds the joint: a bar where there is a limit of it.
-   *
-   * @param {Row} row
-   */
+  /** The torque or force that holds the joint: a bar where there is a limit of it. @param {Row} row */
   #torque(row) {
     const { joint, robot } = row;
     const [what, unit] = kindOf(joint);
@@ -283,9 +241,7 @@ export class Joints {
     for (const robot of this.session.robots) {
       const found = valueOf(torques, robot.name);
       if (found === undefined) continue;
-      robot.joints
-        .filter(({ actuated }) => actuated)
-        .forEach((joint, i) => {
+      robot.joints.filter(({ actuated }) => actuated).forEach((joint, i) => {
           const row = this.#rows.get(`${robot.name}/${joint.name}`);
           if (!row?.torque) return;
           const { text, share, tone } = holding(joint, found[i] ?? null);
@@ -298,10 +254,7 @@ export class Joints {
     }
   }
 
-  /**
-   * @param {Row} row
-   * @param {number} shown
-   */
+  /** @param {Row} row @param {number} shown */
   #move(row, shown) {
     fill(row.range);
     if (!this.session.mayAct()) return;
@@ -324,15 +277,13 @@ export class Joints {
 
   #show() {
     if (!this.section.shown) return;
-    for (const { robot, joint, button } of this.#locks) {
+    for (const { robot, joint, lock } of this.#locks) {
       const locked = valueOf(this.session.report?.robots, robot)?.locked;
-      const pressed = String(locked?.includes(joint) ?? false);
       const row = this.#rows.get(`${robot}/${joint}`);
-      button.hidden = !locked;
-      if (row) row.range.disabled = row.number.disabled = pressed === "true";
-      if (button.getAttribute("aria-pressed") === pressed) continue;
-      button.setAttribute("aria-pressed", pressed);
-      button.title = pressed === "true" ? "Unlock it" : "Lock it: nothing moves this joint";
+      lock.hidden = !locked;
+      press(lock, locked?.includes(joint) ?? false);
+      if (row) row.range.disabled = row.number.disabled = isOn(lock);
+      lock.title = isOn(lock) ? "Unlock it" : UNLOCKED;
     }
     for (const robot of this.session.robots) {
       const report = valueOf(this.session.report?.robots, robot.name);
@@ -350,10 +301,7 @@ export class Joints {
     }
   }
 
-  /**
-   * @param {Row} row
-   * @param {number} value
-   */
+  /** @param {Row} row @param {number} value */
   #value(row, value) {
     const { joint } = row;
     const text = fixed(units.shown(joint, value), units.digits(joint));
@@ -371,17 +319,13 @@ export class Joints {
   }
 }
 
-/**
- * @param {Joint} joint
- * @returns {[string, string]} what its actuator gives, and the unit
- */
+/** @param {Joint} joint @returns {[string, string]} what its actuator gives, and the unit */
 function kindOf(joint) {
   return joint.type === "prismatic" ? ["force", "N"] : ["torque", "N m"];
 }
 
 /**
  * Return the text, the part of the limit (0 without one) and the colour of a holding torque or force.
- *
  * @param {Joint} joint
  * @param {number | null} torque null where none holds
  */

@@ -25,13 +25,10 @@ export class MapSection {
   at = make("output", { class: "number", "aria-live": "off" });
   note = make("div", { id: "map-note", class: "description quiet" });
 
-  /**
-   * @param {HTMLElement} panel
-   * @param {import("../map/field.js").Field} field
-   */
+  /** @param {HTMLElement} panel @param {Field} field */
   constructor(panel, field) {
     this.field = field;
-    this.section = new Section(panel, { id: "map", title: "Map", hint: HINT });
+    this.section = new Section(panel, "map", "Map", HINT);
     this.section.element.hidden = true;
     field.on("cells", () => this.#show());
     units.on("change", () => {
@@ -132,32 +129,19 @@ export class MapSection {
     fill(this.cut);
   }
 
-  /**
-   * @param {string} id
-   * @param {string} title
-   * @param {string[]} names
-   */
+  /** @param {string} id @param {string} title @param {string[]} names */
   #choice(id, title, names) {
     return make("select", { class: "small", id, title }, ...names.map((name) => make("option", { value: name }, name)));
   }
 
-  /**
-   * @param {string} id
-   * @param {boolean} on
-   */
+  /** @param {string} id @param {boolean} on */
   #box(id, on) {
     const box = make("input", { type: "checkbox", id });
     box.checked = on;
     return box;
   }
 
-  /**
-   * @param {string} id
-   * @param {string} label
-   * @param {number} min
-   * @param {number} max
-   * @param {number} value
-   */
+  /** @param {string} id @param {string} label @param {number} min @param {number} max @param {number} value */
   #slider(id, label, min, max, value) {
     const slider = make("input", { type: "range", id, min, max, step: 1, title: label, "aria-label": label });
     slider.value = String(value);

@@ -22,12 +22,9 @@ export class Performance {
   /** @type {number | null} */
   #delay = null; // ms
 
-  /**
-   * @param {HTMLElement} panel
-   * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session, open: boolean }} parts
-   */
+  /** @param {HTMLElement} panel @param {{ view: View, session: Session, open: boolean }} parts */
   constructor(panel, { view, session, open }) {
-    const section = new Section(panel, { id: "performance", title: "Performance", hint: "Loop gap, rate of the solver, delay and time per frame", open: false });
+    const section = new Section(panel, "performance", "Performance", "Loop gap, rate of the solver, delay and time per frame", false);
     section.element.open ||= open;
     for (const [id, name, title] of READINGS) {
       const output = make("output", { id, class: "number", "aria-live": "off", "aria-label": name }, "–");
@@ -44,17 +41,13 @@ export class Performance {
     }
   }
 
-  /**
-   * A target was sent: the delay is the time until a state has it.
-   *
-   * @param {number[]} position
-   */
+  /** A target was sent: the delay is the time until a state has it. @param {number[]} position */
   sent(position) {
     this.#sent.push([performance.now(), position]);
     if (this.#sent.length > 60) this.#sent.shift();
   }
 
-  /** @param {import("../base/link.js").State} state */
+  /** @param {State} state */
   #answer(state) {
     if (this.#sent.length === 0) return;
     const target = state.tasks?.find((task) => task.source === "pointer")?.target;
@@ -66,7 +59,7 @@ export class Performance {
     this.#delay = this.#delay === null ? time : 0.8 * this.#delay + 0.2 * time;
   }
 
-  /** @param {import("../base/link.js").Report} report */
+  /** @param {SessionReport} report */
   #show({ robots = {}, rate, compilation }) {
     const gaps = this.session.robots.map((robot) => [valueOf(robots, robot.name)?.closure ?? 0, robot.length]);
     const [gap, length] = gaps.reduce((one, other) => (other[0] > one[0] ? other : one), [0, 1]);
@@ -88,7 +81,6 @@ export class Performance {
 
 /**
  * Return the text of the solver's rate, whether deadlines were missed in the last second, and the hint.
- *
  * @param {import("../base/messages").TickRate | undefined} rate
  */
 export function ticking(rate) {

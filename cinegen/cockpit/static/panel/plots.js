@@ -4,7 +4,7 @@
 // "positions", "distance", "rotation" or "singular"] with a canvas, and a button [data-line="PLOT/ROBOT/NAME"]
 // (aria-pressed) for each line.
 
-import { make, memory, write } from "../base/dom.js";
+import { button, choice, isOn, make, memory, press, write } from "../base/dom.js";
 import { download } from "../base/download.js";
 import { frames } from "../base/frames.js";
 import { fixed, significant, units } from "../base/units.js";
@@ -51,34 +51,18 @@ export class Plots {
   /** @type {Set<Drawn>} */
   #waiting = new Set(); // plots to draw, one in each frame
 
-  /**
-   * @param {HTMLElement} panel
-   * @param {import("../base/session.js").Session} session
-   */
+  /** @param {HTMLElement} panel @param {Session} session */
   constructor(panel, session) {
     this.session = session;
-    this.section = new Section(panel, {
-      id: "plots",
-      title: "Plots",
-      hint: "Joints, errors of tasks and singular values over the last seconds",
-      open: false,
-    });
-    this.pause = make(
-      "button",
-      { type: "button", id: "plots-pause", class: "small", "aria-pressed": "false", title: "Stop the plots, not the robots", on: { click: () => this.#pause() } },
-      "Pause",
-    );
-    this.window = make(
-      "select",
-      { id: "plots-seconds", class: "small", title: "How far back", "aria-label": "Seconds that are plotted", on: { change: () => this.#show(Number(this.window.value)) } },
-      ...SECONDS.map((seconds) => make("option", { value: seconds }, `${seconds} s`)),
-    );
+    this.section = new Section(panel, "plots", "Plots", "Joints, errors of tasks and singular values over the last seconds", false);
+    const pausing = { id: "plots-pause", class: "small", "aria-pressed": "false", title: "Stop the plots, not the robots" };
+    this.pause = button(pausing, () => this.#pause(), "Pause");
+    const on = { change: () => this.#show(Number(this.window.value)) };
+    const back = { id: "plots-seconds", title: "How far back", "aria-label": "Seconds that are plotted", on };
+    this.window = choice(back, SECONDS.map((seconds) => [seconds, `${seconds} s`]));
     this.window.value = String(this.seconds);
-    const csv = make(
-      "button",
-      { type: "button", id: "plots-csv", class: "small", title: "Download all plotted quantities of this time, in m and rad", on: { click: () => this.#save() } },
-      "CSV",
-    );
+    const saving = { id: "plots-csv", class: "small", title: "Download all plotted quantities of this time, in m and rad" };
+    const csv = button(saving, () => this.#save(), "CSV");
     this.body = make("div", { class: "plots" });
     this.section.body.append(make("div", { class: "head buttons" }, this.pause, this.window, csv), this.body);
     this.section.element.addEventListener("toggle", () => this.redraw());
@@ -106,16 +90,12 @@ export class Plots {
     this.redraw();
   }
 
-  /**
-   * @param {Plot} plot
-   * @param {string} title
-   * @returns {Drawn}
-   */
+  /** @param {Plot} plot @param {string} title @returns {Drawn} */
   #plot(plot, title) {
     const quantities = this.quantities.all.filter((one) => one.plot === plot);
     const ordered = [...quantities.filter(({ actuated }) => actuated), ...quantities.filter(({ actuated }) => !actuated)];
     const lines = ordered.map((quantity, i) => this.#line(quantity, i));
-    for (const { quantity, button } of lines.slice(0, MOST_LINES)) button.setAttribute("aria-pressed", String(quantity.actuated));
+    for (const line of lines.slice(0, MOST_LINES)) press(line.button, line.quantity.actuated);
     const chart = new Chart((pointer) => {
       this.#pointer = pointer;
       this.redraw();
@@ -136,40 +116,24 @@ export class Plots {
     return { plot, element, chart, unit, lines };
   }
 
-  /**
-   * @param {Quantity} quantity
-   * @param {number} number
-   * @returns {Line}
-   */
+  /** @param {Quantity} quantity @param {number} number @returns {Line} */
   #line(quantity, number) {
     const style = styleOf(number);
     const value = make("output", { class: "number" });
     const swatch = make("i", { class: "swatch", style: `--line-colour: var(${style.colour})`, data: { dashed: style.dashes.length > 0 ? "yes" : "no" } });
-    const button = make(
-      "button",
-      {
-        type: "button",
-        class: "line",
-        "aria-pressed": "false",
-        title: `Show or hide ${quantity.label}`,
-        data: { line: quantity.key },
-        on: {
-          click: () => {
-            button.setAttribute("aria-pressed", String(button.getAttribute("aria-pressed") !== "true"));
-            this.redraw();
-          },
-        },
-      },
-      swatch,
-      make("span", { class: "text" }, quantity.label),
-      value,
-    );
-    return { quantity, style, button, value };
+    const text = make("span", { class: "text" }, quantity.label);
+    const toggle = () => {
+      press(line, !isOn(line));
+      this.redraw();
+    };
+    const about = { class: "line", "aria-pressed": "false", title: `Show or hide ${quantity.label}`, data: { line: quantity.key } };
+    const line = button(about, toggle, swatch, text, value);
+    return { quantity, style, button: line, value };
   }
 
   #pause() {
     this.paused = !this.paused;
-    this.pause.setAttribute("aria-pressed", String(this.paused));
+    press(this.pause, this.paused);
     write(this.pause, this.paused ? "Resume" : "Pause");
   }
 
@@ -207,7 +171,7 @@ export class Plots {
     const shown = (/** @type {number} */ value) => (joint === null ? value : units.shown(joint, value));
     const format = (/** @type {number} */ value) => (joint === null ? significant(value) : fixed(units.shown(joint, value), units.digits(joint)));
     write(drawn.unit, joint === null ? "" : units.unit(joint));
-    const lines = drawn.lines.filter(({ button }) => button.getAttribute("aria-pressed") === "true");
+    const lines = drawn.lines.filter((line) => isOn(line.button));
     const to = this.#end;
     const time = this.#pointer === null ? to : to - this.seconds * (1 - this.#pointer);
     for (const { quantity: { history, column }, value } of drawn.lines) {
@@ -225,7 +189,6 @@ export class Plots {
 
 /**
  * Return the least and the greatest of all values of columns; 0 and 0 if there are none.
- *
  * @param {import("../plots/history.js").History} history
  * @param {number[]} columns
  * @param {number} from time, s

@@ -9,11 +9,8 @@ export class Section {
   /** @type {(() => void) | null} */
   #build = null;
 
-  /**
-   * @param {HTMLElement} panel
-   * @param {{ id: string, title: string, hint: string, open?: boolean }} options
-   */
-  constructor(panel, { id, title, hint, open = true }) {
+  /** @param {HTMLElement} panel @param {string} id @param {string} title @param {string} hint @param {boolean} open at first */
+  constructor(panel, id, title, hint, open = true) {
     this.note = make("span", { class: "note" });
     this.body = make("div", { class: "body" });
     const element = make(
@@ -30,11 +27,7 @@ export class Section {
     panel.append(element);
   }
 
-  /**
-   * Build its content when it is seen: a robot of a thousand bodies has long lists.
-   *
-   * @param {() => void} build
-   */
+  /** Build its content when it is seen: a robot of a thousand bodies has long lists. @param {() => void} build */
   fill(build) {
     this.#build = build;
     this.#make();
@@ -55,7 +48,6 @@ export class Section {
 
 /**
  * A field that leaves those rows of a list which contain its text; nothing where the list is short.
- *
  * @param {HTMLElement} list
  * @param {string} rows selector
  * @param {string} label
@@ -73,7 +65,6 @@ export function filter(list, rows, label) {
 
 /**
  * For each robot a part of a section that folds; where there is one robot only, nothing to fold.
- *
  * @template {{ name: string }} R
  * @param {HTMLElement} body
  * @param {R[]} robots
@@ -96,7 +87,6 @@ export function byRobot(body, robots, fill) {
 
 /**
  * A part of a section that is folded until it is opened.
- *
  * @param {string} title
  * @param {string} hint
  * @param {...Node} children

@@ -3,16 +3,23 @@
 // For tests: [data-switch="ROBOT/NODE"] select (value: the sensor's id, "" for none), [data-sensor="ID"] with
 // data-state, #frame (select), #speed and #turning.
 
-import { make, write } from "../base/dom.js";
+import { choice, make, write } from "../base/dom.js";
 import { units } from "../base/units.js";
 import { AXES, AxesControl } from "./axes.js";
 import { Section } from "./section.js";
-import { logSlider } from "./slider.js";
+import { settingSliders } from "./slider.js";
 
 /** @type {Record<string, string>} */
 const TONES = { live: "good", silent: "none", opening: "none", lost: "warn", refused: "bad", closed: "none" };
 /** @type {Record<string, string>} */
 const FRAMES = { world: "world", base: "base of the robot", tool: "tool", view: "my view" };
+/** @type {import("./slider.js").SettingSlider[]} */
+const SPEEDS = [
+  { name: "linear_speed", id: "speed", label: "Speed", low: 0.001, high: 10, format: (value) => units.speed(value),
+    hint: "How fast a fully deflected sensor moves" },
+  { name: "angular_speed", id: "turning", label: "Turning", low: 0.01, high: 10, format: (value) => units.turning(value),
+    hint: "How fast a fully deflected sensor turns" },
+];
 const PORTS = "Name its port when starting: --sensor ID=PORT";
 
 /** @typedef {import("../base/messages").SensorDescription} Sensor */
@@ -28,22 +35,15 @@ export class Sensors {
   #switches = new Map();
   #chosen = -Infinity; // when a command frame was chosen
 
-  /**
-   * @param {HTMLElement} panel
-   * @param {import("../base/session.js").Session} session
-   */
+  /** @param {HTMLElement} panel @param {Session} session */
   constructor(panel, session) {
     this.session = session;
-    this.section = new Section(panel, {
-      id: "sensors",
-      title: "Sensors",
-      hint: "3D mice, gamepads and scripts; each node may follow one of them",
-    });
+    this.section = new Section(panel, "sensors", "Sensors", "3D mice, gamepads and scripts; each node may follow one of them");
     session.on("hello", (hello) => this.#build(hello));
     session.on("report", (report) => this.#show(report));
   }
 
-  /** @param {import("../base/link.js").Hello} hello */
+  /** @param {Hello} hello */
   #build({ sensors = [], switches = [], frames = [] }) {
     const { body } = this.section;
     body.replaceChildren();
@@ -54,65 +54,30 @@ export class Sensors {
       return;
     }
     for (const one of switches) body.append(this.#switch(one, sensors));
-    this.frame = make("select", { class: "small", id: "frame", "aria-label": "Command frame" }, ...frames.map((value) => make("option", { value }, FRAMES[value] ?? value)));
+    this.frame = choice({ id: "frame", "aria-label": "Command frame" }, frames.map((value) => [value, FRAMES[value] ?? value]));
     this.frame.addEventListener("change", () => {
       this.#chosen = performance.now();
-      if (!this.session.mayAct()) return;
-      this.session.send({ type: "change_settings", frame: /** @type {import("../base/messages").Settings["frame"]} */ (this.frame?.value) });
+      this.session.command({ type: "change_settings", frame: /** @type {import("../base/messages").Settings["frame"]} */ (this.frame?.value) });
     });
     const hint = "Command frame: a deflection of a sensor moves its node along these axes";
     body.append(make("label", { class: "pair", title: hint }, "Command in", this.frame));
     for (const sensor of sensors) body.append(this.#card(sensor));
-    const change = (/** @type {"linear_speed" | "angular_speed"} */ name) => (/** @type {number} */ value) => {
-      if (this.session.mayAct()) this.session.send({ type: "change_settings", [name]: value });
-    };
-    this.speed = logSlider({
-      id: "speed",
-      label: "Speed",
-      hint: "How fast a fully deflected sensor moves",
-      low: 0.001,
-      high: 10,
-      format: (value) => units.speed(value),
-      changed: change("linear_speed"),
-    });
-    this.turning = logSlider({
-      id: "turning",
-      label: "Turning",
-      hint: "How fast a fully deflected sensor turns",
-      low: 0.01,
-      high: 10,
-      format: (value) => units.turning(value),
-      changed: change("angular_speed"),
-    });
-    body.append(row("speed", this.speed), row("turning", this.turning));
+    this.speeds = settingSliders(this.session, SPEEDS);
+    body.append(...this.speeds.rows);
   }
 
-  /**
-   * @param {import("../base/messages").SensorSwitch} one
-   * @param {Sensor[]} sensors
-   */
+  /** @param {import("../base/messages").SensorSwitch} one @param {Sensor[]} sensors */
   #switch({ robot, node, choices = [] }, sensors) {
     const key = `${robot}/${node}`;
     const whose = this.session.robots.length > 1 ? `${robot} · ${node}` : node;
-    const select = make(
-      "select",
-      {
-        class: "small",
-        title: `Sensor that ${whose} follows`,
-        "aria-label": `Sensor that ${whose} follows`,
-        on: {
-          change: () => {
-            const entry = this.#switches.get(key);
-            if (entry !== undefined) entry.changed = performance.now();
-            if (!this.session.mayAct()) return;
-            this.session.send({ type: "select_sensor", robot, node, sensor: select.value === "" ? null : select.value });
-          },
-        },
-      },
-      ...choices.map((choice) =>
-        make("option", { value: choice ?? "" }, choice === null ? "no sensor" : named(choice, sensors)),
-      ),
-    );
+    const change = () => {
+      const entry = this.#switches.get(key);
+      if (entry !== undefined) entry.changed = performance.now();
+      this.session.command({ type: "select_sensor", robot, node, sensor: select.value === "" ? null : select.value });
+    };
+    const title = `Sensor that ${whose} follows`;
+    const options = choices.map((id) => /** @type {[string, string]} */ ([id ?? "", id === null ? "no sensor" : named(id, sensors)]));
+    const select = choice({ title, "aria-label": title, on: { change } }, options);
     this.#switches.set(key, { select, changed: -Infinity });
     return make(
       "label",
@@ -135,7 +100,7 @@ export class Sensors {
       ...AXES.map((axis, i) => make("div", {}, make("div", { class: "beam" }, beams[i]), axis)),
     );
     const axes = new AxesControl(sensor.id, (text) => {
-      if (this.session.mayAct()) this.session.send({ type: "change_sensor", sensor: sensor.id, axes: text });
+      this.session.command({ type: "change_sensor", sensor: sensor.id, axes: text });
     });
     const element = make(
       "div",
@@ -157,7 +122,7 @@ export class Sensors {
     return element;
   }
 
-  /** @param {import("../base/link.js").Report} report */
+  /** @param {SessionReport} report */
   #show({ sensors = [], switches = [], settings }) {
     for (const report of sensors) {
       const card = this.#cards.get(report.id);
@@ -185,24 +150,12 @@ export class Sensors {
     }
     const { frame } = this;
     if (frame && settings?.frame && frame.value !== settings.frame && performance.now() - this.#chosen > 800) frame.value = settings.frame;
-    this.speed?.show(settings?.linear_speed);
-    this.turning?.show(settings?.angular_speed);
+    this.speeds?.show(settings);
   }
 }
 
-/**
- * @param {string} id
- * @param {Sensor[]} sensors
- */
+/** @param {string} id @param {Sensor[]} sensors */
 function named(id, sensors) {
   const what = sensors.find((sensor) => sensor.id === id)?.kind;
   return what ? `${id} · ${what}` : id;
-}
-
-/**
- * @param {string} label
- * @param {ReturnType<typeof logSlider>} slider
- */
-function row(label, { input, output }) {
-  return make("label", { class: "pair three" }, label, input, output);
 }

@@ -38,17 +38,10 @@ export class Singularity {
   /** @type {Map<string, Row>} */
   #meters = new Map();
 
-  /**
-   * @param {HTMLElement} panel
-   * @param {import("../base/session.js").Session} session
-   */
+  /** @param {HTMLElement} panel @param {Session} session */
   constructor(panel, session) {
     this.session = session;
-    this.section = new Section(panel, {
-      id: "singularity",
-      title: "Singularity",
-      hint: "How far the robot is from configurations with a lost or an uncontrolled DoF",
-    });
+    this.section = new Section(panel, "singularity", "Singularity", "How far the robot is from configurations with a lost or an uncontrolled DoF");
     session.on("hello", () => this.#build());
     session.on("report", () => this.#show());
   }
@@ -112,11 +105,7 @@ export class Singularity {
   }
 }
 
-/**
- * Return the filled share of the scale, 0 to 1, of a singular value.
- *
- * @param {number} sigma
- */
+/** Return the filled share of the scale, 0 to 1, of a singular value. @param {number} sigma */
 export function share(sigma) {
   const decades = Math.log(MOST / LEAST);
   return Math.min(1, Math.max(0, Math.log(Math.max(sigma, LEAST) / LEAST) / decades));
@@ -124,7 +113,6 @@ export function share(sigma) {
 
 /**
  * Return the colour of a meter: bad below the threshold, warn near it.
- *
  * @param {number} sigma
  * @param {number} near the threshold; 0 where there is none
  */

@@ -4,7 +4,7 @@
 // input[type=range] (weight); of other kinds [data-described="ID"] with button (release).
 
 import { textOf } from "../bar/part_tasks.js";
-import { atMostEvery, make, write } from "../base/dom.js";
+import { atMostEvery, button, choice, keepOnly, make, write } from "../base/dom.js";
 import { significant, units } from "../base/units.js";
 import { Section } from "./section.js";
 import { logSlider } from "./slider.js";
@@ -25,17 +25,10 @@ export class Tasks {
   /** @type {Map<number, Card>} */
   #cards = new Map();
 
-  /**
-   * @param {HTMLElement} panel
-   * @param {import("../base/session.js").Session} session
-   */
+  /** @param {HTMLElement} panel @param {Session} session */
   constructor(panel, session) {
     this.session = session;
-    this.section = new Section(panel, {
-      id: "tasks",
-      title: "Tasks",
-      hint: "What moves the robots: the pointer, pins and sensors, and what parts keep. If not all tasks can be met, priorities and weights decide",
-    });
+    this.section = new Section(panel, "tasks", "Tasks", "What moves the robots: the pointer, pins and sensors, and what parts keep. If not all tasks can be met, priorities and weights decide");
     this.empty = make("p", { class: "empty" }, "No tasks. Drag a part, or select one and pin it.");
     this.section.body.append(this.empty);
     this.show = atMostEvery(OFTEN, () => this.#show());
@@ -49,18 +42,9 @@ export class Tasks {
     const count = tasks.length + described.length;
     this.empty.hidden = count > 0;
     write(this.section.note, count > 0 ? String(count) : "");
-    for (const [id, { element }] of this.#described) {
-      if (described.some((task) => task.id === id)) continue;
-      element.remove();
-      this.#described.delete(id);
-    }
+    keepOnly(this.#described, described.map(({ id }) => id));
     for (const task of described) this.#showDescribed(task);
-    const ids = new Set(tasks.map((task) => task.id));
-    for (const [id, card] of this.#cards) {
-      if (ids.has(id)) continue;
-      card.element.remove();
-      this.#cards.delete(id);
-    }
+    keepOnly(this.#cards, tasks.map(({ id }) => id));
     for (const task of tasks) {
       let card = this.#cards.get(task.id);
       if (card === undefined) {
@@ -92,44 +76,23 @@ export class Tasks {
     write(card.error, reached ? "reached" : left);
   }
 
-  /**
-   * @param {number} id
-   * @param {string} title
-   */
+  /** @param {number} id @param {string} title */
   #remover(id, title) {
-    const click = () => {
-      if (this.session.mayAct()) this.session.send({ type: "remove_task", task: id });
-    };
-    return make("button", { class: "small end", type: "button", title, "aria-label": title, on: { click } }, "Remove");
+    return button({ class: "small end", title, "aria-label": title }, () => this.session.command({ type: "remove_task", task: id }), "Remove");
   }
 
-  /**
-   * @param {Task} task
-   * @returns {Card}
-   */
+  /** @param {Task} task @returns {Card} */
   #make(task) {
     const { id } = task;
     const whose = this.session.called(task.robot, task.node);
     const source = make("span", { class: "quiet" });
     const error = make("span", { class: "number" });
     const release = this.#remover(id, `Remove the task of ${whose}`);
-    /**
-     * @param {string} kind
-     * @param {string[]} labels
-     * @param {string} hint
-     */
-    const choose = (kind, labels, hint) =>
-      make(
-        "select",
-        {
-          class: "small",
-          title: hint,
-          "aria-label": `Constrained ${kind} of ${whose}`,
-          data: { dof: kind },
-          on: { change: () => this.#change(card, id) },
-        },
-        ...labels.map((label, i) => make("option", { value: i }, label)),
-      );
+    /** @param {string} kind @param {string[]} labels @param {string} hint */
+    const choose = (kind, labels, hint) => {
+      const about = { title: hint, "aria-label": `Constrained ${kind} of ${whose}`, data: { dof: kind } };
+      return choice({ ...about, on: { change: () => this.#change(card, id) } }, labels.entries());
+    };
     const translation = choose("translation", TRANSLATIONS, "Axes of the target along which the position is constrained");
     const rotation = choose("rotation", ROTATIONS, "Constrained part of the orientation");
     const weight = logSlider({
@@ -138,9 +101,7 @@ export class Tasks {
       low: 0.01,
       high: 100,
       format: (value) => `× ${significant(value)}`,
-      changed: (value) => {
-        if (this.session.mayAct()) this.session.send({ type: "change_task", task: id, weight: value });
-      },
+      changed: (value) => this.session.command({ type: "change_task", task: id, weight: value }),
     });
     const element = make(
       "div",
@@ -156,26 +117,16 @@ export class Tasks {
     return card;
   }
 
-  /**
-   * @param {Card} card
-   * @param {number} id
-   */
+  /** @param {Card} card @param {number} id */
   #change(card, id) {
     card.changed = performance.now();
-    if (!this.session.mayAct()) return;
     const [translation, rotation] = [card.translation, card.rotation].map((select) => Number(select.value));
-    this.session.send({ type: "change_task", task: id, translation, rotation });
+    this.session.command({ type: "change_task", task: id, translation, rotation });
   }
 
-  /**
-   * @param {Card} card
-   * @param {Task} task
-   */
+  /** @param {Card} card @param {Task} task */
   #fill(card, task) {
-    write(
-      card.source,
-      task.source === "pin" ? "pinned" : task.label,
-    );
+    write(card.source, task.source === "pin" ? "pinned" : task.label);
     const { translation, rotation } = task;
     const choosing = document.activeElement === card.translation || document.activeElement === card.rotation;
     if (!choosing || !(performance.now() - card.changed < 1000)) {

@@ -3,28 +3,20 @@
 //
 // For tests: [data-node="ROBOT/NODE"] buttons with aria-pressed.
 
-import { atMostEvery, make, sign } from "../base/dom.js";
+import { atMostEvery, button, make, press, sign } from "../base/dom.js";
 import { keyOf } from "../base/session.js";
 import { byRobot, filter, Section } from "./section.js";
 
-/** @typedef {import("../base/session.js").KnownRobot} KnownRobot */
 /** @typedef {import("../base/session.js").Node} Description */
 
 export class Tree {
   /** @type {Map<string, HTMLButtonElement>} */
   #nodes = new Map();
 
-  /**
-   * @param {HTMLElement} panel
-   * @param {import("../base/session.js").Session} session
-   */
+  /** @param {HTMLElement} panel @param {Session} session */
   constructor(panel, session) {
     this.session = session;
-    this.section = new Section(panel, {
-      id: "tree",
-      title: "Parts",
-      hint: "All parts of the robots. Click one to select it, also those that have no shape",
-    });
+    this.section = new Section(panel, "tree", "Parts", "All parts of the robots. Click one to select it, also those that have no shape");
     session.on("hello", () => this.section.fill(() => this.#build()));
     session.on("select", () => this.#mark(true));
     const mark = atMostEvery(200, () => this.#mark(false));
@@ -90,15 +82,11 @@ export class Tree {
     }
   }
 
-  /**
-   * @param {KnownRobot} robot
-   * @param {Description} node
-   */
+  /** @param {KnownRobot} robot @param {Description} node */
   #item(robot, node) {
     const kind = robot.obstacle ? "" : node.kind === "base" ? " base" : node.name === robot.end ? " end" : "";
     const joint = robot.joints.find((one) => one.name === node.joint);
-    const loops = robot.loops
-      .filter((loop) => loop.first === node.name || loop.second === node.name)
+    const loops = robot.loops.filter((loop) => loop.first === node.name || loop.second === node.name)
       .map((loop) => (loop.first === node.name ? loop.second : loop.first));
     const texts = [
       robot.obstacle ? "obstacle" : (node.kind ?? "node"),
@@ -106,28 +94,16 @@ export class Tree {
       loops.length > 0 ? `loop closed with ${loops.join(", ")}` : "",
       node.name === robot.end && !robot.obstacle ? "the tool" : "",
     ];
-    const button = make(
-      "button",
-      {
-        type: "button",
-        class: `node${kind}`,
-        data: { node: `${robot.name}/${node.name}` },
-        "aria-pressed": "false",
-        title: texts.filter(Boolean).join("; "),
-        on: { click: () => this.session.select(robot.name, node.name) },
-      },
-      make("span", { class: "text" }, node.name),
-      joint?.actuated && !robot.obstacle ? make("span", { class: "joint-name" }, joint.name) : null,
-      loops.length > 0 ? make("span", { class: "loop" }, sign("loop"), loops.join(", ")) : null,
-    );
-    this.#nodes.set(keyOf(robot.name, node.name), button);
-    return make("li", {}, button);
+    const about = { class: `node${kind}`, data: { node: `${robot.name}/${node.name}` }, "aria-pressed": "false", title: texts.filter(Boolean).join("; ") };
+    const parts = [make("span", { class: "text" }, node.name)];
+    if (joint?.actuated && !robot.obstacle) parts.push(make("span", { class: "joint-name" }, joint.name));
+    if (loops.length > 0) parts.push(make("span", { class: "loop" }, sign("loop"), loops.join(", ")));
+    const part = button(about, () => this.session.select(robot.name, node.name), ...parts);
+    this.#nodes.set(keyOf(robot.name, node.name), part);
+    return make("li", {}, part);
   }
 
-  /**
-   * @param {KeyboardEvent} event
-   * @param {HTMLElement} list
-   */
+  /** @param {KeyboardEvent} event @param {HTMLElement} list */
   #walk(event, list) {
     const step = event.key === "ArrowDown" ? 1 : event.key === "ArrowUp" ? -1 : 0;
     if (step === 0) return;
@@ -142,8 +118,7 @@ export class Tree {
     const chosen = selected === null ? null : keyOf(selected.robot, selected.node);
     const withTask = new Set(tasks.map((task) => keyOf(task.robot, task.node)));
     for (const [key, button] of this.#nodes) {
-      const pressed = String(key === chosen);
-      if (button.getAttribute("aria-pressed") !== pressed) button.setAttribute("aria-pressed", pressed);
+      press(button, key === chosen);
       button.classList.toggle("with-task", withTask.has(key));
     }
     if (show && this.section.element.open) this.#nodes.get(chosen ?? "")?.scrollIntoView({ block: "nearest" });

@@ -5,7 +5,7 @@
 // #waypoints with [data-waypoint=ID] (aria-current where the robots move there) and buttons [data-action="go", "rename",
 // "up", "down" or "remove"].
 
-import { make, sign, write } from "../base/dom.js";
+import { button, isOn, make, press, show, sign, write } from "../base/dom.js";
 import { cleanName, LONGEST } from "../base/names.js";
 import { Section } from "./section.js";
 
@@ -17,35 +17,21 @@ export class Waypoints {
   #built = "";
   #renaming = false;
 
-  /**
-   * @param {HTMLElement} panel
-   * @param {import("../base/session.js").Session} session
-   */
+  /** @param {HTMLElement} panel @param {Session} session */
   constructor(panel, session) {
     this.session = session;
-    this.section = new Section(panel, {
-      id: "waypoints",
-      title: "Waypoints",
-      hint: "Save configurations of all robots, move to them, and play them as one motion",
-    });
-    this.name = make("input", {
-      id: "waypoint-name",
-      type: "text",
-      class: "small",
-      maxlength: LONGEST,
-      "aria-label": "Name of the new waypoint",
-      title: "Name of the configuration that is saved",
-    });
+    this.section = new Section(panel, "waypoints", "Waypoints", "Save configurations of all robots, move to them, and play them as one motion");
+    const hints = { "aria-label": "Name of the new waypoint", title: "Name of the configuration that is saved" };
+    this.name = make("input", { id: "waypoint-name", type: "text", class: "small", maxlength: LONGEST, ...hints });
     const save = make("button", { type: "submit", id: "save-waypoint", class: "small", title: "Save the present configurations of all robots" }, "Save");
     const form = make("form", { class: "buttons", on: { submit: (/** @type {Event} */ event) => this.#save(event) } }, this.name, save);
     this.list = make("ol", { id: "waypoints", class: "waypoints" });
-    this.play = this.#button("play-waypoints", "Move through all waypoints in their order", "play", "Play", () => {
-      this.#send({ type: "play_waypoints", on: this.play.getAttribute("aria-pressed") !== "true" });
-    });
-    this.play.setAttribute("aria-pressed", "false");
-    this.record = this.#button("record-waypoints", "Play them, and record the motion from the first to the last", "record", "Play and record", () => {
-      this.#send({ type: "play_waypoints", on: true, record: true });
-    });
+    this.word = make("span", {}, "Play");
+    const playing = { id: "play-waypoints", class: "small", title: "Move through all waypoints in their order", "aria-pressed": "false" };
+    this.play = button(playing, () => session.command({ type: "play_waypoints", on: !isOn(this.play) }), sign("play"), this.word);
+    const recording = { id: "record-waypoints", class: "small", title: "Play them, and record the motion from the first to the last" };
+    const record = () => session.command({ type: "play_waypoints", on: true, record: true });
+    this.record = button(recording, record, sign("record"), make("span", {}, "Play and record"));
     this.section.body.append(form, this.list, make("div", { class: "buttons" }, this.play, this.record));
     session.on("hello", ({ playback }) => {
       this.section.element.hidden = Boolean(playback); // a recording can't be driven
@@ -53,42 +39,22 @@ export class Waypoints {
     session.on("report", ({ waypoints = [], waypoint = null }) => this.#show(waypoints, waypoint));
   }
 
-  /**
-   * @param {string} id
-   * @param {string} title
-   * @param {string} icon
-   * @param {string} text
-   * @param {() => void} click
-   */
-  #button(id, title, icon, text, click) {
-    return make("button", { type: "button", id, class: "small", title, on: { click } }, sign(icon), make("span", {}, text));
-  }
-
-  /** @param {import("../base/link.js").ClientMessage} command */
-  #send(command) {
-    if (this.session.mayAct()) this.session.send(command);
-  }
-
   /** @param {Event} event */
   #save(event) {
     event.preventDefault();
-    this.#send({ type: "save_waypoint", name: cleanName(this.name.value) || freeName(this.#all) });
+    this.session.command({ type: "save_waypoint", name: cleanName(this.name.value) || freeName(this.#all) });
     this.name.value = "";
   }
 
-  /**
-   * @param {Waypoint[]} waypoints
-   * @param {number | null} target id of the waypoint that the robots move to
-   */
+  /** @param {Waypoint[]} waypoints @param {number | null} target id of the waypoint that the robots move to */
   #show(waypoints, target) {
     this.#all = waypoints;
     write(this.section.note, waypoints.length > 0 ? String(waypoints.length) : "");
     this.name.placeholder = freeName(waypoints);
     this.play.disabled = this.record.disabled = waypoints.length < 2;
-    this.play.setAttribute("aria-pressed", String(target !== null));
-    const text = this.play.querySelector("span");
-    if (text !== null) write(text, target === null ? "Play" : "Stop");
-    this.play.querySelector("use")?.setAttribute("href", target === null ? "#sign-play" : "#sign-close");
+    press(this.play, target !== null);
+    write(this.word, target === null ? "Play" : "Stop");
+    show(this.play, target === null ? "play" : "close");
     if (!this.#renaming) this.#build();
     for (const row of this.list.children) {
       if (row.getAttribute("data-waypoint") === String(target)) row.setAttribute("aria-current", "true");
@@ -107,19 +73,12 @@ export class Waypoints {
     if (focused !== null) this.#find(id, action)?.focus();
   }
 
-  /**
-   * @param {string | undefined} id
-   * @param {string | undefined} action
-   * @returns {HTMLElement | null}
-   */
+  /** @param {string | undefined} id @param {string | undefined} action @returns {HTMLElement | null} */
   #find(id, action) {
     return this.list.querySelector(`[data-waypoint="${id}"] [data-action="${action}"]`);
   }
 
-  /**
-   * @param {Waypoint} waypoint
-   * @param {number} index
-   */
+  /** @param {Waypoint} waypoint @param {number} index */
   #row({ id, name }, index) {
     const last = this.#all.length - 1;
     /**
@@ -133,7 +92,7 @@ export class Waypoints {
       make("button", { type: "button", class: "icon", data: { action }, title, "aria-label": title, disabled, on: { click } }, sign(icon));
     const go = make(
       "button",
-      { type: "button", class: "go", data: { action: "go" }, title: `Move all robots to ${name}`, on: { click: () => this.#send({ type: "move_to_waypoint", waypoint: id }) } },
+      { type: "button", class: "go", data: { action: "go" }, title: `Move all robots to ${name}`, on: { click: () => this.session.command({ type: "move_to_waypoint", waypoint: id }) } },
       name,
     );
     const row = make(
@@ -141,18 +100,14 @@ export class Waypoints {
       { data: { waypoint: String(id) } },
       go,
       press("rename", "edit", `Rename ${name}`, false, () => this.#rename(row, id, name)),
-      press("up", "up", `Move ${name} up`, index === 0, () => this.#send({ type: "change_waypoint", waypoint: id, index: index - 1 })),
-      press("down", "down", `Move ${name} down`, index === last, () => this.#send({ type: "change_waypoint", waypoint: id, index: index + 1 })),
-      press("remove", "close", `Remove ${name}`, false, () => this.#send({ type: "remove_waypoint", waypoint: id })),
+      press("up", "up", `Move ${name} up`, index === 0, () => this.session.command({ type: "change_waypoint", waypoint: id, index: index - 1 })),
+      press("down", "down", `Move ${name} down`, index === last, () => this.session.command({ type: "change_waypoint", waypoint: id, index: index + 1 })),
+      press("remove", "close", `Remove ${name}`, false, () => this.session.command({ type: "remove_waypoint", waypoint: id })),
     );
     return row;
   }
 
-  /**
-   * @param {HTMLElement} row
-   * @param {number} id
-   * @param {string} name
-   */
+  /** @param {HTMLElement} row @param {number} id @param {string} name */
   #rename(row, id, name) {
     if (!this.session.mayAct()) return;
     this.#renaming = true;
@@ -182,11 +137,7 @@ export class Waypoints {
   }
 }
 
-/**
- * Return a name that no waypoint has.
- *
- * @param {Waypoint[]} waypoints
- */
+/** Return a name that no waypoint has. @param {Waypoint[]} waypoints */
 export function freeName(waypoints) {
   const taken = new Set(waypoints.map(({ name }) => name));
   let number = waypoints.length + 1;

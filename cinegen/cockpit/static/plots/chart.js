@@ -14,11 +14,7 @@ const GAP = 1; // s without a sample: the line is interrupted
 const COLOURS = ["--blue", "--vermilion", "--green", "--orange", "--purple", "--sky"];
 const DASHES = [[], [5, 3], [2, 2], [7, 2, 2, 2]];
 
-/**
- * Return the colour (a CSS variable) and the dashes of a line.
- *
- * @param {number} number
- */
+/** Return the colour (a CSS variable) and the dashes of a line. @param {number} number */
 export function styleOf(number) {
   const dashes = DASHES[Math.floor(number / COLOURS.length) % DASHES.length];
   return { colour: COLOURS[number % COLOURS.length], dashes };
@@ -48,7 +44,6 @@ export class Chart {
 
   /**
    * Draw lines of a history.
-   *
    * @param {History} history
    * @param {Line[]} lines
    * @param {{ to: number, seconds: number, scale: import("./scale.js").Scale, shown: (value: number) => number,
@@ -126,7 +121,6 @@ export class Chart {
 
 /**
  * Trace a line of a history: at most four points of each pixel.
- *
  * @param {{ moveTo: (x: number, y: number) => void, lineTo: (x: number, y: number) => void }} path
  * @param {History} history
  * @param {number} column

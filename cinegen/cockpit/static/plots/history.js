@@ -23,7 +23,6 @@ export class History {
 
   /**
    * Add a sample, unless it is too early; samples of later times, where there are any, are removed.
-   *
    * @param {number} time s
    * @param {(index: number) => number} value of each quantity; NaN if it is not known
    */
@@ -44,11 +43,7 @@ export class History {
     return (this.#first + i) % this.most;
   }
 
-  /**
-   * Return the time of a sample, s.
-   *
-   * @param {number} i from the oldest sample on
-   */
+  /** Return the time of a sample, s. @param {number} i from the oldest sample on */
   time(i) {
     return this.#times[this.#row(i)];
   }
@@ -60,7 +55,6 @@ export class History {
 
   /**
    * Return a value of a sample.
-   *
    * @param {number} column number of the quantity
    * @param {number} i from the oldest sample on
    */
@@ -70,7 +64,6 @@ export class History {
 
   /**
    * Return the number of the first sample that is not earlier than a time; `count` if there is none.
-   *
    * @param {number} time s
    */
   since(time) {
@@ -83,11 +76,7 @@ export class History {
     return low;
   }
 
-  /**
-   * Return the number of the sample nearest to a time; -1 if there is none.
-   *
-   * @param {number} time s
-   */
+  /** Return the number of the sample nearest to a time; -1 if there is none. @param {number} time s */
   nearest(time) {
     const after = this.since(time);
     if (after === 0) return this.count > 0 ? 0 : -1;
@@ -98,7 +87,6 @@ export class History {
 
 /**
  * Return all samples of several histories as CSV (RFC 4180): a row for each time, an empty cell for what is not known.
- *
  * @param {History[]} histories
  * @param {number} from the first time, s
  */

@@ -4,7 +4,6 @@
 
 /**
  * Return a linear scale with ticks at 1, 2 or 5 times a power of ten.
- *
  * @param {number} least of the values
  * @param {number} most of them
  * @param {{ smallest: number, count: number, fromZero?: boolean }} options smallest range that is shown; number of ticks
@@ -28,7 +27,6 @@ export function linearScale(least, most, { smallest, count, fromZero = false }) 
 
 /**
  * Return a logarithmic scale with ticks at powers of ten.
- *
  * @param {number} low greater than 0
  * @param {number} high greater than low
  * @returns {Scale}
@@ -43,7 +41,6 @@ export function logScale(low, high) {
 
 /**
  * Return the fraction of a scale at which a value is, clipped to 0 and 1.
- *
  * @param {Scale} scale
  * @param {number} value
  */

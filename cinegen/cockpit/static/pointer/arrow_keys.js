@@ -32,10 +32,7 @@ export class ArrowKeys {
   #timer;
   #turned = [0, 0, 0]; // rad about each axis, in this drag
 
-  /**
-   * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session,
-   *   gizmo: import("./gizmo.js").Gizmo, drag: { part: object | null } }} parts
-   */
+  /** @param {{ view: View, session: Session, gizmo: Gizmo, drag: { part: object | null } }} parts */
   constructor({ view, session, gizmo, drag }) {
     this.view = view;
     this.session = session;
@@ -72,11 +69,7 @@ export class ArrowKeys {
     else orbit(this.view, axis === 0 ? ORBIT * direction : 0, axis === 1 ? ORBIT * direction : 0);
   }
 
-  /**
-   * @param {KeyboardEvent} event
-   * @param {number} axis
-   * @param {number} direction
-   */
+  /** @param {KeyboardEvent} event @param {number} axis @param {number} direction */
   #move(event, axis, direction) {
     clearTimeout(this.#timer);
     if (!this.gizmo.busy) this.#turned = [0, 0, 0];
@@ -93,11 +86,7 @@ export class ArrowKeys {
     this.#wait(performance.now());
   }
 
-  /**
-   * End the drag when the robot rests.
-   *
-   * @param {number} since ms
-   */
+  /** End the drag when the robot rests. @param {number} since ms */
   #wait(since) {
     const part = this.session.selected;
     if (part === null) return;
@@ -124,11 +113,7 @@ export class ArrowKeys {
     return rounded(STEP * (this.session.robot(selected?.robot ?? "")?.length ?? 1));
   }
 
-  /**
-   * Return where a part is, and by how much it was rotated.
-   *
-   * @param {import("../base/session.js").Part} part
-   */
+  /** Return where a part is, and by how much it was rotated. @param {Part} part */
   #summary({ robot, node }) {
     const { position } = this.view.pose(robot, node);
     const coordinates = position.toArray().map((value, i) => `${NAMES[i]} ${units.length(value)}`);
@@ -139,7 +124,6 @@ export class ArrowKeys {
 
 /**
  * Return the number of 1, 2 or 5 times a power of ten that is nearest below a positive number.
- *
  * @param {number} value
  */
 export function rounded(value) {
@@ -150,8 +134,7 @@ export function rounded(value) {
 
 /**
  * Select the next part of all robots, or the one before, and announce it.
- *
- * @param {import("../base/session.js").Session} session
+ * @param {Session} session
  * @param {number} step 1 or -1
  */
 export function selectNext(session, step) {

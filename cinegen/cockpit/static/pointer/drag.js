@@ -17,8 +17,6 @@ const LONG = 500; // ms
 const [SHIFT, ROTATE] = [2, 3]; // TOUCH.DOLLY_PAN and TOUCH.DOLLY_ROTATE of three.js
 
 /**
- * @typedef {import("./pick.js").Touched} Touched
- * @typedef {import("./pick.js").At} At
  * @typedef {Touched & { at: Vector3, pointer: number, x: number, y: number, dragged: boolean, denied: boolean,
  *   still: number, began: PointerEvent }} Press
  */
@@ -41,7 +39,7 @@ export class Drag extends Events {
   over = null;
 
   /**
-   * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session, pick: import("./pick.js").Pick,
+   * @param {{ view: View, session: Session, pick: import("./pick.js").Pick,
    *   gizmo: { busy: boolean, hovered: boolean } }} parts
    */
   constructor({ view, session, pick, gizmo }) {
@@ -201,11 +199,7 @@ export class Drag extends Events {
   }
 }
 
-/**
- * What an event of a pointer is made from.
- *
- * @param {PointerEvent} event
- */
+/** What an event of a pointer is made from. @param {PointerEvent} event */
 function plain({ pointerId, pointerType, isPrimary, button, buttons, clientX, clientY }) {
   return { pointerId, pointerType, isPrimary, button, buttons, clientX, clientY };
 }

@@ -11,7 +11,7 @@ export class DragTarget {
   /** @type {((position: Position) => void) | null} */
   sent = null; // called with the position of every target that is sent
 
-  /** @param {import("../base/session.js").Session} session */
+  /** @param {Session} session */
   constructor(session) {
     this.send = atMostEvery(PICTURE, (/** @type {{ position: Position, quaternion: Rotation | null }} */ target) => {
       session.send({ type: "move_drag", ...target });
@@ -19,12 +19,7 @@ export class DragTarget {
     });
   }
 
-  /**
-   * Move the target, in the world.
-   *
-   * @param {number[]} position
-   * @param {number[] | null} quaternion
-   */
+  /** Move the target, in the world. @param {number[]} position @param {number[] | null} quaternion */
   move(position, quaternion = null) {
     if (![...position, ...(quaternion ?? [])].every(Number.isFinite)) return;
     this.send({ position: /** @type {Position} */ (position), quaternion: /** @type {Rotation | null} */ (quaternion) });

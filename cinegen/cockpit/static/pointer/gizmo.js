@@ -13,7 +13,6 @@ import { Handles } from "./handles.js";
 
 export const AXES = ["world", "local", "view"];
 
-/** @typedef {import("../base/session.js").Part} Part */
 /** @typedef {{ rotation: Quaternion, axes: Quaternion, rotates: boolean, denied: boolean, steps: boolean }} Begin */
 
 /** @extends {Events<{ drag: Part | null, change: undefined }>} */
@@ -26,11 +25,7 @@ export class Gizmo extends Events {
   axes = memory.get("axes", "world");
   upright = true; // the orientation is commanded during a translation, too
 
-  /**
-   * @param {import("../view/view.js").View} view
-   * @param {import("../base/session.js").Session} session
-   * @param {import("./pick.js").Pick} pick
-   */
+  /** @param {View} view @param {Session} session @param {import("./pick.js").Pick} pick */
   constructor(view, session, pick) {
     super();
     this.view = view;
@@ -117,7 +112,6 @@ export class Gizmo extends Events {
 
   /**
    * Return whether a part can move in all six DoF: enough of them, and enough joints between it and the base.
-   *
    * @param {Part} part
    */
   #canRotate(part) {
@@ -136,7 +130,6 @@ export class Gizmo extends Events {
 
   /**
    * Move the target along one of its axes, or rotate it about one; this begins a drag, or goes on with one.
-   *
    * @param {number} axis 0, 1 or 2
    * @param {number} amount m or rad
    * @param {boolean} turns

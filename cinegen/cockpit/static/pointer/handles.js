@@ -50,10 +50,7 @@ export class Handles extends Events {
   #object = null;
   mode = "translate";
 
-  /**
-   * @param {import("../view/view.js").View} view
-   * @param {import("./pick.js").Pick} pick
-   */
+  /** @param {View} view @param {import("./pick.js").Pick} pick */
   constructor(view, pick) {
     super();
     this.view = view;
@@ -102,11 +99,7 @@ export class Handles extends Events {
     this.emit("drag", false);
   }
 
-  /**
-   * The handle that a pointer meets.
-   *
-   * @param {{ clientX: number, clientY: number }} event
-   */
+  /** The handle that a pointer meets. @param {{ clientX: number, clientY: number }} event */
   #met(event) {
     if (this.#object === null) return null;
     this.#place(); // the camera may have moved since the last picture
@@ -169,7 +162,6 @@ export class Handles extends Events {
 
   /**
    * The point of the dragged line or plane nearest to the pointer's ray, in three's own axes; null if there is none.
-   *
    * @param {PointerEvent} event
    */
   #point(event) {
@@ -192,11 +184,7 @@ export class Handles extends Events {
     return this.#held !== null && Math.abs(this.#held.axis.dot(this.#held.eye)) < EDGE;
   }
 
-  /**
-   * The angle (rad) of a point about the axis of the ring that is dragged.
-   *
-   * @param {Vector3} point
-   */
+  /** The angle (rad) of a point about the axis of the ring that is dragged. @param {Vector3} point */
   #angle(point) {
     if (this.#held === null) return 0;
     const { position, axis, eye, from, scale } = this.#held;
@@ -271,7 +259,6 @@ function rotations() {
 
 /**
  * Rotate a geometry about its z axis to one about another axis; x, y, z become y, z, x or z, x, y.
- *
  * @template {import("three").BufferGeometry} G
  * @param {G} geometry
  * @param {number} axis
@@ -297,12 +284,7 @@ function handle(axis, moves, shapes, broad) {
   return { axis, moves, looks, catches: mesh(broad, { opacity: 0, colorWrite: false }) };
 }
 
-/**
- * A mesh that nothing hides.
- *
- * @param {import("three").BufferGeometry} shape
- * @param {object} look
- */
+/** A mesh that nothing hides. @param {import("three").BufferGeometry} shape @param {object} look */
 function mesh(shape, look) {
   const material = new MeshBasicMaterial({ depthTest: false, depthWrite: false, transparent: true, side: DoubleSide, fog: false, ...look });
   const made = new Mesh(shape, material);

@@ -3,13 +3,10 @@
 import { Vector3 } from "three";
 import { theme } from "../view/theme.js";
 
-/**
- * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session, labels: import("../view/labels.js").Labels,
- *   highlight: import("../view/highlight.js").Highlight, drag: import("./drag.js").Drag }} parts
- */
+/** @param {{ view: View, session: Session, labels: Labels, highlight: PartHighlight, drag: Drag }} parts */
 export function hover({ view, session, labels, highlight, drag }) {
   const where = new Vector3();
-  /** @param {import("./pick.js").Touched | null} part */
+  /** @param {Touched | null} part */
   const show = (part) => {
     if (part === null) {
       labels.put("over", "");

@@ -4,10 +4,7 @@ import { Box3, Sphere } from "three";
 
 const NEAREST = 6; // radii of the part
 
-/**
- * @param {import("../view/view.js").View} view
- * @param {import("../base/session.js").Part} part
- */
+/** @param {View} view @param {Part} part */
 export function lookAt(view, { robot, node }) {
   const { controls } = view;
   const { camera } = view.viewer;

@@ -16,7 +16,6 @@ const SNAP = 10; // pixels: a click this near to the origin of the part takes it
 const SIZE = 0.012; // characteristic lengths: radius of a point's ball
 const HINT = "Click two points of parts, or add the origin of the selected part.";
 
-/** @typedef {import("../base/session.js").Part} Part */
 /**
  * @typedef {Part & { at: Vector3, direction: Vector3, origin: boolean }} Point in the frame of its part, m; the direction is the
  *   normal of a face, or the z axis of an origin
@@ -28,10 +27,7 @@ export class Measure {
   #points = [];
   on = false;
 
-  /**
-   * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session,
-   *   labels: import("../view/labels.js").Labels, pick: import("./pick.js").Pick }} parts
-   */
+  /** @param {{ view: View, session: Session, labels: Labels, pick: import("./pick.js").Pick }} parts */
   constructor({ view, session, labels, pick }) {
     this.view = view;
     this.session = session;
@@ -45,12 +41,7 @@ export class Measure {
     this.button = byId("measure-mode");
     this.bar = byId("measure");
     this.text = make("output", { id: "measure-text", "aria-live": "off" });
-    /**
-     * @param {string} id
-     * @param {string} title
-     * @param {() => void} click
-     * @param {string | Node} content
-     */
+    /** @param {string} id @param {string} title @param {() => void} click @param {string | Node} content */
     const press = (id, title, click, content) => make("button", { type: "button", id, class: "small", title, on: { click } }, content);
     this.add = press("measure-add", "Add the origin of the selected part", () => this.#addOrigin(), "Add origin");
     const clear = press("measure-clear", "Remove both points", () => this.#clear(), "Clear");
@@ -69,11 +60,7 @@ export class Measure {
     theme.follow(() => this.paint.color.setHex(theme.ink));
   }
 
-  /**
-   * Begin or end measuring; return whether that changed something.
-   *
-   * @param {boolean} on
-   */
+  /** Begin or end measuring; return whether that changed something. @param {boolean} on */
   toggle(on = !this.on) {
     if (on === this.on) return false;
     this.on = on;
@@ -178,19 +165,13 @@ export class Measure {
   }
 }
 
-/**
- * Return the origin of a part.
- *
- * @param {Part} part
- * @returns {Point}
- */
+/** Return the origin of a part. @param {Part} part @returns {Point} */
 function originOf({ robot, node }) {
   return { robot, node, at: new Vector3(), direction: new Vector3(0, 0, 1), origin: true };
 }
 
 /**
  * Return the text of a measurement: distance, its components, and the angle of two faces or of two axes.
- *
  * @param {Placed} first
  * @param {Placed} second
  */

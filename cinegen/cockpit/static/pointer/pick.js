@@ -16,10 +16,7 @@ const AROUND = 8;
 export class Pick {
   #ray = new Raycaster();
 
-  /**
-   * @param {import("../view/view.js").View} view
-   * @param {import("../base/session.js").Session} session
-   */
+  /** @param {View} view @param {Session} session */
   constructor(view, session) {
     this.view = view;
     this.session = session;
@@ -31,11 +28,7 @@ export class Pick {
     this.extraAlong = null; // the same along a ray of three's own axes
   }
 
-  /**
-   * The ray through a pointer, in three's own axes.
-   *
-   * @param {At} event
-   */
+  /** The ray through a pointer, in three's own axes. @param {At} event */
   aim(event) {
     const box = this.view.canvas.getBoundingClientRect();
     const at = new Vector2(
@@ -67,7 +60,6 @@ export class Pick {
 
   /**
    * The robot, the node, its group and the point (three's own axes) that a pointer touches; null if none.
-   *
    * @param {At} event
    * @returns {Touched | null}
    */
@@ -76,12 +68,7 @@ export class Pick {
     return this.#met() ?? this.extra?.(event) ?? null;
   }
 
-  /**
-   * The same along a ray in three's own axes.
-   *
-   * @param {import("three").Ray} ray
-   * @returns {Touched | null}
-   */
+  /** The same along a ray in three's own axes. @param {import("three").Ray} ray @returns {Touched | null} */
   along(ray) {
     this.#ray.ray.copy(ray);
     return this.#met() ?? this.extraAlong?.(ray) ?? null;
@@ -100,31 +87,19 @@ export class Pick {
     return null;
   }
 
-  /**
-   * The part that one sees under a pointer; null if none.
-   *
-   * @param {At} event
-   */
+  /** The part that one sees under a pointer; null if none. @param {At} event */
   seen(event) {
     return this.#veiled(event) ? null : this.touched(event);
   }
 
-  /**
-   * Whether something that is no part is what one sees there.
-   *
-   * @param {At} event
-   */
+  /** Whether something that is no part is what one sees there. @param {At} event */
   #veiled(event) {
     if (this.veil === null) return false;
     const away = this.touched(event)?.away ?? Infinity;
     return this.veil(this.aim(event), away);
   }
 
-  /**
-   * @param {import("three").Object3D} object
-   * @param {import("three").Object3D} root
-   * @returns {Owner | null}
-   */
+  /** @param {import("three").Object3D} object @param {import("three").Object3D} root @returns {Owner | null} */
   #owner(object, root) {
     const path = [];
     for (let at = /** @type {import("three").Object3D | null} */ (object); at !== null && at !== root; at = at.parent) path.unshift(at);

@@ -12,9 +12,8 @@ const OFTEN = 100; // ms: the session hands pointers on no more often
 
 /**
  * Send the part at which the pointer is while other users are there.
- *
- * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session,
- *   drag: import("../pointer/drag.js").Drag }} parts
+ * @param {{ view: View, session: Session,
+ *   drag: Drag }} parts
  */
 export function sendCursor({ view, session, drag }) {
   let last = "";
@@ -41,20 +40,13 @@ export function sendCursor({ view, session, drag }) {
   });
 }
 
-/**
- * @param {Vector3} point
- * @returns {[number, number, number]}
- */
+/** @param {Vector3} point @returns {[number, number, number]} */
 function rounded(point) {
   const [x, y, z] = point.toArray().map((value) => Number(value.toFixed(4)));
   return [x, y, z];
 }
 
-/**
- * Return the text of a label at another user's pointer; empty where it is at no part.
- *
- * @param {User} user
- */
+/** Return the text of a label at another user's pointer; empty where it is at no part. @param {User} user */
 export function textOf({ name, robot, dragging }) {
   if (robot === null || robot === undefined) return "";
   return dragging ? `${name} drags` : name;
@@ -65,10 +57,7 @@ export class Cursors {
   /** @type {Map<number, { user: User, point: Vector3 }>} */
   #shown = new Map();
 
-  /**
-   * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session,
-   *   labels: import("../view/labels.js").Labels }} parts
-   */
+  /** @param {{ view: View, session: Session, labels: Labels }} parts */
   constructor({ view, session, labels }) {
     this.view = view;
     this.session = session;

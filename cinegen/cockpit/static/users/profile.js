@@ -23,12 +23,12 @@ export function profile() {
 
 export class Users {
   /** @param {HTMLElement} panel
-   * @param {import("../base/session.js").Session} session */
+   * @param {Session} session */
   constructor(panel, session) {
     this.session = session;
     const { name, colour } = profile();
     this.colour = colour;
-    const section = new Section(panel, { id: "users", title: "Users", hint: HINT, open: false });
+    const section = new Section(panel, "users", "Users", HINT, false);
     this.name = make("input", {
       id: "user-name",
       type: "text",

@@ -6,10 +6,7 @@ import { atMostEvery } from "../base/dom.js";
 const OFTEN = 100; // ms
 const TURNED = 1e-5;
 
-/**
- * @param {import("./view.js").View} view
- * @param {import("../base/session.js").Session} session
- */
+/** @param {View} view @param {Session} session */
 export function sendCamera(view, session) {
   /** @type {Quaternion | null} */
   let sent = null;

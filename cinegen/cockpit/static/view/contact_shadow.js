@@ -52,10 +52,7 @@ export class ContactShadow {
   #facing = new OrthographicCamera(-0.5, 0.5, 0.5, -0.5, -1, 1);
   #shadow;
 
-  /**
-   * @param {import("./view.js").View} view
-   * @param {Mesh} floor
-   */
+  /** @param {View} view @param {Mesh} floor */
   constructor(view, floor) {
     this.view = view;
     this.floor = floor;
@@ -107,11 +104,7 @@ export class ContactShadow {
     this.#paint(this.#flat, this.#facing, 1 - from);
   }
 
-  /**
-   * @param {Scene} scene
-   * @param {OrthographicCamera} camera
-   * @param {number} into index of the picture
-   */
+  /** @param {Scene} scene @param {OrthographicCamera} camera @param {number} into index of the picture */
   #paint(scene, camera, into) {
     const { renderer } = this.view.viewer;
     const alpha = renderer.getClearAlpha();

@@ -1,6 +1,6 @@
 // The first view: when the scene is complete, the robots fill it, or the camera is where the page's address has it. Only
 // then it is shown, and data-view on the root element is "ready". For some seconds the camera moves back when a robot leaves
-// the view, unless the user has done something or prefers reduced motion; then only the user moves it.
+// the view, at once and far enough where the user prefers reduced motion, until the user does something; then only the user moves it.
 
 import { cameraOf } from "../base/fragment.js";
 
@@ -10,10 +10,10 @@ const OFTEN = 100; // ms
 const FADE = 180; // ms
 
 /**
- * @param {import("./view.js").View} view
- * @param {import("../base/session.js").Session} session
+ * @param {View} view
+ * @param {Session} session
  * @param {boolean} still pictures are taken from outside
- * @param {import("../map/field.js").Field} field map that is shown with a robot; it must be complete too
+ * @param {Field} field map that is shown with a robot; it must be complete too
  */
 export function frameFirstView(view, session, still, field) {
   const started = performance.now();
@@ -27,7 +27,7 @@ export function frameFirstView(view, session, still, field) {
     view.framed = true;
     view.frame();
     if (camera !== null) view.setCamera(camera);
-    else if (moves) keepInView(view, session);
+    else if (!still) keepInView(view, session, !moves);
     view.last(show);
     view.changed();
   }, 30);
@@ -42,12 +42,13 @@ export function frameFirstView(view, session, still, field) {
 }
 
 /**
- * @param {import("./view.js").View} view
- * @param {import("../base/session.js").Session} session when its line is cut, everything is drawn again
+ * @param {View} view
+ * @param {Session} session when its line is cut, everything is drawn again
+ * @param {boolean} once the camera doesn't follow step by step
  */
-function keepInView(view, session) {
+function keepInView(view, session, once) {
   const timer = setInterval(() => {
-    if (!view.chosen && view.headset === null) view.keep();
+    if (!view.chosen && view.headset === null) view.keep(once);
   }, OFTEN);
   const stop = () => clearInterval(timer);
   setTimeout(stop, WATCHED);

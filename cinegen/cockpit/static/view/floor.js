@@ -28,11 +28,7 @@ const FRAGMENT = `
     gl_FragColor = vec4(colour, strength * (1.0 - far));
   }`;
 
-/**
- * Return the floor, in the scene.
- *
- * @param {import("./view.js").View} view
- */
+/** Return the floor, in the scene. @param {View} view */
 export function lay(view) {
   const material = new ShaderMaterial({
     uniforms: { colour: { value: new Color() }, cell: { value: CELL } },

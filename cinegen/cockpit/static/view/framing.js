@@ -46,7 +46,6 @@ export class Pyramid {
 
   /**
    * Add what an object and those below it draw; vertices are looked at where their box extends farther than all before.
-   *
    * @param {import("three").Object3D} object
    */
   add(object) {
@@ -70,11 +69,7 @@ export class Pyramid {
     });
   }
 
-  /**
-   * Whether it contains another of the same camera, seen from a place.
-   *
-   * @param {Vector3} place
-   */
+  /** Whether it contains another of the same camera, seen from a place. @param {Vector3} place */
   isWithin(place) {
     return this.#normals.slice(0, 4).every((normal, i) => this.#most[i] <= normal.dot(place));
   }

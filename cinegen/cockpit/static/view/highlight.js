@@ -10,10 +10,7 @@ export class Highlight {
   /** @type {Set<import("three").MeshStandardMaterial>} */
   #lit = new Set(); // materials, which emit nothing themselves
 
-  /**
-   * @param {import("./view.js").View} view
-   * @param {import("../base/session.js").Session} session
-   */
+  /** @param {View} view @param {Session} session */
   constructor(view, session) {
     this.view = view;
     this.session = session;
@@ -25,12 +22,7 @@ export class Highlight {
     });
   }
 
-  /**
-   * Light one part up, or none: null.
-   *
-   * @param {{ robot: string, node: string } | null} part
-   * @param {number} colour
-   */
+  /** Light one part up, or none: null. @param {{ robot: string, node: string } | null} part @param {number} colour */
   light(part, colour) {
     const before = this.#part;
     if (part?.robot === before?.robot && part?.node === before?.node) return;

@@ -17,7 +17,7 @@ export class Labels {
   /** @type {string | null} */
   only = null; // key of the only one that is shown; null: all are
 
-  /** @param {import("./view.js").View} view */
+  /** @param {View} view */
   constructor(view) {
     this.view = view;
     this.layer = make("div", { class: "labels", "aria-hidden": "true" });
@@ -33,7 +33,6 @@ export class Labels {
 
   /**
    * Shows a text at a point of the world (a vector that may go on moving); an empty text takes it away.
-   *
    * @param {string} key
    * @param {string} text
    * @param {Vector3} point
@@ -65,7 +64,7 @@ export class Labels {
     return this.#shown;
   }
 
-  /** Beside their points, a hint in the middle of its, within the pane, one below the other where they would overlap. */
+  /** Beside their points, a hint below the middle of its, within the pane, one below the other where they would overlap. */
   #place() {
     if (this.view.headset !== null) return; // it shows them in the scene
     const { clientWidth: wide, clientHeight: high } = this.view.pane;
@@ -80,7 +79,7 @@ export class Labels {
       let x = pixels.x + (key === "hint" ? -label.wide / 2 : ASIDE);
       if (x + label.wide > wide - 4) x = pixels.x - ASIDE - label.wide;
       x = Math.max(4, Math.min(wide - label.wide - 4, x));
-      let y = Math.max(4, Math.min(high - row - 4, pixels.y - row / 2));
+      let y = Math.max(4, Math.min(high - row - 8, pixels.y + (key === "hint" ? row / 2 : -row / 2)));
       /** @param {{ x: number, y: number, wide: number }} other */
       const meets = (other) => Math.abs(other.y - y) < row - 1 && x < other.x + other.wide && other.x < x + label.wide;
       for (let other; (other = taken.find(meets)) !== undefined;) y = other.y + row;

@@ -6,7 +6,7 @@ import { simplify } from "./material.js";
 
 const REACH = 2.4; // of the view's units, to all sides: shadows are cast here
 
-/** @param {import("./view.js").View} view */
+/** @param {View} view */
 export function light(view) {
   const { viewer } = view;
   for (const name of ["SpotLight", "PointLightNegativeX", "PointLightPositiveX", "AmbientLight"]) viewer.delete_path(["Lights", name]);

@@ -1,15 +1,24 @@
 // What parts are made of: paint that reflects its surroundings. Light is added up as it is, and colours are those that the
 // screen is sent (sRGB), in and out: a face in full light has exactly the colour of its material.
 //
+// On a dark page dark colours are brighter, so that they are seen before it.
+//
 // Where pictures take too long, parts are matt while something moves: the same light, computed at their corners.
 
 import { DoubleSide, Mesh, MeshLambertMaterial, MeshStandardMaterial } from "three";
+import { theme } from "./theme.js";
 
 const ROUGHNESS = 0.42;
 const METALNESS = 0.05;
 
+const DARKEST = 0.2; // brightness of colours on a dark page
+const BRIGHTER = 2.5; // most, so that black stays darker than others
+const least = { value: 0 };
+
+// As sRGB, nearly; a power takes long where there is no graphics card.
 const LINEAR = `
-  diffuseColor.rgb *= diffuseColor.rgb;`; // as sRGB, nearly; a power takes long where there is no graphics card
+  diffuseColor.rgb *= diffuseColor.rgb;
+  diffuseColor.rgb *= clamp(least / max(dot(diffuseColor.rgb, vec3(0.21, 0.72, 0.07)), 1e-3), 1.0, ${BRIGHTER.toFixed(1)});`;
 
 // Light above one is dimmed by its brightest colour, so that no hue changes.
 const SEEN = `
@@ -33,7 +42,8 @@ const REFLECTED = `
 
 /** @param {import("three").Shader} shader */
 function lit(shader) {
-  shader.fragmentShader = shader.fragmentShader
+  shader.uniforms.least = least;
+  shader.fragmentShader = `uniform float least;\n${shader.fragmentShader}`
     .replace("#include <color_fragment>", `#include <color_fragment>${LINEAR}`)
     .replace("#include <encodings_fragment>", SEEN);
 }
@@ -41,14 +51,16 @@ function lit(shader) {
 /** @param {import("three").Shader} shader */
 function glossy(shader) {
   lit(shader);
-  shader.fragmentShader = shader.fragmentShader
-    .replace("void main() {", ROOM)
+  shader.fragmentShader = shader.fragmentShader.replace("void main() {", ROOM)
     .replace("#include <lights_fragment_maps>", `#include <lights_fragment_maps>${REFLECTED}`);
 }
 
+theme.follow(() => {
+  least.value = theme.dark ? DARKEST : 0;
+});
+
 /**
  * Give parts the materials that they are drawn with.
- *
  * @param {import("three").Object3D} object as the server's commands have it
  */
 export function dress(object) {
@@ -66,12 +78,7 @@ export function dress(object) {
   });
 }
 
-/**
- * Draw parts as paint, or matt.
- *
- * @param {import("three").Object3D} root
- * @param {boolean} matt
- */
+/** Draw parts as paint, or matt. @param {import("three").Object3D} root @param {boolean} matt */
 export function simplify(root, matt) {
   root.traverse((part) => {
     if (part.userData.made) /** @type {Mesh} */ (part).material = matt ? part.userData.made.matt : part.userData.made.paint;

@@ -4,13 +4,7 @@ import { Vector3 } from "three";
 
 const POLE = 0.02; // rad: the view never looks straight along the vertical
 
-/**
- * Rotate the view about what it shows.
- *
- * @param {import("./view.js").View} view
- * @param {number} left rad
- * @param {number} up rad
- */
+/** Rotate the view about what it shows. @param {View} view @param {number} left rad @param {number} up rad */
 export function orbit(view, left, up) {
   const { controls } = view;
   const { camera } = view.viewer;
@@ -25,12 +19,7 @@ export function orbit(view, left, up) {
   view.changed();
 }
 
-/**
- * Move the view towards what it shows.
- *
- * @param {import("./view.js").View} view
- * @param {number} factor of the distance that remains
- */
+/** Move the view towards what it shows. @param {View} view @param {number} factor of the distance that remains */
 export function zoom(view, factor) {
   const { controls } = view;
   const { camera } = view.viewer;

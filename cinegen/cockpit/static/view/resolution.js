@@ -13,7 +13,6 @@ const PAUSE = 1000; // ms: a longer time between two pictures says nothing of ho
 
 /**
  * Events: slow, when pictures take too long even with the fewest pixels.
- *
  * @extends {Events<{ slow: undefined }>}
  */
 export class Resolution extends Events {
@@ -45,20 +44,12 @@ export class Resolution extends Events {
     this.steps = [...new Set([this.full, Math.min(1, this.full), 0.75, 0.5])];
   }
 
-  /**
-   * Return whether the scene at rest should be drawn with all pixels and with shadows now.
-   *
-   * @param {number} now
-   */
+  /** Return whether the scene at rest should be drawn with all pixels and with shadows now. @param {number} now */
   due(now) {
     return (this.#set !== this.full || !this.complete) && now - this.#moved > REST;
   }
 
-  /**
-   * Set the resolution of the next frame, and whether it is complete.
-   *
-   * @param {boolean} moving
-   */
+  /** Set the resolution of the next frame, and whether it is complete. @param {boolean} moving */
   choose(moving) {
     const all = !moving || this.constant || this.still;
     const ratio = all ? this.full : this.#ratio;
@@ -76,7 +67,6 @@ export class Resolution extends Events {
 
   /**
    * Record that a frame was requested at a time (ms). The next one is requested when it is drawn.
-   *
    * @param {number} now
    * @param {boolean} moving
    */

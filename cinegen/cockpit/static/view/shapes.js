@@ -26,7 +26,6 @@ const GEOMETRY = {
 
 /**
  * A flat colour; `through` is seen through parts.
- *
  * @param {number} colour
  * @param {{ opacity?: number, through?: boolean }} options
  */
@@ -41,41 +40,26 @@ export function paint(colour, { opacity = 1, through = true } = {}) {
   });
 }
 
-/**
- * @param {keyof typeof GEOMETRY} kind
- * @param {Material} material
- */
+/** @param {keyof typeof GEOMETRY} kind @param {Material} material */
 function mesh(kind, material) {
   const made = new Mesh(GEOMETRY[kind], material);
   made.renderOrder = 10;
   return made;
 }
 
-/**
- * @param {Material} material
- * @param {number} radius
- */
+/** @param {Material} material @param {number} radius */
 export function ball(material, radius) {
   const made = mesh("ball", material);
   made.scale.setScalar(radius);
   return made;
 }
 
-/**
- * A rod between two points, to be placed by `span`.
- *
- * @param {Material} material
- */
+/** A rod between two points, to be placed by `span`. @param {Material} material */
 export function rod(material) {
   return mesh("rod", material);
 }
 
-/**
- * @param {import("three").Object3D} made
- * @param {Vector3} from
- * @param {Vector3} to
- * @param {number} radius
- */
+/** @param {import("three").Object3D} made @param {Vector3} from @param {Vector3} to @param {number} radius */
 export function span(made, from, to, radius) {
   const way = to.clone().sub(from);
   const length = way.length();
@@ -86,11 +70,7 @@ export function span(made, from, to, radius) {
   made.scale.set(radius, length, radius);
 }
 
-/**
- * An arrow both ways along y, 2 long: no motion to either side.
- *
- * @param {Material} material
- */
+/** An arrow both ways along y, 2 long: no motion to either side. @param {Material} material */
 export function twoWays(material) {
   const group = new Group();
   for (const side of [1, -1]) {
@@ -107,20 +87,13 @@ export function twoWays(material) {
   return group;
 }
 
-/**
- * An arc about y with a tip at each end, of radius 1.
- *
- * @param {Material} material
- */
+/** An arc about y with a tip at each end, of radius 1. @param {Material} material */
 export function twist(material) {
   const group = new Group();
   const arc = mesh("arc", material);
   arc.rotation.x = Math.PI / 2;
   group.add(arc);
-  for (const [angle, way] of [
-    [TURN, 1],
-    [0, -1],
-  ]) {
+  for (const [angle, way] of [[TURN, 1], [0, -1]]) {
     const tip = mesh("tip", material);
     tip.scale.setScalar(0.12);
     tip.position.set(Math.cos(angle), 0, Math.sin(angle));
@@ -130,11 +103,7 @@ export function twist(material) {
   return group;
 }
 
-/**
- * An arrow along y from the origin, to be given its size by `stretch`.
- *
- * @param {Material} material
- */
+/** An arrow along y from the origin, to be given its size by `stretch`. @param {Material} material */
 export function arrow(material) {
   const group = new Group();
   group.add(rod(material), mesh("tip", material));
@@ -143,7 +112,6 @@ export function arrow(material) {
 
 /**
  * Give an arrow a length and a radius of its shaft; a short one is thinner.
- *
  * @param {Group} made
  * @param {number} length
  * @param {number} radius
@@ -156,12 +124,7 @@ export function stretch(made, length, radius) {
   shaft.scale.set(wide, tip.position.y, wide);
 }
 
-/**
- * Turns what stands along y along a direction.
- *
- * @param {import("three").Object3D} object
- * @param {Vector3} direction
- */
+/** Turns what stands along y along a direction. @param {import("three").Object3D} object @param {Vector3} direction */
 export function along(object, direction) {
   const unit = direction.clone().normalize();
   if (unit.lengthSq() > 0) object.quaternion.copy(new Quaternion().setFromUnitVectors(UP, unit));

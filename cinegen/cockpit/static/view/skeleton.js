@@ -14,7 +14,6 @@ import { theme } from "./theme.js";
 const REACH = 12; // pixels from a line
 const ANGLE = 0.02; // rad between a ray and a line
 
-/** @typedef {import("../base/session.js").KnownRobot} KnownRobot */
 /**
  * @typedef {{ geometry: BufferGeometry, lines: LineSegments<BufferGeometry, LineBasicMaterial>,
  *   dots: Points<BufferGeometry, PointsMaterial> }} Drawn
@@ -26,10 +25,7 @@ export class Skeleton {
   #on = false;
   #offered = false;
 
-  /**
-   * @param {{ view: import("./view.js").View, session: import("../base/session.js").Session,
-   *   aids: import("../aids/aids.js").Aids, pick: import("../pointer/pick.js").Pick }} parts
-   */
+  /** @param {{ view: View, session: Session, aids: Aids, pick: import("../pointer/pick.js").Pick }} parts */
   constructor({ view, session, aids, pick }) {
     this.view = view;
     this.session = session;
@@ -79,7 +75,6 @@ export class Skeleton {
 
   /**
    * Return the bones of a robot in the world, from each node's parent and across each loop.
-   *
    * @param {KnownRobot} robot
    * @returns {[string, Vector3, Vector3][]} node, from, to
    */
@@ -117,10 +112,7 @@ export class Skeleton {
     return { geometry, lines, dots };
   }
 
-  /**
-   * @param {import("../pointer/pick.js").At} event
-   * @returns {import("../pointer/pick.js").Touched | null}
-   */
+  /** @param {At} event @returns {Touched | null} */
   #touched(event) {
     if (!this.#on) return null;
     const box = this.view.canvas.getBoundingClientRect();
@@ -143,14 +135,11 @@ export class Skeleton {
     return { robot, node, group: this.view.group(robot, node), point: this.view.stage.localToWorld(at) };
   }
 
-  /**
-   * @param {import("three").Ray} ray in three's own axes
-   * @returns {import("../pointer/pick.js").Touched | null}
-   */
+  /** @param {import("three").Ray} ray in three's own axes @returns {Touched | null} */
   #along(ray) {
     if (!this.#on) return null;
     const [seen, at] = [new Vector3(), new Vector3()];
-    /** @type {import("../pointer/pick.js").Touched | null} */
+    /** @type {Touched | null} */
     let best = null;
     let least = ANGLE;
     for (const robot of this.session.robots) {

@@ -30,22 +30,14 @@ export const theme = {
   get grid() {
     return wish.matches ? 0x4a5663 : 0xa9b6c3;
   },
-  /**
-   * Calls `action` now, and whenever the wish changes.
-   *
-   * @param {() => void} action
-   */
+  /** Calls `action` now, and whenever the wish changes. @param {() => void} action */
   follow(action) {
     action();
     changes.addEventListener("change", action);
   },
 };
 
-/**
- * Gives the scene the page's ground, whatever the server's scene says of its background.
- *
- * @param {import("./view.js").View} view
- */
+/** Gives the scene the page's ground, whatever the server's scene says of its background. @param {View} view */
 export function paint(view) {
   const { viewer } = view;
   const ground = new Color();

@@ -20,8 +20,6 @@ const REACHED = 0.95; // share in which they stay
 const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i; // renderers without a graphics card
 const MARKS = /^(triad$|loop )/; // names of what the server draws on parts, which is no part
 
-/** @typedef {import("../base/session.js").KnownRobot} KnownRobot */
-
 export class View {
   /** @type {Map<string, import("three").Object3D>} */
   #groups = new Map(); // of robots and nodes, as found in the tree
@@ -31,8 +29,8 @@ export class View {
   #last = [];
   #heard = 0;
   #seen = false; // whether a picture was drawn since it was framed
-  /** @type {Pyramid | null} */
-  #kept = null; // around all that was in the view since it was framed
+  /** @type {Pyramid[]} */
+  #kept = []; // around all that was in the view since it was framed; the last is the next view
   /** @type {Map<string, { robot: KnownRobot, numbers: number[] }>} */
   #applied = new Map(); // by robot: itself, and its poses as they were last applied
 
@@ -47,10 +45,7 @@ export class View {
   /** @type {import("three").PerspectiveCamera | null} */
   headset = null; // camera of a headset that shows the scene instead of the pane
 
-  /**
-   * @param {HTMLElement} pane
-   * @param {{ still?: boolean }} options
-   */
+  /** @param {HTMLElement} pane @param {{ still?: boolean }} options */
   constructor(pane, { still = false } = {}) {
     this.pane = pane;
     const viewer = new window.MeshCat.Viewer(pane, false, still ? undefined : drawer(pane));
@@ -94,18 +89,13 @@ export class View {
 
   /**
    * Calls `action` before every picture; with true when the server has drawn something since the last.
-   *
    * @param {(drawn: boolean) => void} action
    */
   before(action) {
     this.#before.push(action);
   }
 
-  /**
-   * Calls `action` before every picture, after all of `before`.
-   *
-   * @param {() => void} action
-   */
+  /** Calls `action` before every picture, after all of `before`. @param {() => void} action */
   last(action) {
     this.#last.push(action);
   }
@@ -137,21 +127,12 @@ export class View {
     this.forget();
   }
 
-  /**
-   * Carry out a drawing command of meshcat.
-   *
-   * @param {Uint8Array} command
-   */
+  /** Carry out a drawing command of meshcat. @param {Uint8Array} command */
   handle(command) {
     this.viewer.handle_command_message({ data: command });
   }
 
-  /**
-   * The group of a robot or of one of its nodes.
-   *
-   * @param {string} robot
-   * @param {string | null} node
-   */
+  /** The group of a robot or of one of its nodes. @param {string} robot @param {string | null} node */
   group(robot, node = null) {
     const key = node === null ? robot : keyOf(robot, node);
     let group = this.#groups.get(key);
@@ -164,7 +145,6 @@ export class View {
 
   /**
    * Move robots, or obstacles, to where a state has them.
-   *
    * @param {KnownRobot[]} robots
    * @param {Record<string, number[]> | undefined} poses
    */
@@ -195,10 +175,7 @@ export class View {
     for (const { robot, numbers } of this.#applied.values()) this.#place(robot, numbers);
   }
 
-  /**
-   * @param {KnownRobot} robot
-   * @param {number[]} numbers
-   */
+  /** @param {KnownRobot} robot @param {number[]} numbers */
   #place(robot, numbers) {
     put(this.group(robot.name), numbers, 0);
     if (!robot.obstacle) robot.nodes.forEach((node, i) => put(this.group(robot.name, node.name), numbers, POSE * (i + 1)));
@@ -207,7 +184,6 @@ export class View {
 
   /**
    * Where a node is in the world, by the last state.
-   *
    * @param {string} robot
    * @param {string} node
    * @param {Vector3} position
@@ -229,7 +205,6 @@ export class View {
 
   /**
    * Return the position of the camera and the point in its middle, in the world, m.
-   *
    * @returns {import("../base/fragment.js").Camera}
    */
   cameraNumbers() {
@@ -241,7 +216,6 @@ export class View {
 
   /**
    * Set the camera, by numbers as `cameraNumbers` returns them.
-   *
    * @param {import("../base/fragment.js").Camera} camera
    */
   setCamera([x, y, z, ...middle]) {
@@ -256,7 +230,6 @@ export class View {
 
   /**
    * A point of the world in pixels of the pane; null behind the camera.
-   *
    * @param {Vector3} point
    * @param {Vector3} where
    */
@@ -269,11 +242,7 @@ export class View {
     return behind ? null : where;
   }
 
-  /**
-   * Expand a box (three's own axes) by all that can be moved.
-   *
-   * @param {Box3} box
-   */
+  /** Expand a box (three's own axes) by all that can be moved. @param {Box3} box */
   bounds(box) {
     this.root.updateWorldMatrix(true, true);
     for (const robot of this.root.children) {
@@ -294,14 +263,18 @@ export class View {
   /** Move the camera, but don't turn it, so that robots fill their share of the view. */
   frame() {
     this.chosen = false;
-    this.#kept = null;
+    this.#kept = [];
     this.#move(this.#around(this.#pyramid(FILLED)));
   }
 
-  /** Move the camera, but don't turn it, if robots leave the view: all that was there since `frame` fits into it. */
-  keep() {
-    this.#kept = this.#around(this.#kept ?? this.#pyramid(REACHED));
-    if (!this.#kept.isWithin(this.viewer.camera.position)) this.#move(this.#kept);
+  /**
+   * Move the camera, but don't turn it, if robots leave the view: all that was there since `frame` fits into it, just, or with room
+   * for more, so that it moves once and not again and again.
+   * @param {boolean} once
+   */
+  keep(once) {
+    this.#kept = [REACHED, ...(once ? [FILLED] : [])].map((share, i) => this.#around(this.#kept[i] ?? this.#pyramid(share)));
+    if (!this.#kept[0].isWithin(this.viewer.camera.position)) this.#move(this.#kept[this.#kept.length - 1]);
   }
 
   /** @param {number} share of the view that is free */
@@ -314,11 +287,7 @@ export class View {
     return new Pyramid(this.viewer.camera, { left: x - across, right: x + across, bottom: y - up, top: y + up });
   }
 
-  /**
-   * Expand a pyramid by everything that fills the view.
-   *
-   * @param {Pyramid} pyramid
-   */
+  /** Expand a pyramid by everything that fills the view. @param {Pyramid} pyramid */
   #around(pyramid) {
     this.root.updateWorldMatrix(true, true);
     for (const robot of this.root.children) {
@@ -359,6 +328,7 @@ export class View {
     this.stage.matrixWorldNeedsUpdate = true;
     this.stage.visible = this.whole;
     this.camera.updateWorldMatrix(true, false);
+    this.viewer.camera.updateProjectionMatrix(); // meshcat does so when it renders: after its zoom came, labels would be elsewhere
     for (const action of this.#before) action(drawn);
     for (const action of this.#last) action();
   }
@@ -400,7 +370,6 @@ export class View {
 
 /**
  * Position and turn from seven numbers.
- *
  * @param {import("three").Object3D} object
  * @param {number[]} numbers
  * @param {number} at
@@ -412,7 +381,6 @@ function put(object, numbers, at) {
 
 /**
  * What meshcat's viewer takes for a folder of controls, without any.
- *
  * @returns {View["viewer"]["scene_tree"]["folder"]}
  */
 function noFolder() {
@@ -423,7 +391,6 @@ function noFolder() {
 
 /**
  * A renderer as meshcat makes it, but without smooth edges where there is no graphics card: they cost most there.
- *
  * @param {HTMLElement} pane
  */
 function drawer(pane) {

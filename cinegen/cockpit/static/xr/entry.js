@@ -6,10 +6,7 @@ import { byId } from "../base/dom.js";
 
 const MODES = /** @type {const} */ ([["enter-vr", "immersive-vr"], ["enter-ar", "immersive-ar"]]);
 
-/**
- * @param {import("./presentation.js").Presentation} presentation
- * @param {import("../base/session.js").Session} session
- */
+/** @param {import("./presentation.js").Presentation} presentation @param {Session} session */
 export function offer(presentation, session) {
   const { xr: system } = /** @type {{ xr?: import("./hand.js").System }} */ (/** @type {unknown} */ (navigator));
   const look = () => {

@@ -15,13 +15,11 @@ const BUTTONS = { trigger: 0, squeeze: 1, stick: 3, lower: 4, upper: 5 }; // htt
 /** @typedef {keyof typeof BUTTONS} Button */
 /**
  * `navigator.xr`, as far as it is used.
- *
  * @typedef {EventTarget & { isSessionSupported: (mode: string) => Promise<boolean>,
  *   requestSession: (mode: string, options: object) => Promise<import("three").XRSession> }} System
  */
 /**
  * An `XRInputSource`, as far as it is used.
- *
  * @typedef {{ handedness: "left" | "right" | "none", targetRayMode: string, targetRaySpace: EventTarget,
  *   gripSpace?: EventTarget | null, hand?: Iterable<[string, EventTarget]> | null, gamepad?: {
  *   axes: readonly number[], buttons: readonly { value: number, pressed: boolean }[],
@@ -38,13 +36,10 @@ export class Hand {
   quaternion = new Quaternion();
   grip = new Vector3(); // where the hand is
   far = LONG; // m, to what the ray meets
-  /** @type {import("../pointer/pick.js").Touched | null} */
+  /** @type {Touched | null} */
   over = null; // what that is
 
-  /**
-   * @param {Source} source
-   * @param {number} pointer its number in messages
-   */
+  /** @param {Source} source @param {number} pointer its number in messages */
   constructor(source, pointer) {
     this.source = source;
     this.pointer = pointer;
@@ -71,11 +66,7 @@ export class Hand {
     return !this.source.hand && (this.source.gamepad?.buttons.length ?? 0) > 0;
   }
 
-  /**
-   * How hard a button is pressed, 0 to 1.
-   *
-   * @param {Button} button
-   */
+  /** How hard a button is pressed, 0 to 1. @param {Button} button */
   strength(button) {
     return this.source.gamepad?.buttons[BUTTONS[button]]?.value ?? 0;
   }
@@ -86,11 +77,7 @@ export class Hand {
     return { x: rest(x), y: -rest(y) };
   }
 
-  /**
-   * Whether a button was pressed in this frame.
-   *
-   * @param {Button} button
-   */
+  /** Whether a button was pressed in this frame. @param {Button} button */
   clicked(button) {
     return this.#clicked.has(button);
   }
@@ -100,12 +87,7 @@ export class Hand {
     this.source.gamepad?.hapticActuators?.[0]?.pulse?.(0.4, 25);
   }
 
-  /**
-   * Find where it is.
-   *
-   * @param {XRFrame} frame
-   * @param {EventTarget} space of the room
-   */
+  /** Find where it is. @param {XRFrame} frame @param {EventTarget} space of the room */
   locate(frame, space) {
     const pose = frame.getPose(this.source.targetRaySpace, space);
     this.tracked = Boolean(pose);
@@ -117,7 +99,6 @@ export class Hand {
 
   /**
    * Read where it is and what is pressed, once in each frame.
-   *
    * @param {XRFrame} frame
    * @param {EventTarget} space of the room
    */
@@ -131,11 +112,7 @@ export class Hand {
     if (this.source.hand) this.#bend(frame, space, this.source.hand);
   }
 
-  /**
-   * Draw its ray as far as to what it meets.
-   *
-   * @param {boolean} busy whether it drags
-   */
+  /** Draw its ray as far as to what it meets. @param {boolean} busy whether it drags */
   draw(busy) {
     this.shape.visible = this.tracked;
     this.skeleton.visible = this.tracked && Boolean(this.source.hand);
@@ -157,7 +134,6 @@ export class Hand {
 
   /**
    * Draw the joints of a tracked hand.
-   *
    * @param {XRFrame} frame
    * @param {EventTarget} space
    * @param {Iterable<[string, EventTarget]>} hand
@@ -175,7 +151,6 @@ export class Hand {
 
 /**
  * Copy a pose of a headset.
- *
  * @param {{ position: DOMPointReadOnly, orientation: DOMPointReadOnly }} transform
  * @param {Vector3} position
  * @param {Quaternion | null} quaternion
@@ -185,11 +160,7 @@ export function put({ position: p, orientation: q }, position, quaternion = null
   quaternion?.set(q.x, q.y, q.z, q.w);
 }
 
-/**
- * Nothing within the dead zone, and from there on from 0 to 1.
- *
- * @param {number} value
- */
+/** Nothing within the dead zone, and from there on from 0 to 1. @param {number} value */
 function rest(value) {
   const size = Math.min(1, Math.abs(value));
   return size <= DEAD ? 0 : (Math.sign(value) * (size - DEAD)) / (1 - DEAD);

@@ -10,7 +10,6 @@ const RANGE = 4; // weights from 1 / RANGE to RANGE: half pressed is 1, as that 
 const REEL = 1.2; // per second: with the thumbstick away, a part goes away by this share of its distance
 const NEAREST = 0.02; // m
 
-/** @typedef {import("./hand.js").Hand} Hand */
 /**
  * @typedef {{ hand: Hand, button: "trigger" | "squeeze", robot: string, node: string, at: Vector3, turn: Quaternion | null,
  *   sent: string }} HandDrag `at` and `turn`: the target in the axes of the hand
@@ -23,8 +22,8 @@ export class HandDrags extends Events {
   #turn = 0; // of the hands, of which one looks for parts in each frame
 
   /**
-   * @param {{ session: import("../base/session.js").Session, view: import("../view/view.js").View,
-   *   pick: import("../pointer/pick.js").Pick, hands: import("./hands.js").Hands, world: import("./world.js").World }} parts
+   * @param {{ session: Session, view: View,
+   *   pick: import("../pointer/pick.js").Pick, hands: import("./hands.js").Hands, world: World }} parts
    */
   constructor({ session, view, pick, hands, world }) {
     super();
@@ -45,31 +44,19 @@ export class HandDrags extends Events {
     });
   }
 
-  /**
-   * Return whether a hand drags.
-   *
-   * @param {Hand} hand
-   */
+  /** Return whether a hand drags. @param {Hand} hand */
   has(hand) {
     return this.#drags.has(hand);
   }
 
-  /**
-   * End the drag of a hand; with a pin at the target, if wanted.
-   *
-   * @param {Hand} hand
-   */
+  /** End the drag of a hand; with a pin at the target, if wanted. @param {Hand} hand */
   end(hand, pin = false) {
     if (!this.#drags.delete(hand)) return;
     this.session.send({ type: "end_drag", pin, pointer: hand.pointer });
     if (this.#drags.size === 0) this.emit("drag", null);
   }
 
-  /**
-   * Send the targets, and find what free hands point at.
-   *
-   * @param {number} dt s
-   */
+  /** Send the targets, and find what free hands point at. @param {number} dt s */
   update(dt) {
     const { all } = this.hands;
     this.#turn = (this.#turn + 1) % Math.max(1, all.length);
@@ -90,10 +77,7 @@ export class HandDrags extends Events {
     if (hand.over !== null) hand.far = ray.origin.distanceTo(hand.over.point);
   }
 
-  /**
-   * @param {Hand} hand
-   * @param {"trigger" | "squeeze"} button
-   */
+  /** @param {Hand} hand @param {"trigger" | "squeeze"} button */
   #press(hand, button) {
     if (this.#drags.has(hand)) return; // by its other button
     this.#look(hand);
@@ -121,10 +105,7 @@ export class HandDrags extends Events {
     this.emit("drag", drag);
   }
 
-  /**
-   * @param {HandDrag} drag
-   * @param {number} dt
-   */
+  /** @param {HandDrag} drag @param {number} dt */
   #lead(drag, dt) {
     const { hand, at, turn } = drag;
     if (!hand.tracked) return; // the target stays

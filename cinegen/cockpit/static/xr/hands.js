@@ -36,7 +36,6 @@ export class Hands extends Events {
 
   /**
    * Follow the hands of a session.
-   *
    * @param {EventTarget} session an `XRSession`
    * @param {EventTarget} space of the room
    */
@@ -53,11 +52,7 @@ export class Hands extends Events {
     this.#keep(new Set());
   }
 
-  /**
-   * Read them all.
-   *
-   * @param {import("three").XRFrame} frame
-   */
+  /** Read them all. @param {import("three").XRFrame} frame */
   read(frame) {
     if (this.#space === null) return;
     const sources = /** @type {Source[]} */ (/** @type {unknown} */ ([...frame.session.inputSources]));

@@ -35,9 +35,7 @@ export class Panel {
   #notice = { text: "", until: 0 };
   plate = new Plate(SIZE.width, SIZE.height);
 
-  /**
-   * @param {{ session: import("../base/session.js").Session, world: import("./world.js").World }} parts
-   */
+  /** @param {{ session: Session, world: World }} parts */
   constructor({ session, world }) {
     this.session = session;
     this.world = world;
@@ -67,10 +65,7 @@ export class Panel {
     return { label: status?.label ?? "", tone: status?.tone ?? "none", meters, lines: [scale, notice || who] };
   }
 
-  /**
-   * @param {import("./hand.js").Hand | null} hand
-   * @param {Vector3} head in the room
-   */
+  /** @param {Hand | null} hand @param {Vector3} head in the room */
   update(hand, head) {
     const now = performance.now();
     if (now - this.#looked > OFTEN) {
@@ -93,10 +88,7 @@ export class Panel {
   }
 }
 
-/**
- * @param {CanvasRenderingContext2D} context
- * @param {Panel["content"]} content
- */
+/** @param {CanvasRenderingContext2D} context @param {Panel["content"]} content */
 function paint(context, { label, tone: mood, meters, lines }) {
   const { width, height } = SIZE;
   context.fillStyle = "#171c22ee";

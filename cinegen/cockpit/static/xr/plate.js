@@ -5,10 +5,7 @@ import { CanvasTexture, DoubleSide, Mesh, MeshBasicMaterial, PlaneGeometry } fro
 export const FONT = "system-ui, sans-serif";
 
 export class Plate {
-  /**
-   * @param {number} width pixels
-   * @param {number} height pixels
-   */
+  /** @param {number} width pixels @param {number} height pixels */
   constructor(width, height) {
     this.canvas = document.createElement("canvas");
     Object.assign(this.canvas, { width, height });
@@ -19,11 +16,7 @@ export class Plate {
     this.mesh.renderOrder = 20;
   }
 
-  /**
-   * Draw it anew.
-   *
-   * @param {(context: CanvasRenderingContext2D) => void} draw
-   */
+  /** Draw it anew. @param {(context: CanvasRenderingContext2D) => void} draw */
   draw(draw) {
     this.context.clearRect(0, 0, this.canvas.width, this.canvas.height);
     draw(this.context);
@@ -32,7 +25,6 @@ export class Plate {
 
   /**
    * Place it, facing a head.
-   *
    * @param {import("three").Vector3} at
    * @param {import("three").Vector3} head
    * @param {number} width m

@@ -34,9 +34,9 @@ export class Presentation extends Events {
   #gaze = new Quaternion();
 
   /**
-   * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session,
-   *   pick: import("../pointer/pick.js").Pick, labels: import("../view/labels.js").Labels,
-   *   aids: import("../aids/aids.js").Aids, endDrag: () => unknown }} parts
+   * @param {{ view: View, session: Session,
+   *   pick: import("../pointer/pick.js").Pick, labels: Labels,
+   *   aids: Aids, endDrag: () => unknown }} parts
    */
   constructor({ view, session, pick, labels, aids, endDrag }) {
     super();
@@ -59,11 +59,7 @@ export class Presentation extends Events {
     return this.#headset !== null;
   }
 
-  /**
-   * Begin a session; called by what a user does.
-   *
-   * @param {Mode} mode
-   */
+  /** Begin a session; called by what a user does. @param {Mode} mode */
   async begin(mode) {
     const { xr: system } = /** @type {{ xr?: import("./hand.js").System }} */ (/** @type {unknown} */ (navigator));
     if (system === undefined || this.shows) return;
@@ -125,10 +121,7 @@ export class Presentation extends Events {
     this.emit("end");
   }
 
-  /**
-   * @param {number} now ms
-   * @param {import("three").XRFrame} frame
-   */
+  /** @param {number} now ms @param {import("three").XRFrame} frame */
   #draw(now, frame) {
     const dt = Math.min(LONGEST, Math.max(0, (now - this.#last) / 1000));
     this.#last = now;
@@ -151,10 +144,7 @@ export class Presentation extends Events {
     view.drawForHeadset();
   }
 
-  /**
-   * @param {import("./hand.js").Hand} hand
-   * @param {Vector3} toward
-   */
+  /** @param {Hand} hand @param {Vector3} toward */
   #click(hand, toward) {
     if (hand.clicked("lower")) {
       if (this.session.viewOnly) this.session.mayAct();

@@ -14,10 +14,7 @@ export class Tags {
   /** @type {Map<string, Tag>} */
   #tags = new Map();
 
-  /**
-   * @param {{ view: import("../view/view.js").View, labels: import("../view/labels.js").Labels,
-   *   world: import("./world.js").World }} parts
-   */
+  /** @param {{ view: View, labels: Labels, world: World }} parts */
   constructor({ view, labels, world }) {
     this.view = view;
     this.labels = labels;

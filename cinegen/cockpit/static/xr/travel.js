@@ -7,14 +7,12 @@ const SPEED = 0.8; // m/s, at full deflection of a thumbstick
 const ROTATION = 1.5; // rad/s
 const ZOOM = 1.4; // per second: e-fold growth
 
-/** @typedef {import("./hand.js").Hand} Hand */
-
 export class Travel {
   /** @type {Map<Hand, Vector3>} */
   #holds = new Map(); // hands that hold the world, and where they were in the last frame
 
   /**
-   * @param {{ hands: import("./hands.js").Hands, world: import("./world.js").World, handDrags: import("./hand_drags.js").HandDrags }} parts
+   * @param {{ hands: import("./hands.js").Hands, world: World, handDrags: import("./hand_drags.js").HandDrags }} parts
    */
   constructor({ hands, world, handDrags }) {
     this.hands = hands;
@@ -25,20 +23,13 @@ export class Travel {
     hands.on("lose", (hand) => this.#holds.delete(hand));
   }
 
-  /**
-   * @param {number} dt s
-   * @param {Vector3} toward where the head looks, in the room
-   */
+  /** @param {number} dt s @param {Vector3} toward where the head looks, in the room */
   update(dt, toward) {
     for (const hand of this.hands.all) if (!this.handDrags.has(hand)) this.#steer(hand, dt, toward);
     this.#carry();
   }
 
-  /**
-   * @param {Hand} hand
-   * @param {number} dt
-   * @param {Vector3} toward
-   */
+  /** @param {Hand} hand @param {number} dt @param {Vector3} toward */
   #steer(hand, dt, toward) {
     const { x, y } = hand.stick;
     if (x === 0 && y === 0) return;

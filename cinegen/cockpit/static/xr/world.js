@@ -19,7 +19,7 @@ export class World {
   #middle = new Vector3(); // of the robots, in the page's own axes
   room = new Object3D(); // its children are drawn in the room's axes
 
-  /** @param {import("../view/view.js").View} view */
+  /** @param {View} view */
   constructor(view) {
     this.view = view;
     this.scene = view.viewer.scene;
@@ -37,12 +37,7 @@ export class World {
     return this.#middle.clone().multiplyScalar(this.#scale).applyAxisAngle(UP, this.#angle).add(this.#position);
   }
 
-  /**
-   * Place the robots in front of a head.
-   *
-   * @param {Vector3} head in the room
-   * @param {Vector3} toward where it looks
-   */
+  /** Place the robots in front of a head. @param {Vector3} head in the room @param {Vector3} toward where it looks */
   place(head, toward) {
     this.restore();
     this.scene.add(this.room);
@@ -73,12 +68,7 @@ export class World {
     this.#apply();
   }
 
-  /**
-   * Scale the world about a point of the room.
-   *
-   * @param {number} factor
-   * @param {Vector3} pivot
-   */
+  /** Scale the world about a point of the room. @param {number} factor @param {Vector3} pivot */
   zoom(factor, pivot) {
     const scale = Math.min(ZOOM * this.#first, Math.max(this.#first / ZOOM, this.#scale * factor));
     this.#position.sub(pivot).multiplyScalar(scale / this.#scale).add(pivot);
@@ -88,7 +78,6 @@ export class World {
 
   /**
    * Rotate the world about a vertical line.
-   *
    * @param {number} angle rad
    * @param {Vector3} pivot a point of the line, in the room
    */
@@ -100,7 +89,6 @@ export class World {
 
   /**
    * Return the pose in the robots' world of a pose in the room.
-   *
    * @param {Vector3} position
    * @param {Quaternion} quaternion
    * @returns {[Vector3, Quaternion]}

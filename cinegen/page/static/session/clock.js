@@ -15,11 +15,7 @@ export class Clock {
     this.period = period;
   }
 
-  /**
-   * Return the number of ticks that are due in a frame.
-   *
-   * @param {number} now ms
-   */
+  /** Return the number of ticks that are due in a frame. @param {number} now ms */
   due(now) {
     const passed = this.#last === null ? this.period : Math.max(0, (now - this.#last) / 1000);
     this.#last = now;
@@ -29,12 +25,7 @@ export class Clock {
     return ticks;
   }
 
-  /**
-   * Note what a frame did.
-   *
-   * @param {number} now ms
-   * @param {number} ticks
-   */
+  /** Note what a frame did. @param {number} now ms @param {number} ticks */
   note(now, ticks) {
     this.#frames.push([now, ticks]);
     while (this.#frames[0][0] < now - COUNTED) this.#frames.shift();

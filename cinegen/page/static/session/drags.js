@@ -20,18 +20,13 @@ export class Drags {
     return this.#drags.size > 0;
   }
 
-  /**
-   * Return the drag of a pointer; null if there is none.
-   *
-   * @param {number} pointer
-   */
+  /** Return the drag of a pointer; null if there is none. @param {number} pointer */
   of(pointer) {
     return this.#drags.get(pointer) ?? null;
   }
 
   /**
    * Start a drag; one that the same pointer had begun ends.
-   *
    * @param {number} pointer
    * @param {DrivenRobot} robot
    * @param {string} node
@@ -50,7 +45,6 @@ export class Drags {
 
   /**
    * End a drag, or all: null; the task is removed or becomes a pin.
-   *
    * @param {number | null} pointer
    * @param {boolean} asPin
    */
@@ -63,21 +57,14 @@ export class Drags {
     }
   }
 
-  /**
-   * End the drag that a task belongs to; return whether there is one.
-   *
-   * @param {Task} task
-   */
+  /** End the drag that a task belongs to; return whether there is one. @param {Task} task */
   endOf(task) {
     const pointer = [...this.#drags].find(([, drag]) => drag.task === task)?.[0];
     if (pointer !== undefined) this.end(pointer);
     return pointer !== undefined;
   }
 
-  /**
-   * @param {Drag} drag
-   * @param {boolean} asPin
-   */
+  /** @param {Drag} drag @param {boolean} asPin */
   #release({ robot, task, pin }, asPin) {
     if (asPin) {
       task.source = task.label = PIN;
@@ -89,10 +76,7 @@ export class Drags {
     else if (pin !== null) robot.restorePin(this.newId(), { ...pin, target: robot.placement(pin.node).times(pin.offset) });
   }
 
-  /**
-   * @param {DrivenRobot} robot
-   * @param {string} node
-   */
+  /** @param {DrivenRobot} robot @param {string} node */
   #others(robot, node) {
     return [...this.#drags.values()].filter((one) => one.robot === robot && one.task.node === node);
   }

@@ -45,10 +45,7 @@ export class Kinematics {
     return this.#nodes.has(node);
   }
 
-  /**
-   * @param {string} name
-   * @returns {Joint}
-   */
+  /** @param {string} name @returns {Joint} */
   joint(name) {
     const joint = this.#joints.get(name);
     if (joint === undefined) throw new Error(`no joint '${name}'`);
@@ -57,7 +54,6 @@ export class Kinematics {
 
   /**
    * Return what one radian of a joint is: 1, or the characteristic length of a prismatic joint (m).
-   *
    * @param {Joint} joint
    */
   scale(joint) {
@@ -66,7 +62,6 @@ export class Kinematics {
 
   /**
    * Return the placements of all nodes in the robot's own world, in the order of its description.
-   *
    * @param {Float64Array} q
    */
   placements(q) {
@@ -74,19 +69,12 @@ export class Kinematics {
     return this.nodes.map((node) => Placement.of(found, POSE * this.#index(node)));
   }
 
-  /**
-   * @param {Float64Array} q
-   * @param {string} node
-   */
+  /** @param {Float64Array} q @param {string} node */
   placement(q, node) {
     return Placement.of(this.solver.fk(q), POSE * this.#index(node));
   }
 
-  /**
-   * Return the largest residual of the loops, rad or characteristic lengths.
-   *
-   * @param {Float64Array} q
-   */
+  /** Return the largest residual of the loops, rad or characteristic lengths. @param {Float64Array} q */
   closure(q) {
     return this.solver.close(q.slice(), new Uint8Array(q.length).fill(1));
   }
@@ -94,7 +82,6 @@ export class Kinematics {
   /**
    * Return the configuration in which actuated joints have the given values, and passive ones follow on this branch;
    * null if they can't.
-   *
    * @param {Float64Array} q with closed loops
    * @param {Map<string, number>} values rad or m
    */
@@ -104,7 +91,6 @@ export class Kinematics {
 
   /**
    * Return the first joint that is beyond a limit at q, and further than before; "" if there is none.
-   *
    * @param {Float64Array} q
    * @param {Float64Array} before
    */
@@ -117,18 +103,13 @@ export class Kinematics {
     return "";
   }
 
-  /**
-   * Return the joints of q that are beyond a limit.
-   *
-   * @param {Float64Array} q
-   */
+  /** Return the joints of q that are beyond a limit. @param {Float64Array} q */
   beyond(q) {
     return this.joints.filter(({ index, lower, upper }) => !(q[index] >= (lower ?? -Infinity) - LIMIT && q[index] <= (upper ?? Infinity) + LIMIT));
   }
 
   /**
    * Return the largest difference of a joint, rad or characteristic lengths.
-   *
    * @param {Float64Array} one
    * @param {Float64Array} other
    */
@@ -138,7 +119,6 @@ export class Kinematics {
 
   /**
    * Move a robot by one tick towards the targets of its tasks.
-   *
    * @param {import("./robot.js").DrivenRobot} robot
    * @returns {import("./robot.js").Step}
    */
@@ -149,7 +129,6 @@ export class Kinematics {
 
   /**
    * Return the smallest singular values of tasks, or of the robot's end without tasks, and of the passive joints.
-   *
    * @param {Float64Array} q
    * @param {Task[]} tasks
    */

@@ -28,7 +28,6 @@ const CLOSURE = 1e-10;
 /**
  * What the page's file holds: the first message, what is drawn, the name of the kernels' module, and of each robot the
  * start, the base pose and the tables.
- *
  * @typedef {{ hello: import("../../../cockpit/static/base/messages").HelloMessage, rate: number, scene: string[],
  *   kernels: string, robots: (StartedRobot & { tables: import("./solver_interface").Tables })[] }} Content
  */
@@ -77,10 +76,7 @@ export class Link extends Events {
     this.session?.obey(message);
   }
 
-  /**
-   * @param {Clock} clock
-   * @param {number} now
-   */
+  /** @param {Clock} clock @param {number} now */
   #advance(clock, now) {
     const session = /** @type {LocalSession} */ (this.session);
     const ticks = clock.due(now);
@@ -106,11 +102,7 @@ export class Link extends Events {
     this.emit("report", reportMessage(session, this.#reports, { ticks: clock.ticks, missed: 0, missed_in_all: 0, late: 0, at_rest: atRest }));
   }
 
-  /**
-   * Return the present configuration of each robot, by name.
-   *
-   * @returns {[string, Float64Array][]}
-   */
+  /** Return the present configuration of each robot, by name. @returns {[string, Float64Array][]} */
   configurations() {
     const robots = /** @type {LocalSession} */ (this.session).robots;
     return [...robots.values()].map(({ name, q }) => [name, q]);
@@ -150,18 +142,13 @@ export class Link extends Events {
   }
 }
 
-/**
- * Return the bytes of a text in base16.
- *
- * @param {string} text
- */
+/** Return the bytes of a text in base16. @param {string} text */
 function bytesOf(text) {
   return Uint8Array.from({ length: text.length / 2 }, (_, i) => parseInt(text.slice(2 * i, 2 * i + 2), 16));
 }
 
 /**
  * Return the robots, and their base poses.
- *
  * @param {Pick<Content, "hello"> & { robots: StartedRobot[] }} content
  * @param {import("./solver_interface").Solver[]} solvers of each robot
  * @returns {[Map<string, DrivenRobot>, Record<string, import("./session.js").BasePose>]}

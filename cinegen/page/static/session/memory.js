@@ -9,7 +9,6 @@
 
 /**
  * Return the kernels of a robot, at its configuration q.
- *
  * @param {KernelsModule} module
  * @param {Tables} tables of the robot
  * @returns {Kernels}
@@ -45,7 +44,6 @@ export function kernelsOf({ memories, returned, views, statuses, mostTasks, defa
 
   /**
    * Make places for several memories of a kind: one for a table of each number, and of the places of each array.
-   *
    * @param {import("./solver_interface").MemoryDeclaration} declaration
    * @param {Values[]} all
    */
@@ -97,7 +95,6 @@ class Places {
 
 /**
  * Return a function that returns the value of a parameter of a memory.
- *
  * @param {Record<string, Field>} fields
  * @param {Values} values
  * @returns {(name: string) => number}
@@ -106,17 +103,12 @@ function sizesOf(fields, values) {
   return (name) => numberOf(/** @type {number | string} */ (values[name] ?? fields[name].default));
 }
 
-/**
- * @param {Field} field
- * @param {(name: string) => number} sizeOf
- */
+/** @param {Field} field @param {(name: string) => number} sizeOf */
 function countOf({ shape = [] }, sizeOf) {
   return shape.reduce((/** @type {number} */ count, size) => count * (typeof size === "number" ? size : sizeOf(size)), 1);
 }
 
-/**
- * @param {unknown} value a number, or one that JSON has no form of: its name
- */
+/** @param {unknown} value a number, or one that JSON has no form of: its name */
 function numberOf(value) {
   return Number(value);
 }

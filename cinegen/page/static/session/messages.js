@@ -10,7 +10,6 @@ import { agreedStatus } from "./report.js";
 
 /**
  * Return a state.
- *
  * @param {LocalSession} session
  * @param {Record<string, RobotReport>} reports last reports, with which statuses must agree
  * @param {number} frame its number
@@ -24,8 +23,7 @@ export function stateMessage(session, reports, frame) {
       [robot.base, ...robot.kinematics.placements(robot.q)].flatMap((placement) => placement.numbers()),
     ]),
   );
-  const tasks = robots.flatMap((robot) =>
-    robot.tasks.map((task, i) => ({
+  const tasks = robots.flatMap((robot) => robot.tasks.map((task, i) => ({
       id: task.id,
       node: task.node,
       source: task.source,
@@ -57,7 +55,6 @@ export function stateMessage(session, reports, frame) {
 
 /**
  * Return a report.
- *
  * @param {LocalSession} session
  * @param {Record<string, RobotReport>} robots
  * @param {TickRate} rate

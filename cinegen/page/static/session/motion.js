@@ -14,13 +14,11 @@ const RETRACED = 1.5; // s: longest duration of an undo
 /**
  * A motion of a robot. `name` is its name in the state, `label` a few words for people, `problem` the reason why it did
  * not do all that it should.
- *
  * @typedef {{ name: string, label: string, problem: string, advance: (dt: number) => Configuration | null }} Motion
  */
 
 /**
  * The minimum-jerk profile, 0 to 1 (T. Flash and N. Hogan, "The coordination of arm movements", 1985).
- *
  * @param {number} part
  */
 function eased(part) {
@@ -30,7 +28,6 @@ function eased(part) {
 
 /**
  * Return the velocity at which a joint is moved, rad/s or m/s.
- *
  * @param {Kinematics} kinematics
  * @param {import("./kinematics.js").Joint} joint
  */
@@ -47,22 +44,14 @@ export class JointMotion {
   #goal = new Map();
   #ends = false;
 
-  /**
-   * @param {Kinematics} kinematics
-   * @param {Configuration} q with closed loops
-   */
+  /** @param {Kinematics} kinematics @param {Configuration} q with closed loops */
   constructor(kinematics, q) {
     this.kinematics = kinematics;
     /** @type {Configuration} */
     this.q = q.slice();
   }
 
-  /**
-   * Set the goal of a joint (rad or m), clipped to its limits.
-   *
-   * @param {string} name
-   * @param {number} value
-   */
+  /** Set the goal of a joint (rad or m), clipped to its limits. @param {string} name @param {number} value */
   move(name, value) {
     const { lower, upper } = this.kinematics.joint(name);
     this.#goal.set(name, Math.min(Math.max(value, lower ?? -Infinity), upper ?? Infinity));
@@ -102,22 +91,14 @@ class TimedMotion {
   problem = "";
   #time = 0;
 
-  /**
-   * @param {string} name
-   * @param {string} label
-   * @param {number} seconds
-   */
+  /** @param {string} name @param {string} label @param {number} seconds */
   constructor(name, label, seconds) {
     this.name = name;
     this.label = label;
     this.seconds = seconds;
   }
 
-  /**
-   * Return the fraction of the path after dt (s), 0 to 1; null when the motion has ended.
-   *
-   * @param {number} dt
-   */
+  /** Return the fraction of the path after dt (s), 0 to 1; null when the motion has ended. @param {number} dt */
   fraction(dt) {
     if (this.#time >= this.seconds) return null;
     this.#time += dt;

@@ -10,12 +10,7 @@ const CLEAR = 0.08; // fraction of a joint's range that is near its limit
 const WORSE = ["BAD_TARGET", "REFUSED"];
 const OBSTRUCTED = ["AT_LIMIT", "OUT_OF_REACH"];
 
-/**
- * Return a report on a robot.
- *
- * @param {DrivenRobot} robot
- * @returns {RobotReport}
- */
+/** Return a report on a robot. @param {DrivenRobot} robot @returns {RobotReport} */
 export function robotReport(robot) {
   const { kinematics, q, step } = robot;
   const { type1, type2 } = kinematics.singularValues(q, robot.tasks);
@@ -51,7 +46,6 @@ function singularity(robot, sigma, close, far) {
 
 /**
  * Return the status of a robot in agreement with the singular values in a report on it.
- *
  * @param {RobotStatus} status
  * @param {RobotReport | undefined} report
  * @returns {RobotStatus}

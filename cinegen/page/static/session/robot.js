@@ -22,7 +22,6 @@ const FAR = 1e-3; // characteristic lengths: a smaller distance is given as an a
 /** @typedef {import("./motion.js").Motion} Motion */
 /**
  * A task: `offset` is the frame that it constrains, in the node's frame; `target` its target, in the robot's own world.
- *
  * @typedef {{ id: number, node: string, source: string, label: string, offset: Placement, target: Placement,
  *   translation: number, rotation: number, weight: number }} Task
  */
@@ -39,10 +38,7 @@ export class DrivenRobot {
   damping = 0.05;
   dt = 1 / 240; // s: period of the last tick
 
-  /**
-   * @param {string} name
-   * @param {Kinematics} kinematics
-   */
+  /** @param {string} name @param {Kinematics} kinematics */
   constructor(name, kinematics) {
     this.name = name;
     this.kinematics = kinematics;
@@ -52,18 +48,13 @@ export class DrivenRobot {
     this.step = { status: "IDLE", saturated: [], errors: [], closure: kinematics.closure(this.q) };
   }
 
-  /**
-   * Return the placement of a node in the session's world.
-   *
-   * @param {string} node
-   */
+  /** Return the placement of a node in the session's world. @param {string} node */
   placement(node) {
     return this.base.times(this.kinematics.placement(this.q, node));
   }
 
   /**
    * Add a task at the present pose of a node.
-   *
    * @param {number} id
    * @param {string} node
    * @param {string} source
@@ -92,12 +83,7 @@ export class DrivenRobot {
     return this.pins().map((pin) => ({ ...pin, offset: pin.offset.clone(), target: this.base.times(pin.target) }));
   }
 
-  /**
-   * Add a pin again.
-   *
-   * @param {number} id
-   * @param {Task} pin with its target in the session's world
-   */
+  /** Add a pin again. @param {number} id @param {Task} pin with its target in the session's world */
   restorePin(id, pin) {
     this.tasks.push({ ...pin, id, target: this.base.inverseTimes(pin.target) });
   }
@@ -109,11 +95,7 @@ export class DrivenRobot {
     for (const task of this.tasks) task.target = moved.times(task.target); // it keeps its pose in the session's world
   }
 
-  /**
-   * Move by one tick of dt (s). Return a message for people; mostly an empty one.
-   *
-   * @param {number} dt
-   */
+  /** Move by one tick of dt (s). Return a message for people; mostly an empty one. @param {number} dt */
   tick(dt) {
     this.dt = dt;
     if (this.motion === null) {
@@ -132,7 +114,6 @@ export class DrivenRobot {
 
   /**
    * Set the configuration, with closed loops, and the targets of its tasks to their present poses.
-   *
    * @param {Float64Array} q
    */
   jumpTo(q) {

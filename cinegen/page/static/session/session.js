@@ -57,11 +57,7 @@ export class LocalSession {
     return [...this.robots.values()].find(({ motion }) => motion !== null)?.motion?.name ?? null;
   }
 
-  /**
-   * Carry out a command as far as possible; otherwise a notice gives the reason.
-   *
-   * @param {ClientMessage} command
-   */
+  /** Carry out a command as far as possible; otherwise a notice gives the reason. @param {ClientMessage} command */
   obey(command) {
     this.#still = 0;
     if (INTERRUPTS.includes(command.type)) this.waypoints.stop();
@@ -73,11 +69,7 @@ export class LocalSession {
     }
   }
 
-  /**
-   * Advance by a tick of dt (s).
-   *
-   * @param {number} dt
-   */
+  /** Advance by a tick of dt (s). @param {number} dt */
   tick(dt) {
     this.time += dt;
     let moved = this.moving !== null;
@@ -96,7 +88,6 @@ export class LocalSession {
 
   /**
    * Set the configuration of a robot, with closed loops; it is home no more, and this can't be undone.
-   *
    * @param {string} name
    * @param {Float64Array} q
    */
@@ -234,11 +225,7 @@ export class LocalSession {
     }
   }
 
-  /**
-   * Start a motion through waypoints.
-   *
-   * @param {() => void} start
-   */
+  /** Start a motion through waypoints. @param {() => void} start */
   #follow(start) {
     this.#drags.end();
     this.history.begin();
@@ -266,12 +253,7 @@ export class LocalSession {
     }
   }
 
-  /**
-   * Return a robot that has a node.
-   *
-   * @param {string} name
-   * @param {string | null} node
-   */
+  /** Return a robot that has a node. @param {string} name @param {string | null} node */
   #robot(name, node = null) {
     const robot = this.robots.get(name);
     if (robot === undefined) throw new CommandError(`unknown robot '${name}'`);
@@ -281,7 +263,6 @@ export class LocalSession {
 
   /**
    * Refuse a task that the robot's solver has no room for.
-   *
    * @param {DrivenRobot} robot
    * @param {number} kept number of tasks that are left for pointers
    */
@@ -301,12 +282,7 @@ export class LocalSession {
   }
 }
 
-/**
- * Return numbers of a command.
- *
- * @param {number[]} numbers
- * @param {number} count
- */
+/** Return numbers of a command. @param {number[]} numbers @param {number} count */
 function finite(numbers, count) {
   const good = Array.isArray(numbers) && numbers.length === count && numbers.every((value) => Number.isFinite(value) && Math.abs(value) <= FURTHEST);
   if (!good) throw new CommandError(`a command needs ${count} numbers within ${FURTHEST}, not ${JSON.stringify(numbers)}`);
@@ -318,11 +294,7 @@ function vector(numbers) {
   return new Vector3().fromArray(finite(numbers, 3));
 }
 
-/**
- * @param {number} value
- * @param {number} low
- * @param {number} high
- */
+/** @param {number} value @param {number} low @param {number} high */
 function within(value, low, high) {
   if (!(Number.isFinite(value) && value >= low && value <= high)) throw new CommandError(`a setting must be ${low} to ${high}, not ${value}`);
   return value;

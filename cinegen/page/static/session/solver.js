@@ -43,10 +43,7 @@ export class KernelSolver {
     return poses;
   }
 
-  /**
-   * @param {Float64Array} q
-   * @param {Uint8Array} locked
-   */
+  /** @param {Float64Array} q @param {Uint8Array} locked */
   close(q, locked) {
     const { kernels } = this;
     kernels.trial.set(q);
@@ -59,10 +56,7 @@ export class KernelSolver {
     return gap;
   }
 
-  /**
-   * @param {Float64Array} q
-   * @param {ArrayLike<number>} goal
-   */
+  /** @param {Float64Array} q @param {ArrayLike<number>} goal */
   follow(q, goal) {
     this.#moveTo(q);
     this.kernels.goal.set(goal);
@@ -91,10 +85,7 @@ export class KernelSolver {
     };
   }
 
-  /**
-   * @param {Float64Array} q
-   * @param {SolverTask[]} tasks
-   */
+  /** @param {Float64Array} q @param {SolverTask[]} tasks */
   sigma(q, tasks) {
     const { kernels } = this;
     this.#moveTo(q);
@@ -107,7 +98,6 @@ export class KernelSolver {
 
   /**
    * Move to a configuration with closed loops, at rest there; stay as it moves if it is there already.
-   *
    * @param {Float64Array} q
    */
   #moveTo(q) {
@@ -121,11 +111,7 @@ export class KernelSolver {
   #take(tasks) {
     const { kernels } = this;
     let changed = kernels.tasks[0] !== tasks.length;
-    /**
-     * @param {Float64Array | Int32Array} array
-     * @param {number} at
-     * @param {ArrayLike<number>} values
-     */
+    /** @param {Float64Array | Int32Array} array @param {number} at @param {ArrayLike<number>} values */
     const write = (array, at, values) => {
       for (let k = 0; k < values.length; k += 1) {
         changed ||= array[at + k] !== values[k];
@@ -150,7 +136,6 @@ const turn = new Quaternion();
 
 /**
  * Write the position and quaternion x y z w of a frame.
- *
  * @param {Float64Array} frames
  * @param {number} from
  * @param {Float64Array} poses
@@ -163,11 +148,7 @@ function writePose(frames, from, poses, to) {
   turn.setFromRotationMatrix(matrix).toArray(/** @type {any} */ (poses), to + 3);
 }
 
-/**
- * Return the frame of a position and a quaternion x y z w of length 1.
- *
- * @param {ArrayLike<number>} pose
- */
+/** Return the frame of a position and a quaternion x y z w of length 1. @param {ArrayLike<number>} pose */
 function frameOf(pose) {
   const rotation = new Quaternion(pose[3], pose[4], pose[5], pose[6]);
   const axes = [new Vector3(1, 0, 0), new Vector3(0, 1, 0), new Vector3(0, 0, 1)].map((axis) => axis.applyQuaternion(rotation));

@@ -22,11 +22,7 @@ class MotionTrace {
   #every = 1;
   #count = 0;
 
-  /**
-   * Add the present configurations; called once in an initial period.
-   *
-   * @param {Robots} robots
-   */
+  /** Add the present configurations; called once in an initial period. @param {Robots} robots */
   note(robots) {
     const skipped = this.#count % this.#every !== 0;
     this.#count += 1;
@@ -54,10 +50,7 @@ export class UndoHistory {
   #goal = null; // of an undo or redo in progress
   #ticks = 0;
 
-  /**
-   * @param {Robots} robots
-   * @param {() => number} newId returns the id of the next task
-   */
+  /** @param {Robots} robots @param {() => number} newId returns the id of the next task */
   constructor(robots, newId) {
     this.robots = robots;
     this.newId = newId;
@@ -90,12 +83,7 @@ export class UndoHistory {
     this.#open = { before: this.#snapshot(), trace };
   }
 
-  /**
-   * Advance by a tick of dt (s).
-   *
-   * @param {number} dt
-   * @param {boolean} dragging whether something is dragged
-   */
+  /** Advance by a tick of dt (s). @param {number} dt @param {boolean} dragging whether something is dragged */
   tick(dt, dragging) {
     this.#ticks += 1;
     const moving = [...this.robots.values()].some(({ motion }) => motion !== null);
@@ -147,7 +135,6 @@ export class UndoHistory {
 
   /**
    * Move the robots through the last step of one list, if there is one, and put it into the other.
-   *
    * @param {UndoStep[]} source
    * @param {UndoStep[]} target
    * @param {boolean} backwards
@@ -166,8 +153,7 @@ export class UndoHistory {
       const trace = step.trace.configurations.get(key) ?? [];
       const path = [...(backwards ? trace.toReversed() : trace), q];
       const onPath = robot.kinematics.distance(robot.q, path[0]) < NEAR;
-      robot.motion = onPath
-        ? new Retrace(path, step.trace.period, name, label)
+      robot.motion = onPath ? new Retrace(path, step.trace.period, name, label)
         : new ConfigurationMotion(robot.kinematics, robot.q, q, name, label);
     }
     this.#goal = goal;
@@ -179,18 +165,12 @@ export class UndoHistory {
   }
 }
 
-/**
- * @param {ArrayLike<number>} one
- * @param {ArrayLike<number>} other
- */
+/** @param {ArrayLike<number>} one @param {ArrayLike<number>} other */
 function isNear(one, other) {
   return Array.from(one).every((value, i) => Math.abs(value - other[i]) <= SAME[0] + SAME[1] * Math.abs(other[i]));
 }
 
-/**
- * @param {Snapshot} one
- * @param {Snapshot} other
- */
+/** @param {Snapshot} one @param {Snapshot} other */
 function isSame(one, other) {
   return [...one].every(([name, { q, pins }]) => {
     const { q: otherQ, pins: otherPins } = /** @type {{ q: Float64Array, pins: Task[] }} */ (other.get(name));
@@ -199,10 +179,7 @@ function isSame(one, other) {
   });
 }
 
-/**
- * @param {Task} one
- * @param {Task} other
- */
+/** @param {Task} one @param {Task} other */
 function isSamePin(one, other) {
   return one.node === other.node && isNear(numbersOf(one), numbersOf(other));
 }

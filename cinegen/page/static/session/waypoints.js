@@ -24,10 +24,7 @@ export class Waypoints {
   #motions = new Map();
   #plays = false; // whether the motion goes through several waypoints
 
-  /**
-   * @param {Map<string, DrivenRobot>} robots
-   * @param {() => number} newId returns the id of the next waypoint
-   */
+  /** @param {Map<string, DrivenRobot>} robots @param {() => number} newId returns the id of the next waypoint */
   constructor(robots, newId) {
     this.robots = robots;
     this.newId = newId;
@@ -43,11 +40,7 @@ export class Waypoints {
     return this.#target?.id ?? null;
   }
 
-  /**
-   * Save the present configurations as the last waypoint.
-   *
-   * @param {string} name
-   */
+  /** Save the present configurations as the last waypoint. @param {string} name */
   save(name) {
     checkName(name);
     if (this.#all.length >= MOST) throw new WaypointError(`there are ${MOST} waypoints: remove some first`);
@@ -57,7 +50,6 @@ export class Waypoints {
 
   /**
    * Rename a waypoint, or move it to another index.
-   *
    * @param {{ waypoint: number, name?: string | null, index?: number | null }} change
    */
   change({ waypoint, name = null, index = null }) {
@@ -70,11 +62,7 @@ export class Waypoints {
     this.#all.splice(index, 0, one);
   }
 
-  /**
-   * Remove a waypoint; a motion to it goes on.
-   *
-   * @param {number} id
-   */
+  /** Remove a waypoint; a motion to it goes on. @param {number} id */
   remove(id) {
     this.#all.splice(this.#all.indexOf(this.#found(id)), 1);
   }
@@ -86,11 +74,7 @@ export class Waypoints {
     return found;
   }
 
-  /**
-   * Start a motion to a waypoint, which replaces all other motions.
-   *
-   * @param {number} id
-   */
+  /** Start a motion to a waypoint, which replaces all other motions. @param {number} id */
   moveTo(id) {
     this.#start([this.#found(id)]);
   }
@@ -154,7 +138,6 @@ export class Waypoints {
 
   /**
    * End the motion; return a message, which the robots' own messages are enough for where nothing is played.
-   *
    * @param {string} reason
    */
   #fail(reason) {

@@ -1,0 +1,139 @@
+"""Bounds of singular values over boxes: equation 6 of docs/proof.md."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import inf
+from typing import Any, NamedTuple
+
+from flint import arb, arb_mat
+
+from cinegen.proof.checker.balls import CertificateError, absolute, added_sizes, frobenius, identity, norms, pick
+from cinegen.proof.checker.tube import Tube
+
+
+class Form(NamedTuple):
+    """A matrix over a box: C + sum_k G_k eta_k + [-R, R], eta the eps_j and their products."""
+
+    c: arb_mat
+    g: list[arb_mat]
+    r: arb_mat
+
+    def times(self, by: arb_mat) -> Form:
+        """Return the product with a matrix."""
+        return Form(self.c * by, [m * by for m in self.g], self.r * absolute(by))
+
+    def add_products(self, left: Sequence[arb_mat], right: Sequence[arb_mat], n: int) -> None:
+        """Add what products of the parts by eps_j are by eps_j eps_k."""
+        pairs = [(j, k) for j in range(n) for k in range(j, n)]
+        for q, (j, k) in enumerate(pairs, n):
+            self.g[q] += left[j] * right[j] if j == k else left[j] * right[k] + left[k] * right[j]
+
+    def sizes(self, n: int) -> tuple[arb_mat, arb_mat]:
+        """Return the sums of sizes of the parts by eps, and by their products."""
+        return added_sizes(self.g[:n]), added_sizes(self.g[n:])
+
+    def cubic(self, sizes: tuple[arb_mat, arb_mat], right: tuple[arb_mat, arb_mat, arb_mat]) -> arb_mat:
+        """Return a bound of what the product with X has beyond the products of eps, by sizes of parts of both."""
+        centre, linear, squares = right
+        return self.r * (centre + linear + squares) + sizes[0] * squares + sizes[1] * (linear + squares)
+
+
+def smallest(tube: Tube) -> list[tuple[arb, arb]]:
+    """Return the smallest singular values of type 1 and 2 from below and above: 1 / |K|_2, equation 6."""
+    robot, data, second = tube.robot, tube.robot.data, tube.robot.data["second"]
+    at = {k: j for j, k in enumerate(robot.columns)}
+    twist, by = [at[k] for k in data["first"]], identity(len(data["first"]))
+    for i, k in enumerate(data["first"]):
+        by[i, i] = robot.length if robot.variables[k]["prismatic"] else arb(1)
+    sizes = [_size(tube, list(range(len(tube.x))), [at[k] for k in data["single"]], twist, by)]
+    if second is not None:
+        opening = [at[k] for cluster in second["clusters"] for loop in cluster["openings"] for k in loop]
+        opening += [at[k] for k in second["couplings"]]
+        by, stretch = _by_opening(tube, second, len(opening))
+        kept = _kept(tube, opening)
+        if any(by[i, j] != 0 for j in kept for i in range(len(opening)) if i not in kept):
+            raise CertificateError("loops do not open in their plane")
+        single = [at[k] for k in data["single"] if k in data["passive"]]
+        by = arb_mat([[by[i, j] for j in kept] for i in kept])
+        low, high = _size(tube, tube.locked, single, [opening[i] for i in kept], by)
+        sizes.append((low / stretch, high * stretch))
+    return [(1 / high, 1 / low if low > 0 else arb(inf)) for low, high in sizes]
+
+
+def _form(tube: Tube, rows: Sequence[int], columns: Sequence[int]) -> Form:
+    first, *by, bend, apart = (pick(m, rows, columns) for m in tube.parts)
+    *more, bend = (pick(m, rows, columns) for m in tube.sharper)
+    n = len(tube.low)
+    return Form(first, by[:n] + [a + b for a, b in zip(by[n:], more, strict=True)], absolute(bend + apart))
+
+
+def _size(tube: Tube, columns: list[int], single: list[int], twist: list[int], by: arb_mat) -> tuple[arb, arb]:
+    """Return bounds of |K|_2, K = N F_x^-1 F_w `by`."""
+    rows, n, kinds = tube.robot.data["rows"], len(tube.low), tube.robot.kinds
+    rates = [i for i, kind in enumerate(kinds) if kind == "rate"]
+    f, w, of = _form(tube, rows, columns), _form(tube, rows, twist).times(by), _form(tube, rates, columns)
+    bare, nothing, chosen = _form(tube, rates, twist).times(by), 0 * f.c, arb_mat(len(single), len(columns))
+    for i, k in enumerate(single):
+        chosen[i, columns.index(k)] = 1
+    f_size, of_size = f.sizes(n), of.sizes(n)
+    try:
+        inverse = f.c.inv()
+    except ZeroDivisionError:
+        return arb(0), arb(inf)
+    slopes, sizes = [-(inverse * m) for m in f.g], list[tuple[arb, arb, arb]]()
+    for right, free in ((w, bare), (Form(identity(len(rows)), [nothing] * len(f.g), nothing), None)):
+        c = inverse * right.c
+        x = Form(c, [inverse * m + a * c for m, a in zip(right.g, slopes, strict=True)], 0 * right.r)
+        x.add_products(slopes, x.g, n)
+        size = (absolute(c), *x.sizes(n))
+        whole = Form(of.c * c, [of.c * m + a * c for m, a in zip(x.g, of.g, strict=True)], of.cubic(of_size, size))
+        whole.add_products(of.g, x.g, n)
+        if free is not None:
+            whole = Form(whole.c - free.c, [a - b for a, b in zip(whole.g, free.g, strict=True)], whole.r + free.r)
+        changes = [(chosen * a, b) for a, b in zip(x.g, whole.g, strict=True)]
+        low, high = norms([chosen * x.c, whole.c], 6)
+        rest = sum((norms(m)[1] for m in changes[:n]), norms([whole.r])[1])
+        rest += sum(map(frobenius, changes[n:]), arb(0))
+        sizes.append((low - rest, high + rest, norms([right.r + f.cubic(f_size, size)])[1]))
+    (low, high, lack), (_, left, defect) = sizes
+    if not defect < 1:
+        return arb(0), arb(inf)
+    rest = left / (1 - defect) * lack
+    return low - rest, high + rest
+
+
+def _kept(tube: Tube, opening: list[int]) -> list[int]:
+    """Return which openings do not change the equations that are left out: those in the plane of a planar loop."""
+    rows = tube.robot.data["rows"]
+    left = [i for i, kind in enumerate(tube.robot.kinds) if kind == "equation" and i not in rows]
+    changed = [[any(m[i][j] != 0 for m in tube.parts) for j in opening] for i in left]
+    kept = [a for a in range(len(opening)) if not any(row[a] for row in changed)]
+    if len(opening) - len(kept) != sum(map(any, changed)):
+        raise CertificateError("openings of loops change equations that are left out")
+    return kept
+
+
+def _by_opening(tube: Tube, second: Mapping[str, Any], count: int) -> tuple[arb_mat, arb]:
+    """Return the openings of loops by dimensionless, mixed ones about the centres of the clusters' axes, and what
+    factor bounds how these centres move."""
+    values, by, stretch, start = tube.wide(tube.along, 1), identity(count), arb(1), 0
+    for cluster in second["clusters"]:
+        length, about = arb(cluster["length"]), [arb(0)] * 3
+        for chain, end, share, off in cluster["about"]:
+            placed = tube.robot.family(chain, end, values, 0, True)[1]
+            about = [a + (placed[i, 3] + arb(0, off)) * share for i, a in enumerate(about)]
+        away = sum((a.rad() ** 2 for a in about), arb(0)).sqrt() / length / 2
+        stretch = max(stretch, (away + (1 + away**2).sqrt()).upper())
+        x, y, z = (a.mid() for a in about)
+        one = identity(6)
+        for k in range(3):
+            one[k, k] = length
+        one[0, 4], one[0, 5], one[1, 3], one[1, 5], one[2, 3], one[2, 4] = -z, y, z, -x, -y, x
+        for a, row in enumerate(cluster["unmix"]):
+            for b, factor in enumerate(row):
+                for i in range(6):
+                    for j in range(6):
+                        by[start + 6 * a + i, start + 6 * b + j] = one[i, j] * arb(factor, tube.robot.data["radius"])
+        start += 6 * len(cluster["unmix"])
+    return by, stretch
