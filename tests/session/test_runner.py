@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -23,11 +24,15 @@ from cinegen.session.runner import INTERPRETED_RATE, _next_period
 def test_what_ended_a_session_is_raised_also_where_the_system_says_so(robot, monkeypatch):
     """An OSError of the session is none of the pipe to it."""
 
+    ticks = threading.Event()
+
     def broken(self):
+        ticks.set()
         raise OSError("in a tick")
 
     monkeypatch.setattr(Session, "tick", broken)
     runner = SessionRunner(arrange({"arm": robot("planar_3r")}), own_process=False)
+    assert ticks.wait(60.0)
     with pytest.raises(OSError, match="in a tick"):
         runner.stop()
 
