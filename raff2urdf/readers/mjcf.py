@@ -20,8 +20,6 @@ import warnings
 from collections.abc import Collection, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from copy import deepcopy
-from graphlib import CycleError, TopologicalSorter
-from itertools import pairwise
 from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -31,14 +29,13 @@ import numpy as np
 from raff2urdf.command.extras import needs
 from raff2urdf.constraints import Constraints
 from raff2urdf.errors import Problem, RaffError, did_you_mean, warn
-from raff2urdf.graphics.names import check_mesh
 from raff2urdf.quantities import typed_in_radians
 from raff2urdf.readers.loops.declaration import leave_out
 from raff2urdf.readers.mjcf_conversion import MjcfConversion
 from raff2urdf.readers.mjcf_faults import FaultyMjcf
+from raff2urdf.readers.mjcf_files import read_files
 from raff2urdf.readers.mjcf_masses import masses_of, remove_meshes, weighing_meshes
 from raff2urdf.readers.urdf import LARGEST
-from raff2urdf.readers.xml_file import parse_xml, read_text
 
 
 class MjcfRobot(NamedTuple):
@@ -67,7 +64,7 @@ def read(path: Path, ignore: Collection[str] = (), text: str | None = None) -> M
     """
     with needs("mjcf", f"{path}: MJCF files"):
         import mujoco
-    roots, problems = _files(path, text)
+    roots, problems = read_files(path, text)
     if problems:
         why = ""
     else:
@@ -137,7 +134,7 @@ def _problems_of(mujoco: Any, path: Path) -> list[Problem]:
     try:
         _read(mujoco, path, (), None)
     except _MujocoError as error:
-        return list(_problems(mujoco, path, (), _files(path, None)[0], str(error)))
+        return list(_problems(mujoco, path, (), read_files(path, None)[0], str(error)))
     except RaffError:  # it is told of the whole
         pass
     return []
@@ -247,56 +244,6 @@ def _warn_of_radians(spec: Any, name: str) -> None:
                 f"{name}: the range of joint '{joint.name}' is {low:g} to {high:g} degrees: if it is in radians, {edit}"
             )
             return
-
-
-def _files(path: Path, text: str | None) -> tuple[dict[Path, Any], list[Problem]]:
-    """Read a file, and the files that it includes or attaches, which must be near it, before MuJoCo does.
-
-    Returns:
-        the first elements of the files that can be read, by their paths, and the problems of the others.
-
-    Raises:
-        RaffError: the file itself can't be read, or one attaches itself.
-    """
-    folder, pending, met = path.absolute().parent, [path], {path.absolute()}
-    named = dict[Path, dict[Path, str]]()  # by each file
-    roots, problems = dict[Path, Any](), list[Problem]()
-    while pending:
-        inner = pending.pop(0)
-        try:
-            root = parse_xml(read_text(inner) if text is None or roots else text, str(inner))
-        except RaffError as error:
-            if not roots:
-                raise
-            problems += error.problems
-            continue
-        roots[inner] = root
-        places = [folder, *(folder / e.get("assetdir") for e in root.iter("compiler") if e.get("assetdir"))]
-        for element in root.iter("include", "model"):
-            for file in (place / element.get("file", "") for place in (*places, inner.parent)):
-                if not file.exists() or file.is_dir():
-                    continue
-                named.setdefault(inner.absolute(), {})[file.absolute()] = element.tag
-                if file.absolute() in met:
-                    continue
-                met.add(file.absolute())
-                label = f"{inner}:{element.sourceline}: the file '{element.get('file')}'"
-                try:
-                    if not file.is_file():
-                        raise RaffError(f"{label} is not a regular file")
-                    check_mesh(file, folder, label)
-                except RaffError as error:
-                    problems += error.problems
-                    continue
-                pending += [file] if file.suffix.lower() in ("", ".xml", ".mjcf", ".urdf") else []
-    try:
-        TopologicalSorter(named).prepare()
-    except CycleError as error:
-        *_, first, last = error.args[1]
-        if "model" in (named[above][below] for below, above in pairwise(error.args[1])):  # MuJoCo would crash
-            why = f"{last.name} names {first.name}, which names it in turn, also through others: leave one out"
-            raise RaffError([*problems, Problem(f"{path}: a file attaches itself: {why}")]) from None
-    return roots, problems
 
 
 def _remove_flexes(spec: Any, name: str, ignore: Collection[str]) -> list[str]:
