@@ -122,10 +122,7 @@ def description(mechanism: cinegen.Mechanism, ticks: int) -> dict[str, object]:
     for i in range(1, model.njoints):
         model.joints[i].calc(home[i], mechanism.q_home)
     loops = [
-        [
-            carried(mechanism, one.first, one.first_placement),
-            carried(mechanism, one.second, one.second_placement),
-        ]
+        [carried(mechanism, one.first, one.first_placement), carried(mechanism, one.second, one.second_placement)]
         for one in mechanism.loops
     ]
     return {

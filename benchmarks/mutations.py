@@ -470,16 +470,7 @@ class Runner:
             os.environ["PYTHONPATH"] = str(self.tree)
             sys.dont_write_bytecode = True
             os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
-            options = [
-                "-x",
-                "-q",
-                "--tb=line",
-                "-p",
-                "no:cacheprovider",
-                "-n",
-                "0",
-                f"--basetemp={self.work}/tmp",
-            ]
+            options = ["-x", "-q", "--tb=line", "-p", "no:cacheprovider", "-n", "0", f"--basetemp={self.work}/tmp"]
             try:
                 if mode == "kernels":
                     interpret()

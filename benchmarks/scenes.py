@@ -91,11 +91,7 @@ def _eight(at: float, size: tuple[float, float, float], tilt: float) -> pin.SE3:
 
 
 def _scene(
-    urdf: Path,
-    node: str,
-    rotation: int,
-    home_of: dict[str, float],
-    path: Callable[[float], pin.SE3 | dict[str, float]],
+    urdf: Path, node: str, rotation: int, home_of: dict[str, float], path: Callable[[float], pin.SE3 | dict[str, float]]
 ) -> Path:
     """Writes a scene.
 

@@ -272,11 +272,7 @@ def bookshelf(rng: np.random.Generator, height: tuple[float, float], rows: int) 
         obstacles.append(can | {"point": (corner + turn @ at).tolist()})
 
     def inside(row: int, side: float) -> tuple[Array, Array]:
-        at = [
-            rng.uniform(-0.1, 0.05),
-            side * wide * rng.uniform(0.12, 0.38),
-            (row + rng.uniform(0.35, 0.65)) * high,
-        ]
+        at = [rng.uniform(-0.1, 0.05), side * wide * rng.uniform(0.12, 0.38), (row + rng.uniform(0.35, 0.65)) * high]
         return corner + turn @ at, turn @ FORWARD
 
     chosen = [cells[i] for i in rng.permutation(len(cells))[:2]]

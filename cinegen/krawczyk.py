@@ -139,9 +139,7 @@ def certify(
     return None
 
 
-def distinct(
-    found: Iterable[tuple[Certificate, Sequence[arb]] | None],
-) -> tuple[Certificate | None, ...]:
+def distinct(found: Iterable[tuple[Certificate, Sequence[arb]] | None]) -> tuple[Certificate | None, ...]:
     """Return the certificate of each solution, if there is one and if the solution differs from those before it.
 
     Args:

@@ -33,7 +33,7 @@ from raff2urdf.writers import DENSITY, FORMATS
 
 if TYPE_CHECKING:
     from raff2urdf.conversion import Conversion
-    from raff2urdf.loops.analysis import Analysis
+    from raff2urdf.loops.mobility import Analysis
 
 app = new_app()
 

@@ -16,7 +16,7 @@ from raff2urdf.arrays import ArrayLike
 from raff2urdf.constraints_check import UrdfSummary, contradictions, problems, shown
 from raff2urdf.coupling import coupling_entry
 from raff2urdf.errors import RaffError
-from raff2urdf.loops.analysis import Analysis, declared_actuated, loop_kinds
+from raff2urdf.loops.mobility import Analysis, declared_actuated, loop_kinds
 from raff2urdf.raff.compound import expanded, spherical_joints
 from raff2urdf.raff.document import Document, JointType, RaffRobot
 from raff2urdf.readers.json_lines import line_of, repeated_key

@@ -16,7 +16,7 @@ from raff2urdf.constraints import Constraints, check_values, constraints, for_ur
 from raff2urdf.errors import NearlyRedundantError, RaffError, RaffWarning
 from raff2urdf.files import GENERATED, check_new, has_digest, is_stream, read_bytes, stem_of, write_all
 from raff2urdf.graphics.meshes import Graphics
-from raff2urdf.loops.analysis import Analysis, analyse, loop_kinds
+from raff2urdf.loops.mobility import Analysis, analyse, loop_kinds
 from raff2urdf.raff.check import check
 from raff2urdf.raff.compound import expanded
 from raff2urdf.raff.document import Document, LoopKind, RaffRobot

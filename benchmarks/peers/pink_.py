@@ -57,12 +57,7 @@ class Pink:
         self.task.set_target(target)
         for _ in range(self.repeat):
             v = pink.solve_ik(
-                self.configuration,
-                self.tasks,
-                self.dt,
-                self.qp,
-                limits=self.limits,
-                constraints=self.constraints,
+                self.configuration, self.tasks, self.dt, self.qp, limits=self.limits, constraints=self.constraints
             )
             self.configuration.integrate_inplace(v, self.dt)
 

@@ -132,12 +132,16 @@ class Linkage:
     # --- tables -------------------------------------------------------------------------------------------------------
 
     def _cuts(self) -> list[CutJoint]:
-        mechanism, found = self.mechanism, []
-        for loop, (first, one, second, two) in zip(mechanism.loops, mechanism.structure.system.anchors, strict=True):
-            anchors = [np.vstack([end.rotation.T, end.translation / mechanism.length]) for end in (one, two)]
+        mechanism, cuts = self.mechanism, []
+        for loop, (first, first_end, second, second_end) in zip(
+            mechanism.loops, mechanism.structure.system.anchors, strict=True
+        ):
+            anchors = [
+                np.vstack([end.rotation.T, end.translation / mechanism.length]) for end in (first_end, second_end)
+            ]
             bodies = max(first - self.root, 0), max(second - self.root, 0)
-            found.append(CutJoint(loop.kind, bodies, np.array(anchors)))
-        return found
+            cuts.append(CutJoint(loop.kind, bodies, np.array(anchors)))
+        return cuts
 
     def _tables(self) -> LinkageTables:
         mechanism, model, count = self.mechanism, self.mechanism.model, len(self.joint_names)
@@ -154,10 +158,10 @@ class Linkage:
             self._axes[k] = axis(model.joints[j])
             along, mimic = self._axes[k], self._mimics.get(self.joint_names[k])
             if mimic is not None:  # an unknown for both, along another axis
-                along, there = mimic.ratio * along, mimic.offset * along
+                along, shift = mimic.ratio * along, mimic.offset * along
                 prismatic = bool(self._prismatic[k])
                 placement = placement * pin.SE3(
-                    np.eye(3) if prismatic else pin.exp3(there), there if prismatic else np.zeros(3)
+                    np.eye(3) if prismatic else pin.exp3(shift), shift if prismatic else np.zeros(3)
                 )
             constants[k] = *placement.rotation.ravel(), *(placement.translation / mechanism.length), *along
             above[k + 1] = above[parent]
@@ -173,8 +177,8 @@ class Linkage:
         """Return the bodies with points and axes as they are at q (nq,)."""
         mechanism = self.mechanism
         mechanism.structure.system.evaluate(q)
-        found = [mechanism.structure.system.data.oMi[j] for j in (self.root, *self._joints)]
-        placements = [pin.SE3(at.rotation, at.translation / mechanism.length) for at in found]
+        poses = [mechanism.structure.system.data.oMi[j] for j in (self.root, *self._joints)]
+        placements = [pin.SE3(at.rotation, at.translation / mechanism.length) for at in poses]
         distinct = frozenset(k for k, name in enumerate(self.joint_names) if name in self._distinct)
         return LinkageBodies(
             self._joint_table, self._axes, len(self.passive), self.cuts, placements, self.end, distinct
@@ -184,11 +188,11 @@ class Linkage:
     def kernel(self) -> ModuleType:
         """The kernels, compiled at the first access: a linkage of which only the structure is asked needs none."""
         path = typeof(self.fixed(self.locked_values(self.mechanism.q_home)))
-        tables, scratch, given = typeof(self.tables), typeof(self.scratch), complex128[:, ::1]
+        tables, scratch, unknowns = typeof(self.tables), typeof(self.scratch), complex128[:, ::1]
         with together():
-            prepare(kernel.track, tables, path, given, int64[::1], float64[:, ::1], scratch)
-            prepare(kernel.solve_from, tables, path, given, int64[::1], scratch)
-            prepare(kernel.write_features, tables, path, given, complex128[:, :, ::1], scratch)
+            prepare(kernel.track, tables, path, unknowns, int64[::1], float64[:, ::1], scratch)
+            prepare(kernel.solve_from, tables, path, unknowns, int64[::1], scratch)
+            prepare(kernel.write_features, tables, path, unknowns, complex128[:, :, ::1], scratch)
             prepare(kernel.evaluate, tables, path, complex128[::1], scratch)
         return kernel
 
@@ -232,8 +236,8 @@ class Linkage:
         """Return the values (locked,) of the locked joints in q (nq,), dimensionless; joints that follow others in
         couplings are where these drive them."""
         values = dict(zip(self.joint_names, q[self._index].tolist(), strict=True))
-        there = followed(self.mechanism.couplings, values)
-        return np.array([there[name] for name in self.locked]) / self._unit[self._locked]
+        all_values = followed(self.mechanism.couplings, values)
+        return np.array([all_values[name] for name in self.locked]) / self._unit[self._locked]
 
     def actuated_values(self, q: Array) -> Array:
         """Return the values (actuated,) of all actuated joints in q (nq,), rad and m, in the mechanism's order."""
@@ -269,8 +273,8 @@ class Linkage:
         mechanism = self.mechanism
         free = np.ones(mechanism.model.nv, dtype=bool)
         free[[mechanism.v_index(name) for name in self.locked]] = False
-        found = (closure.close(mechanism.structure.system, start, free) for start in starts)
-        best = min(found, key=lambda closing: closing.gap)
+        closings = (closure.close(mechanism.structure.system, start, free) for start in starts)
+        best = min(closings, key=lambda closing: closing.gap)
         gaps = zip(mechanism.constraint_names, closure.gaps(mechanism.structure.system, best.q), strict=True)
         listed = ", ".join(f"'{name}' by {gap:.3g}" for name, gap in gaps if gap > closure.CLOSED)
         unit = f"(rad, or lengths of {mechanism.length:.4g} m)"
@@ -314,22 +318,22 @@ class Linkage:
     def track(self, solutions: Complex, path: ParameterPath, rank: int | None = None) -> Tracked:
         """Continue solutions (count, k + 1) along a path, with a rank of the loops unless it is the general one."""
         tables = self._of_rank(rank)
-        found = np.array(solutions, dtype=complex, order="C").reshape(-1, len(self.passive) + 1)
-        ends, records = np.zeros(len(found), dtype=np.int64), np.zeros((len(found), 2))
+        tracked = np.array(solutions, dtype=complex, order="C").reshape(-1, len(self.passive) + 1)
+        ends, records = np.zeros(len(tracked), dtype=np.int64), np.zeros((len(tracked), 2))
         track = self.kernel.track
-        if len(found) < _MANY or _CORES == 1:
-            track(tables, path, found, ends, records, self.scratch)
+        if len(tracked) < _MANY or _CORES == 1:
+            track(tables, path, tracked, ends, records, self.scratch)
         else:
-            shares = [slice(k, k + _SHARE) for k in range(0, len(found), _SHARE)]
+            shares = [slice(k, k + _SHARE) for k in range(0, len(tracked), _SHARE)]
 
             def follow(share: slice) -> None:
                 scratch = scratch_of(self.tables, len(self.passive))
-                track(tables, path, found[share], ends[share], records[share], scratch)
+                track(tables, path, tracked[share], ends[share], records[share], scratch)
 
             with ThreadPoolExecutor(_CORES) as threads:  # the kernel does without Python's lock
                 list(threads.map(follow, shares))
         self.work += float(records[:, 1].sum()) * self._step_work
-        return Tracked(found, ends, records[:, 0])
+        return Tracked(tracked, ends, records[:, 0])
 
     def random_unknowns(self, rng: np.random.Generator, count: int, imaginary: float) -> Complex:
         """Return random unknowns (count, k + 1), and t = 0; with imaginary parts of a standard deviation."""
@@ -344,10 +348,10 @@ class Linkage:
         """Apply Newton's method to guesses (count, k + 1) at values (locked,) or at a path's beginning, with a rank of
         the loops unless it is the general one. Return where it ends, and how: ARRIVED, SINGULAR or LOST."""
         path = where if isinstance(where, ParameterPath) else self.fixed(where)
-        there, ends = np.array(guesses, dtype=complex, order="C"), np.zeros(len(guesses), dtype=np.int64)
-        self.kernel.solve_from(self._of_rank(rank), path, there, ends, self.scratch)
-        self.work += _NEWTON_WORK * len(there) * self._step_work
-        return there, ends
+        solutions, ends = np.array(guesses, dtype=complex, order="C"), np.zeros(len(guesses), dtype=np.int64)
+        self.kernel.solve_from(self._of_rank(rank), path, solutions, ends, self.scratch)
+        self.work += _NEWTON_WORK * len(solutions) * self._step_work
+        return solutions, ends
 
     def _of_rank(self, rank: int | None) -> LinkageTables:
         return self.tables if rank is None else self.tables._replace(rank=rank + 1)
@@ -356,14 +360,14 @@ class Linkage:
         """Return whether a singular solution (k + 1,) lies on a curve of solutions on which features move: whether it
         can move farther than infinitesimally."""
         _, sigma, vh = np.linalg.svd(self.jacobian(solution, locked))
-        own = int((sigma > _SINGULAR * sigma[0]).sum())
-        for direction in vh[own:].conj():
+        rank = int((sigma > _SINGULAR * sigma[0]).sum())
+        for direction in vh[rank:].conj():
             ahead = solution.copy()
             ahead[:-1] += _STEP * direction / np.abs(direction).max()
-            there, ends = self.newton(ahead[None], locked, own)
-            here, meant, moved = self.features(np.array([solution, ahead, there[0]]), locked)
-            far = float(np.abs(meant - here).max(initial=0.0))
-            if ends[0] != kernel.LOST and far > _IDLE and np.abs(moved - here).max(initial=0.0) > 0.5 * far:
+            reached, ends = self.newton(ahead[None], locked, rank)
+            start, meant, moved = self.features(np.array([solution, ahead, reached[0]]), locked)
+            far = float(np.abs(meant - start).max(initial=0.0))
+            if ends[0] != kernel.LOST and far > _IDLE and np.abs(moved - start).max(initial=0.0) > 0.5 * far:
                 return True
         return False
 
@@ -371,10 +375,10 @@ class Linkage:
         """Return the points and directions (count, 3 f) that distinguish solutions (count, k + 1), at values (locked,)
         or at a path's beginning."""
         path = where if isinstance(where, ParameterPath) else self.fixed(where)
-        given = np.array(solutions, dtype=complex, order="C").reshape(-1, len(self.passive) + 1)
-        out = np.zeros((len(given), self.tables.features, 3), dtype=complex)
-        self.kernel.write_features(self.tables, path, given, out, self.scratch)
-        return out.reshape(len(given), 3 * self.tables.features)
+        unknowns = np.array(solutions, dtype=complex, order="C").reshape(-1, len(self.passive) + 1)
+        out = np.zeros((len(unknowns), self.tables.features, 3), dtype=complex)
+        self.kernel.write_features(self.tables, path, unknowns, out, self.scratch)
+        return out.reshape(len(unknowns), 3 * self.tables.features)
 
 
 def linkage_of(mechanism: Mechanism, distinct: Collection[str] = ()) -> Linkage:

@@ -88,20 +88,20 @@ class Monodromy:
         Args:
             everywhere: looks also for modes that no path connects with home, by random starts.
         """
-        found = self._first()
+        modes = self._first()
         if everywhere:
-            self._guess(found)
-        self._follow_loops(found)
-        while everywhere and self._guess(found):
-            self._follow_loops(found)
-        traced, enough = TraceResult(False, 0, found.array[:0]), self._enough(found)
-        parts = 1 if enough else self._parts(found)
+            self._guess(modes)
+        self._follow_loops(modes)
+        while everywhere and self._guess(modes):
+            self._follow_loops(modes)
+        traced, enough = TraceResult(False, 0, modes.array[:0]), self._enough(modes)
+        parts = 1 if enough else self._parts(modes)
         if not enough and self._linkage.driving.any():
-            traced = self._trace(found)
-        return Fibre(self._locked, found.array, traced, self._quiet, parts, self._hits, self._loose, self._spent())
+            traced = self._trace(modes)
+        return Fibre(self._locked, modes.array, traced, self._quiet, parts, self._hits, self._loose, self._spent())
 
-    def _enough(self, found: DistinctSolutions) -> bool:
-        return self._bound is not None and len(found) >= self._bound
+    def _enough(self, modes: DistinctSolutions) -> bool:
+        return self._bound is not None and len(modes) >= self._bound
 
     def _spent(self) -> bool:
         return self._full or self._linkage.work > self._most
@@ -118,42 +118,42 @@ class Monodromy:
         linkage = self._linkage
         for attempt in range(_ATTEMPTS):  # a path may fail, as home may be singular
             q = linkage.mechanism.structure.samples[attempt % len(linkage.mechanism.structure.samples)]
-            found = DistinctSolutions(lambda solutions: linkage.features(solutions, self._locked))
+            modes = DistinctSolutions(lambda solutions: linkage.features(solutions, self._locked))
             path = linkage.straight(linkage.locked_values(q), self._locked)
-            if found.add(linkage.track(linkage.unknowns(q)[None], path).arrived):
-                return found
+            if modes.add(linkage.track(linkage.unknowns(q)[None], path).arrived):
+                return modes
             self._locked = self._general()
-        return found
+        return modes
 
-    def _follow_loops(self, found: DistinctSolutions) -> None:
+    def _follow_loops(self, modes: DistinctSolutions) -> None:
         """Follow closed paths until they find nothing new."""
         self._quiet = 0
-        while len(found) and self._quiet < self._patience(len(found)) and not (self._enough(found) or self._spent()):
-            self._quiet = 0 if self._follow_loop(found) else self._quiet + 1
-            self._report(f"{len(found)} modes found by closed paths")
+        while len(modes) and self._quiet < self._patience(len(modes)) and not (self._enough(modes) or self._spent()):
+            self._quiet = 0 if self._follow_loop(modes) else self._quiet + 1
+            self._report(f"{len(modes)} modes found by closed paths")
 
     def _patience(self, count: int) -> int:
         """Return how many closed paths may find nothing new."""
         return _QUIET_BELOW if self._bound is not None else max(_QUIET, _QUIET_FEW // count)
 
-    def _follow_loop(self, found: DistinctSolutions) -> int:
+    def _follow_loop(self, modes: DistinctSolutions) -> int:
         """Continue all solutions to the conjugate values and conjugate them; return how many are new."""
-        linkage, away, before = self._linkage, self._general(), len(found)
-        there = linkage.track(found.array, linkage.straight(self._locked, away))
-        back = linkage.track(there.solutions, linkage.straight(away, self._locked.conj()))
-        arrived = (there.ends == ARRIVED) & (back.ends == ARRIVED)
-        for begun, came in zip(np.flatnonzero(arrived), found.indices(back.solutions[arrived].conj()), strict=True):
+        linkage, away, before = self._linkage, self._general(), len(modes)
+        tracked = linkage.track(modes.array, linkage.straight(self._locked, away))
+        back = linkage.track(tracked.solutions, linkage.straight(away, self._locked.conj()))
+        arrived = (tracked.ends == ARRIVED) & (back.ends == ARRIVED)
+        for begun, came in zip(np.flatnonzero(arrived), modes.indices(back.solutions[arrived].conj()), strict=True):
             self._joined[self._curve(int(begun))] = self._curve(came)
-        self._full = len(found) > _MOST
-        return len(found) - before
+        self._full = len(modes) > _MOST
+        return len(modes) - before
 
-    def _parts(self, found: DistinctSolutions) -> int:
+    def _parts(self, modes: DistinctSolutions) -> int:
         """Return in how many sets the solutions are that a few more closed paths don't join."""
         for attempt in range(_JOINS + 1):
-            parts = len({self._curve(k) for k in range(len(found))})
+            parts = len({self._curve(k) for k in range(len(modes))})
             if parts < 2 or attempt == _JOINS or self._spent():
                 break
-            self._follow_loop(found)
+            self._follow_loop(modes)
         return parts
 
     def _curve(self, k: int) -> int:
@@ -162,28 +162,28 @@ class Monodromy:
             k = self._joined[k]
         return k
 
-    def _guess(self, found: DistinctSolutions) -> int:
+    def _guess(self, modes: DistinctSolutions) -> int:
         """Apply Newton's method from random starts, until it finds nothing new; return how many are new."""
-        linkage, before, silent = self._linkage, len(found), 0
-        while silent < _SILENT and not (self._enough(found) or self._spent()):
-            there, ends = linkage.newton(linkage.random_unknowns(self._rng, _STARTS, 0.5), self._locked)
-            guessed, self._loose = there[ends == ARRIVED], self._loose + int((ends == SINGULAR).sum())
+        linkage, before, silent = self._linkage, len(modes), 0
+        while silent < _SILENT and not (self._enough(modes) or self._spent()):
+            guesses, ends = linkage.newton(linkage.random_unknowns(self._rng, _STARTS, 0.5), self._locked)
+            guessed, self._loose = guesses[ends == ARRIVED], self._loose + int((ends == SINGULAR).sum())
             self._hits += len(guessed)
-            silent = 0 if found.add(guessed) else silent + 1
-            self._full = len(found) > _MOST
-        return len(found) - before
+            silent = 0 if modes.add(guessed) else silent + 1
+            self._full = len(modes) > _MOST
+        return len(modes) - before
 
-    def _trace(self, found: DistinctSolutions) -> TraceResult:
+    def _trace(self, modes: DistinctSolutions) -> TraceResult:
         """Do the trace test; add solutions that it finds."""
-        linkage, traced = self._linkage, TraceResult(False, 0, found.array[:0])
+        linkage, traced = self._linkage, TraceResult(False, 0, modes.array[:0])
         for _ in range(_TRACES):
             test = TraceTest(linkage, self._home, self._rng, self._spent, self._report)
-            there = linkage.track(found.array, linkage.straight(self._locked, test.locked))
-            traced = test.run(there.arrived)
+            tracked = linkage.track(modes.array, linkage.straight(self._locked, test.locked))
+            traced = test.run(tracked.arrived)
             if traced.complete:
                 back = linkage.track(traced.solutions, linkage.straight(test.locked, self._locked))
-                found.add(back.arrived)
-                traced = traced._replace(complete=len(found) == len(traced.solutions))
+                modes.add(back.arrived)
+                traced = traced._replace(complete=len(modes) == len(traced.solutions))
             if traced.complete or self._spent():
                 break
         return traced

@@ -73,21 +73,21 @@ class SelfMotions:
     def random_solutions(self) -> tuple[Complex, Complex]:
         """Return the real solutions (count, k + 1) that Newton's method reaches from random starts: regular ones, and
         singular ones."""
-        found, ends = self._linkage.newton(self._linkage.random_unknowns(self._rng, STARTS, 0.0), self._locked)
-        return found[ends == ARRIVED], found[ends == SINGULAR]
+        solutions, ends = self._linkage.newton(self._linkage.random_unknowns(self._rng, STARTS, 0.0), self._locked)
+        return solutions[ends == ARRIVED], solutions[ends == SINGULAR]
 
     def new(self, solutions: Complex, known: Sequence[Complex]) -> list[tuple[Array, Complex]]:
         """Return the modes q (nq,) and their features (3 f,) among real solutions (count, k + 1), without those whose
         features are known."""
-        linkage, known, found = self._linkage, list(known), list[tuple[Array, Complex]]()
+        linkage, known, fresh = self._linkage, list(known), list[tuple[Array, Complex]]()
         for solution, features in zip(solutions, linkage.features(solutions, self._locked), strict=True):
-            if min((np.abs(one - features).max(initial=0.0) for one in known), default=np.inf) < _NEAR:
+            if min((np.abs(each - features).max(initial=0.0) for each in known), default=np.inf) < _NEAR:
                 continue
             q = linkage.closed(linkage.configuration(solution, self._locked))
             if q is not None:
                 known.append(features)
-                found.append((q, features))
-        return found
+                fresh.append((q, features))
+        return fresh
 
     def dimension(self, solution: Complex) -> int:
         """Return the number of DoF of the self-motion that a solution (k + 1,) lies on: 0 if it is isolated."""
@@ -98,53 +98,53 @@ class SelfMotions:
         """Return the self-motions that real solutions (k + 1,) lie on: each curve, and of those of more DoF the largest
         on which the same joints move."""
         points = [point for solution in solutions[:_MOST] if (point := self._point(solution)) is not None]
-        found = list[SelfMotion]()
+        motions = list[SelfMotion]()
         for rank in sorted({point.rank for point in points if point.is_curve}, reverse=True):
-            found += self._curves([point for point in points if point.is_curve and point.rank == rank])
+            motions += self._curves([point for point in points if point.is_curve and point.rank == rank])
         others = dict[tuple[str, ...], _Point]()
         for point in sorted((p for p in points if not p.is_curve), key=lambda point: point.dimension):
             others[point.moving] = point
         for point in others.values():
-            found += self._made([point], None)
-        return tuple(found)
+            motions += self._made([point], None)
+        return tuple(motions)
 
     # --- one point ----------------------------------------------------------------------------------------------------
 
     def _point(self, solution: Complex) -> _Point | None:
         """Return a general point of the component that a real solution lies on; None if it is isolated."""
-        here = solution
+        at = solution
         for _ in range(_TRIES):
-            rank, tangents = self._tangents(here)
+            rank, tangents = self._tangents(at)
             dimension = tangents.shape[1]
             if not dimension:
                 return None
             steps = (tangents @ self._rng.normal(size=(dimension, dimension + 1))).T
-            there = [point for step in steps if (point := self._moved(here, step, rank)) is not None]
-            if len(there) == len(steps) and max(self._tangents(point)[0] for point in there) == rank:
-                return _Point(here, dimension, rank, self._moving(tangents.T))
+            moved = [point for step in steps if (point := self._moved(at, step, rank)) is not None]
+            if len(moved) == len(steps) and max(self._tangents(point)[0] for point in moved) == rank:
+                return _Point(at, dimension, rank, self._moving(tangents.T))
             full = self._linkage.tables.rank - 1
             steps = np.vstack([tangents.T, -tangents.T, (tangents @ self._rng.normal(size=(dimension, _TRIES))).T])
-            there += [point for step in steps if (point := self._moved(here, step, full)) is not None]
-            if not there:
+            moved += [point for step in steps if (point := self._moved(at, step, full)) is not None]
+            if not moved:
                 return None
-            general = max(there, key=lambda point: self._tangents(point)[0])
+            general = max(moved, key=lambda point: self._tangents(point)[0])
             if self._tangents(general)[0] == rank:  # also off the component loops hold to first order
-                return self._of_higher_order(here, tangents)
-            here = general  # several components meet where it was
+                return self._of_higher_order(at, tangents)
+            at = general  # several components meet where it was
         return None
 
-    def _of_higher_order(self, here: Complex, tangents: Array) -> _Point | None:
+    def _of_higher_order(self, at: Complex, tangents: Array) -> _Point | None:
         """Return a point of a component on which the loops' rank is too low to determine its dimension: that of the
         displacements which Newton's method confirms."""
         full, steps = self._linkage.tables.rank - 1, tangents @ self._rng.normal(size=(tangents.shape[1], _SAMPLES))
-        there = [point for step in steps.T if (point := self._moved(here, step, full)) is not None]
-        if not there:
+        moved = [point for step in steps.T if (point := self._moved(at, step, full)) is not None]
+        if not moved:
             return None
-        features = self._linkage.features(np.array([here, *there]), self._locked).real
+        features = self._linkage.features(np.array([at, *moved]), self._locked).real
         away = features[1:] - features[0]
         values = np.linalg.svd(away / np.linalg.norm(away, axis=1)[:, None], compute_uv=False)
         dimension = int((values > _FLAT * values[0]).sum())
-        return _Point(here, dimension, _UNKNOWN, self._moving((np.array(there) - here)[:, :-1].real))
+        return _Point(at, dimension, _UNKNOWN, self._moving((np.array(moved) - at)[:, :-1].real))
 
     def _moving(self, motions: Array) -> tuple[str, ...]:
         """Return the names of the joints that move in motions (count, k)."""
@@ -167,11 +167,11 @@ class SelfMotions:
         """Return the solution that Newton's method reaches from a step along a direction; None if it goes back."""
         linkage, ahead = self._linkage, solution.copy()
         ahead[:-1] += _STEP * direction / np.abs(direction).max()
-        there, ends = linkage.newton(ahead[None], self._locked, rank)
-        here, meant, moved = linkage.features(np.array([solution, ahead, there[0]]), self._locked)
-        far = float(np.abs(meant - here).max(initial=0.0))
-        went = float(np.abs(moved - here).max(initial=0.0))
-        return there[0] if ends[0] != LOST and 0.5 * far < went < 2.0 * far else None
+        reached, ends = linkage.newton(ahead[None], self._locked, rank)
+        start, meant, moved = linkage.features(np.array([solution, ahead, reached[0]]), self._locked)
+        far = float(np.abs(meant - start).max(initial=0.0))
+        went = float(np.abs(moved - start).max(initial=0.0))
+        return reached[0] if ends[0] != LOST and 0.5 * far < went < 2.0 * far else None
 
     # --- result -------------------------------------------------------------------------------------------------------
 
@@ -180,11 +180,11 @@ class SelfMotions:
         solutions = np.array([point.solution for point in points])
         witnesses = _WitnessPoints(self._linkage, self._locked, self._rng, points[0].rank, solutions)
         on = [witnesses.add(solution) for solution in solutions]
-        found = list[SelfMotion]()
+        motions = list[SelfMotion]()
         for members, is_whole in witnesses.curves():
-            own = [point for point, index in zip(points, on, strict=True) if index in members]
-            found += self._made(own, len(members) if is_whole else None)
-        return found or self._made(points, None)
+            on_curve = [point for point, index in zip(points, on, strict=True) if index in members]
+            motions += self._made(on_curve, len(members) if is_whole else None)
+        return motions or self._made(points, None)
 
     def _made(self, points: list[_Point], degree: int | None) -> list[SelfMotion]:
         """Return the self-motion of these points, at the first of them that closes; none if none does."""
@@ -216,14 +216,14 @@ class _WitnessPoints:
     def add(self, solution: Complex) -> int:
         """Move the plane from a solution (k + 1,) of a curve to where it belongs; return which point comes there, -1 if
         the path is lost."""
-        own = self._first.copy()
-        own[-1] = own[:-2] @ self._features(solution[None])[0]
-        there = self._track(solution[None], own, self._first)
-        return self._points.indices(there.arrived)[0] if len(there.arrived) else -1
+        plane = self._first.copy()
+        plane[-1] = plane[:-2] @ self._features(solution[None])[0]
+        tracked = self._track(solution[None], plane, self._first)
+        return self._points.indices(tracked.arrived)[0] if len(tracked.arrived) else -1
 
     def curves(self) -> list[tuple[list[int], bool]]:
         """Return for each curve which points are on it, and whether none is missing, so that it is irreducible."""
-        joined, found = dict[int, int](), list[tuple[list[int], bool]]()
+        joined, components = dict[int, int](), list[tuple[list[int], bool]]()
 
         def curve(k: int) -> int:
             while joined.get(k, k) != k:
@@ -236,18 +236,18 @@ class _WitnessPoints:
             points, sets = self._points.array, dict[int, list[int]]()
             for k in range(len(points)):
                 sets.setdefault(curve(k), []).append(k)
-            found = [(members, self._is_whole(points[members])) for members in sets.values()]
-            if all(is_whole for _, is_whole in found):
+            components = [(members, self._is_whole(points[members])) for members in sets.values()]
+            if all(is_whole for _, is_whole in components):
                 break
-        return found
+        return components
 
     def _follow_loop(self) -> list[tuple[int, int]]:
         """Move all points with the plane along a closed path; return which points come where."""
-        here, begun = self._points.array, np.arange(len(self._points))
-        for one, two in pairwise([self._first, self._plane(), self._plane(), self._first]):
-            tracked = self._track(here, one, two)
-            here, begun = tracked.arrived, begun[tracked.ends == ARRIVED]
-        return [(k, end) for k, end in zip(begun.tolist(), self._points.indices(here), strict=True) if end >= 0]
+        solutions, begun = self._points.array, np.arange(len(self._points))
+        for before, after in pairwise([self._first, self._plane(), self._plane(), self._first]):
+            tracked = self._track(solutions, before, after)
+            solutions, begun = tracked.arrived, begun[tracked.ends == ARRIVED]
+        return [(k, end) for k, end in zip(begun.tolist(), self._points.indices(solutions), strict=True) if end >= 0]
 
     def _features(self, solutions: Complex) -> Complex:
         return self._linkage.features(solutions, self._locked)
@@ -260,13 +260,15 @@ class _WitnessPoints:
         """
         count = len(self._linkage.zero_slice)
         cut = np.asarray(self._rng.normal(size=count) + 1j * self._rng.normal(size=count))
-        one, two = cut[:-2] @ self._known[self._rng.integers(len(self._known), size=2)].T
-        cut[-2:] = 0.0, one + cut[-1] * (abs(two - one) or 1.0)
+        first, second = cut[:-2] @ self._known[self._rng.integers(len(self._known), size=2)].T
+        cut[-2:] = 0.0, first + cut[-1] * (abs(second - first) or 1.0)
         return cut
 
-    def _track(self, solutions: Complex, one: Complex, two: Complex) -> Tracked:
+    def _track(self, solutions: Complex, before: Complex, after: Complex) -> Tracked:
         lines = self._linkage.fixed(self._locked).lines
-        return self._linkage.track(solutions, ParameterPath(lines, np.array([one, two]), False, ACCURACY), self._rank)
+        return self._linkage.track(
+            solutions, ParameterPath(lines, np.array([before, after]), False, ACCURACY), self._rank
+        )
 
     def _is_whole(self, points: Complex) -> bool:
         """Return whether the sum of features over points is an affine function of gamma."""
@@ -274,10 +276,10 @@ class _WitnessPoints:
         for step in _PLANES:
             moved = self._first.copy()
             moved[-1] += step
-            there = self._track(points, self._first, moved).arrived
-            if len(there) < len(points):
+            tracked = self._track(points, self._first, moved).arrived
+            if len(tracked) < len(points):
                 return False
-            features.append(self._features(there))
+            features.append(self._features(tracked))
         first, second, third = (part.sum(axis=0) for part in features)
         off = (second - first) / _PLANES[0] - (third - first) / _PLANES[1]
         return float(np.abs(off).max()) < _AFFINE * max(float(np.abs(part).sum(axis=0).max()) for part in features)

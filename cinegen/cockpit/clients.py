@@ -5,9 +5,7 @@ from __future__ import annotations
 import time
 from typing import Protocol
 
-from cinegen.cockpit.messages import (
-    UserInfo,
-)
+from cinegen.cockpit.messages import UserInfo
 
 MOST = 100
 """Clients of a session."""

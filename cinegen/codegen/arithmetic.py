@@ -63,35 +63,35 @@ class Arithmetic:
         negative = not isinstance(value, bool) and (value < 0 or (value == 0 and math.copysign(1.0, value) < 0))
         return Number(kind, literal(value, self._language), UNARY if negative else ATOM, value)
 
-    def real(self, one: Number) -> Number:
+    def real(self, number: Number) -> Number:
         """Return a number as one that is no integer, where C needs that."""
-        if one.kind != "int" or not self._language.is_c:
-            return one
-        if one.value is not None:
-            return self.constant(float(one.value))
-        return Number("float", f"({self._language.real}) {one.at(UNARY)}", UNARY)
+        if number.kind != "int" or not self._language.is_c:
+            return number
+        if number.value is not None:
+            return self.constant(float(number.value))
+        return Number("float", f"({self._language.real}) {number.at(UNARY)}", UNARY)
 
-    def as_kind(self, kind: str, one: Number) -> Number:
+    def as_kind(self, kind: str, number: Number) -> Number:
         """Return a number of a kind: C converts integers to doubles by itself, but only some of them to floats."""
-        return self.real(one) if kind == "float" and self._language.is_single else one
+        return self.real(number) if kind == "float" and self._language.is_single else number
 
-    def converted(self, to: type, given: Number) -> Number:
+    def converted(self, to: type, number: Number) -> Number:
         """Return a number as `float`, `int` or `bool` converts it."""
         kind = KINDS[to]
-        if given.value is not None:
-            return self.constant(to(given.value))
-        if given.kind == kind or (kind == "float" and given.kind == "int"):
-            return Number(kind, given.code, given.rank)
+        if number.value is not None:
+            return self.constant(to(number.value))
+        if number.kind == kind or (kind == "float" and number.kind == "int"):
+            return Number(kind, number.code, number.rank)
         if kind == "int":
-            code = f"(int) {given.at(UNARY)}" if self._language.is_c else f"Math.trunc({given.code})"
+            code = f"(int) {number.at(UNARY)}" if self._language.is_c else f"Math.trunc({number.code})"
             return Number("int", code, UNARY if self._language.is_c else ATOM)
-        return Number("bool", f"{given.at(EQUALITY + 1)} != 0", EQUALITY)
+        return Number("bool", f"{number.at(EQUALITY + 1)} != 0", EQUALITY)
 
-    def unary(self, op: ast.Not | ast.USub, one: Number) -> Number:
+    def unary(self, op: ast.Not | ast.USub, number: Number) -> Number:
         """Return the negation of a truth value, or a number with the other sign."""
-        if one.value is not None:
-            return self.constant(not one.value if isinstance(op, ast.Not) else -one.value)
-        return Number("bool", f"!{one.at(UNARY)}", UNARY) if isinstance(op, ast.Not) else _minus(one)
+        if number.value is not None:
+            return self.constant(not number.value if isinstance(op, ast.Not) else -number.value)
+        return Number("bool", f"!{number.at(UNARY)}", UNARY) if isinstance(op, ast.Not) else _minus(number)
 
     def binary(self, op: ast.operator, a: Number, b: Number) -> Number:
         """Return a sum, product or other operation of two numbers."""
@@ -110,15 +110,15 @@ class Arithmetic:
         if a.value is not None and b.value is not None:
             return self.constant(compute(a.value, b.value))
         kind = "int" if a.kind == b.kind == "int" and not isinstance(op, ast.Div) else "float"
-        if kind == "float" and (found := _simplified(op, a, b)) is not None:
-            return found if found.value is None else self.constant(found.value)
+        if kind == "float" and (simplified := _simplified(op, a, b)) is not None:
+            return simplified if simplified.value is None else self.constant(simplified.value)
         left = self.real(a).at(rank) if kind == "float" and self._language.is_c else a.at(rank)
         right = self.real(b) if kind == "float" and self._language.is_single else b
         return Number(kind, f"{left} {sign} {right.at(rank + 1)}", rank)
 
     def comparison(self, ops: Sequence[ast.cmpop], numbers: Sequence[Number]) -> Number:
         """Return whether each number compares with the next one as its operator asks."""
-        found = list[Number]()
+        terms = list[Number]()
         for op, a, b in zip(ops, numbers, numbers[1:], strict=False):
             sign, rank, compute = _COMPARISONS[type(op)]
             if a.value is not None and b.value is not None:
@@ -130,12 +130,12 @@ class Arithmetic:
                     return self.constant(False)
                 if isinstance(op, ast.GtE):
                     continue
-            found.append(Number("bool", f"{a.at(rank + 1)} {sign} {b.at(rank + 1)}", rank))
-        if not found:
+            terms.append(Number("bool", f"{a.at(rank + 1)} {sign} {b.at(rank + 1)}", rank))
+        if not terms:
             return self.constant(True)
-        if len(found) == 1:
-            return found[0]
-        return Number("bool", " && ".join(one.at(AND + 1) for one in found), AND)
+        if len(terms) == 1:
+            return terms[0]
+        return Number("bool", " && ".join(term.at(AND + 1) for term in terms), AND)
 
     def choice(self, test: Number, a: Number, b: Number) -> Number:
         """Return the first number if a test is true, else the second."""
@@ -143,37 +143,43 @@ class Arithmetic:
         a, b = self.as_kind(kind, a), self.as_kind(kind, b)
         return Number(kind, f"{test.at(CHOICE + 1)} ? {a.at(CHOICE + 1)} : {b.at(CHOICE)}", CHOICE)
 
-    def mathematics(self, name: str, given: Sequence[Number]) -> Number:
+    def mathematics(self, name: str, numbers: Sequence[Number]) -> Number:
         """Return the result of a function of `math`."""
-        code = f"{function(name, self._language)}({', '.join(self.as_kind('float', one).code for one in given)})"
+        code = (
+            f"{function(name, self._language)}({', '.join(self.as_kind('float', number).code for number in numbers)})"
+        )
         if name == "isfinite":
-            return Number("bool", code if self._language.is_c else f"Number.isFinite({given[0].code})")
+            return Number("bool", code if self._language.is_c else f"Number.isFinite({numbers[0].code})")
         return Number("float", code)
 
-    def absolute(self, one: Number) -> Number:
+    def absolute(self, number: Number) -> Number:
         """Return the absolute value of a number."""
-        return self.mathematics("abs", [one]) if one.kind == "float" else self.extreme(max, [one, _minus(one)])
+        return (
+            self.mathematics("abs", [number]) if number.kind == "float" else self.extreme(max, [number, _minus(number)])
+        )
 
-    def extreme(self, which: Any, given: Sequence[Number]) -> Number:
+    def extreme(self, which: Any, numbers: Sequence[Number]) -> Number:
         """Return the smallest or largest of numbers as Python does: a NaN behind the first is left out."""
-        name, found = "least" if which is min else "most", given[0]
-        for one in given[1:]:
-            if found.value is not None and one.value is not None:
-                found = self.constant(which(found.value, one.value))
+        name, result = "least" if which is min else "most", numbers[0]
+        for number in numbers[1:]:
+            if result.value is not None and number.value is not None:
+                result = self.constant(which(result.value, number.value))
                 continue
-            kind = "int" if found.kind == one.kind == "int" else "float"
+            kind = "int" if result.kind == number.kind == "int" else "float"
             suffix = "_int" if kind == "int" and self._language.is_c else ""
-            found = Number(kind, f"{name}{suffix}({self.as_kind(kind, found).code}, {self.as_kind(kind, one).code})")
-        return found
+            result = Number(
+                kind, f"{name}{suffix}({self.as_kind(kind, result).code}, {self.as_kind(kind, number).code})"
+            )
+        return result
 
 
 def _simplified(op: ast.operator, a: Number, b: Number) -> Number | None:
     """Return a product with 0 or 1, or a sum with 0, without the operation; None of others."""
     if isinstance(op, ast.Mult):
-        for one, other in ((a, b), (b, a)):
-            if one.value == 0.0:
+        for factor, other in ((a, b), (b, a)):
+            if factor.value == 0.0:
                 return constant_of(0.0)
-            if one.value == 1.0 and other.kind == "float":
+            if factor.value == 1.0 and other.kind == "float":
                 return other
     if isinstance(op, ast.Add) and a.value == 0.0 and b.kind == "float":
         return b
@@ -184,5 +190,5 @@ def _simplified(op: ast.operator, a: Number, b: Number) -> Number | None:
     return None
 
 
-def _minus(one: Number) -> Number:
-    return Number(one.kind, f"-{one.at(UNARY + 1)}", UNARY)
+def _minus(number: Number) -> Number:
+    return Number(number.kind, f"-{number.at(UNARY + 1)}", UNARY)

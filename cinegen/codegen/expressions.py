@@ -54,19 +54,19 @@ class ExpressionTranslation:
         self._names: dict[str, Value] = {}
 
     def _number(self, node: ast.expr) -> Number:
-        found = self._value(node)
-        if isinstance(found, bool | int | float):
-            return self._arithmetic.constant(found)
-        if not isinstance(found, Number):
+        value = self._value(node)
+        if isinstance(value, bool | int | float):
+            return self._arithmetic.constant(value)
+        if not isinstance(value, Number):
             raise self._code.error(f"{ast.unparse(node)!r} is not a number")
-        return found
+        return value
 
     def _unconditional(self, node: ast.expr) -> Number:
         """Return a number that may not be computed, or more than once: without statements before it."""
-        count, found = len(self._code.lines), self._number(node)
+        count, number = len(self._code.lines), self._number(node)
         if len(self._code.lines) != count:
             raise self._code.error(f"{ast.unparse(node)!r} needs statements of its own: assign its parts before")
-        return found
+        return number
 
     def _value(self, node: ast.expr) -> Value:
         match node:
@@ -75,7 +75,7 @@ class ExpressionTranslation:
             case ast.Name(id=name):
                 return self._named(name)
             case ast.Tuple(elts=elements):
-                return tuple(self._value(one) for one in elements)
+                return tuple(self._value(element) for element in elements)
             case ast.Attribute(value=owner, attr=attribute):
                 return self._attribute(self._value(owner), attribute)
             case ast.Subscript(value=owner, slice=index):
@@ -140,16 +140,16 @@ class ExpressionTranslation:
             if not isinstance(place, HeapArray):
                 return self._arithmetic.constant(place)
             return Number(kind_of(place.table), self._state(owner, name))
-        places = [self._heap.array(one, name) for one in owner.all]
+        places = [self._heap.array(each, name) for each in owner.all]
         self._context.arrays.add(name)
         if len(places) == 1:
             (only,), numbers = places, self._heap.known(first, name)
             known = None if numbers is None else Known(numbers)
             return View(only.table, integer(only.begin), tuple(map(integer, only.shape)), name, known)
-        begin = self._heap.allocate((tuple(map(id, owner.all)), name, BEGIN), np.array([one.begin for one in places]))
+        begin = self._heap.allocate((tuple(map(id, owner.all)), name, BEGIN), np.array([each.begin for each in places]))
         shape = []
         for i, _ in enumerate(places[0].shape):
-            sizes = [one.shape[i] for one in places]
+            sizes = [each.shape[i] for each in places]
             if len(set(sizes)) == 1:
                 shape.append(integer(sizes[0]))
                 continue
@@ -171,26 +171,26 @@ class ExpressionTranslation:
             return owner[int(self._number(index).value or 0)]
         assert isinstance(owner, View)
         begin, shape, least = owner.begin, list[Number](), None
-        given = list(index.elts) if isinstance(index, ast.Tuple) else [index]
+        indices = list(index.elts) if isinstance(index, ast.Tuple) else [index]
         known, is_joint = owner.known, owner.field.startswith("joint_")
         for i, size in enumerate(owner.shape):
             width = count_of(owner.shape[i + 1 :])
-            if i >= len(given):
+            if i >= len(indices):
                 shape.append(size)
-            elif isinstance(one := given[i], ast.Slice):
-                if one.step is not None:
+            elif isinstance(part := indices[i], ast.Slice):
+                if part.step is not None:
                     raise self._code.error(f"a step in {ast.unparse(index)!r}")
-                low = integer(0) if one.lower is None else self._number(one.lower)
-                high = size if one.upper is None else self._number(one.upper)
+                low = integer(0) if part.lower is None else self._number(part.lower)
+                high = size if part.upper is None else self._number(part.upper)
                 begin = sum_of(begin, product_of(low, width))
                 shape.append(sum_of(high, low, -1))
                 known = None
             else:
-                at = self._number(one)
+                at = self._number(part)
                 if at.value is not None and at.value < 0:
-                    raise self._code.error(f"index {ast.unparse(one)} counts from the end")
-                if known is not None and known.numbers.ndim == 1 and (found := known.number(at, is_joint)) is not None:
-                    return found if found.value is None else self._arithmetic.constant(found.value)
+                    raise self._code.error(f"index {ast.unparse(part)} counts from the end")
+                if known is not None and known.numbers.ndim == 1 and (entry := known.number(at, is_joint)) is not None:
+                    return entry if entry.value is None else self._arithmetic.constant(entry.value)
                 least = known.least(is_joint) if known is not None else None
                 known = known.at(at, is_joint) if known is not None else None
                 is_joint = False
@@ -204,28 +204,30 @@ class ExpressionTranslation:
     # --- operations ----------------------------------------------------------------------------------------------
 
     def _junction(self, is_and: bool, values: Sequence[ast.expr]) -> Number:
-        found = list[Number]()
+        terms = list[Number]()
         for node in values:
-            one = self._unconditional(node) if found else self._number(node)
-            if one.value is None:
-                found.append(one)
-            elif bool(one.value) is not is_and:  # decides
-                if not found:
+            term = self._unconditional(node) if terms else self._number(node)
+            if term.value is None:
+                terms.append(term)
+            elif bool(term.value) is not is_and:  # decides
+                if not terms:
                     return self._arithmetic.constant(not is_and)
-                found.append(self._arithmetic.constant(bool(one.value)))
+                terms.append(self._arithmetic.constant(bool(term.value)))
                 break
-        if not found:
+        if not terms:
             return self._arithmetic.constant(is_and)
         rank, sign = (AND, " && ") if is_and else (OR, " || ")
-        if len(found) == 1:
-            return found[0]
+        if len(terms) == 1:
+            return terms[0]
         inner = rank + 1 if is_and else AND + 1  # `a && b || c` is written with parentheses
-        return Number("bool", sign.join(one.at(inner) for one in found), rank)
+        return Number("bool", sign.join(term.at(inner) for term in terms), rank)
 
     def _comparison(self, left: ast.expr, ops: Sequence[ast.cmpop], others: Sequence[ast.expr]) -> Number:
         numbers = [self._number(left), *map(self._number, others)]
         if len(ops) > 1:
-            numbers[1:-1] = [self._code.in_variable(one) if "(" in one.code else one for one in numbers[1:-1]]
+            numbers[1:-1] = [
+                self._code.in_variable(number) if "(" in number.code else number for number in numbers[1:-1]
+            ]
         return self._arithmetic.comparison(ops, numbers)
 
     # --- calls ---------------------------------------------------------------------------------------------------
@@ -234,7 +236,7 @@ class ExpressionTranslation:
         if called in (float, int, bool):
             return self._arithmetic.converted(called, self._number(arguments[0]))
         if called in (min, max):
-            return self._arithmetic.extreme(called, [self._number(one) for one in arguments])
+            return self._arithmetic.extreme(called, [self._number(argument) for argument in arguments])
         if called is len:
             return self._value(arguments[0]).shape[0]
         if called is abs:
@@ -243,14 +245,14 @@ class ExpressionTranslation:
             return self._arithmetic.mathematics("floor", [self._number(arguments[0])])
         name = getattr(called, "__name__", "")
         if getattr(math, name, None) is called:
-            return self._arithmetic.mathematics(name, [self._number(one) for one in arguments])
+            return self._arithmetic.mathematics(name, [self._number(argument) for argument in arguments])
         if called is frame_at or getattr(called, "py_func", None) is getattr(frame_at, "py_func", 0):
             target = self._value(arguments[0])
             assert isinstance(target, Target)
             return self._attribute(target.of, "own_target")
         if hasattr(called, "in_python"):
             return self._memory_of(arguments[0])
-        return self._kernel(called, [self._value(one) for one in arguments])
+        return self._kernel(called, [self._value(argument) for argument in arguments])
 
     def _memory_of(self, handle: ast.expr) -> Memories:
         """Return the memory that an element of a table of handles stands for."""
@@ -259,26 +261,30 @@ class ExpressionTranslation:
         owner, index = self._value(handle.value.value), self._number(handle.slice)
         assert isinstance(owner, Memories)
         handles = getattr(owner.all[0], handle.value.attr)
-        return Memories(tuple(memory_at(one) for one in handles), index if len(handles) > 1 else integer(0))
+        return Memories(tuple(memory_at(each) for each in handles), index if len(handles) > 1 else integer(0))
 
     def _kernel(self, kernel: Any, arguments: list[Value]) -> Value:
         source = getattr(kernel, "py_func", None)
         if source is None:
             raise self._code.error(f"it calls {kernel!r}")
         constant = self._arithmetic.constant
-        arguments = [constant(one) if isinstance(one, bool | int | float) else one for one in arguments]
+        arguments = [
+            constant(argument) if isinstance(argument, bool | int | float) else argument for argument in arguments
+        ]
         translated = self._context.function(kernel, arguments)
         numbers = list[str]()
         hints = {name: "float" for name, kind in get_type_hints(source).items() if kind is float}
-        for name, one in zip(inspect.signature(source).parameters, arguments, strict=True):
-            match one:
+        for name, argument in zip(inspect.signature(source).parameters, arguments, strict=True):
+            match argument:
                 case Number():
-                    numbers.append(self._arithmetic.as_kind(hints[name], one).code if name in hints else one.code)
+                    numbers.append(
+                        self._arithmetic.as_kind(hints[name], argument).code if name in hints else argument.code
+                    )
                 case View():
-                    self._context.read.add(one.field)
-                    numbers += [one.begin.code, *(size.code for size in one.shape)]
-                case Memories() if len(one.all) > 1:
-                    numbers.append(one.index.code)
+                    self._context.read.add(argument.field)
+                    numbers += [argument.begin.code, *(size.code for size in argument.shape)]
+                case Memories() if len(argument.all) > 1:
+                    numbers.append(argument.index.code)
         used = [code for code, is_used in zip(numbers, translated.used, strict=True) if is_used]
         for unread in set(numbers) - set(used):
             if self._code.has_effects(unread):
@@ -287,15 +293,15 @@ class ExpressionTranslation:
         if len(translated.result) < 2:
             return Number(translated.result[0] if translated.result else "none", code)
         self._code.emit(f"{code};")
-        found = list[Number]()
+        results = list[Number]()
         for i, kind in enumerate(translated.result):
             number = Number("float", f"D[{self._context.returned + i}]")
             if kind == "bool":
                 number = Number("bool", f"{number.code} != 0", EQUALITY)
             elif kind == "int":
                 number = self._arithmetic.converted(int, number)
-            found.append(self._code.in_variable(number))
-        return tuple(found)
+            results.append(self._code.in_variable(number))
+        return tuple(results)
 
 
 def _element(place: HeapArray, index: Number) -> str:

@@ -14,7 +14,7 @@ from cinegen.ik.joints import JointSettings
 from cinegen.ik.setup import set_up_solver, set_up_solver_tasks
 from cinegen.ik.task import FrameTask
 from cinegen.jit.foreign import frame_of
-from cinegen.loops.arrays import actuate, other_joints
+from cinegen.loops.setup import actuate, other_joints
 from cinegen.model import Mechanism
 from cinegen.model.forward import set_up_path
 

@@ -45,13 +45,13 @@ class FunctionTranslation(ExpressionTranslation):
     ) -> None:
         tree = ast.parse(textwrap.dedent(inspect.getsource(source))).body[0]
         assert isinstance(tree, ast.FunctionDef)
-        stored = [one.id for one in ast.walk(tree) if isinstance(one, ast.Name) and isinstance(one.ctx, ast.Store)]
-        given = [one.arg for one in tree.args.args]
-        super().__init__(context, source, FunctionCode(context, source, {*stored, *given}))
+        stored = [node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)]
+        parameters = [node.arg for node in tree.args.args]
+        super().__init__(context, source, FunctionCode(context, source, {*stored, *parameters}))
         self.translated = translated
-        self._changing = {name for name in stored if stored.count(name) > 1 or name in given}
+        self._changing = {name for name in stored if stored.count(name) > 1 or name in parameters}
         hints, offered = get_type_hints(source), list[tuple[str, str]]()
-        for name, value in zip(given, arguments, strict=True):
+        for name, value in zip(parameters, arguments, strict=True):
             self._names[name] = self._parameter(identifier(name), value, KINDS.get(hints.get(name)), offered)
         self._run(tree.body)
         self._code.complete(translated, offered, (ast.get_docstring(tree) or "").partition("\n\n")[0])
@@ -82,7 +82,7 @@ class FunctionTranslation(ExpressionTranslation):
 
     def _run(self, statements: Sequence[ast.stmt]) -> bool:
         """Translate statements; those behind one that leaves the block are left out. Return whether there is one."""
-        return any(self._statement(one) for one in statements)
+        return any(self._statement(statement) for statement in statements)
 
     def _statement(self, node: ast.stmt) -> bool:
         """Translate a statement; return whether those behind it are never reached."""
@@ -90,9 +90,9 @@ class FunctionTranslation(ExpressionTranslation):
             case ast.Expr(value=ast.Constant()) | ast.Pass():
                 pass
             case ast.Expr(value=value):
-                found = self._value(value)
-                if isinstance(found, Number) and found.code:
-                    self._code.emit(f"{found.code};")
+                expression = self._value(value)
+                if isinstance(expression, Number) and expression.code:
+                    self._code.emit(f"{expression.code};")
             case ast.Assign(targets=targets, value=value):
                 self._assign(targets, value)
             case ast.AugAssign(target=target, op=op, value=value):
@@ -139,12 +139,12 @@ class FunctionTranslation(ExpressionTranslation):
     def _loop(self, node: ast.For) -> None:
         assert isinstance(node.target, ast.Name)
         assert isinstance(node.iter, ast.Call)
-        given = [self._number(one) for one in node.iter.args]
-        step = int(given[2].value or 0) if len(given) == 3 else 1
-        begin, end = (given[0], given[1]) if len(given) > 1 else (integer(0), given[0])
+        bounds = [self._number(each) for each in node.iter.args]
+        step = int(bounds[2].value or 0) if len(bounds) == 3 else 1
+        begin, end = (bounds[0], bounds[1]) if len(bounds) > 1 else (integer(0), bounds[0])
         if begin.value is not None and end.value is not None:
             turns = range(int(begin.value), int(end.value), step)
-            leaves = any(isinstance(one, ast.Continue | ast.Break) for one in ast.walk(node))
+            leaves = any(isinstance(each, ast.Continue | ast.Break) for each in ast.walk(node))
             if not turns or (len(turns) <= _UNROLLED and not self._language.is_c and not leaves):
                 for turn in turns:
                     self._names[node.target.id] = integer(turn)
@@ -169,38 +169,38 @@ class FunctionTranslation(ExpressionTranslation):
         if value is None:
             self._code.emit("return;")
             return
-        found = self._value(value)
-        if isinstance(found, tuple):
-            numbers, self.translated.writes = [self._code.in_variable(one) for one in found], True
-            for i, one in enumerate(numbers):
-                self._code.emit(f"D[{self._context.returned + i}] = {self._arithmetic.as_kind('float', one).code};")
-            self.translated.result = tuple(one.kind for one in numbers)
+        result = self._value(value)
+        if isinstance(result, tuple):
+            numbers, self.translated.writes = [self._code.in_variable(number) for number in result], True
+            for i, number in enumerate(numbers):
+                self._code.emit(f"D[{self._context.returned + i}] = {self._arithmetic.as_kind('float', number).code};")
+            self.translated.result = tuple(number.kind for number in numbers)
             self._code.emit("return;")
             return
-        if not isinstance(found, Number):
+        if not isinstance(result, Number):
             raise self._code.error(f"it returns {ast.unparse(value)!r}")
-        before = self.translated.result[0] if self.translated.result else found.kind
-        kind = "float" if {before, found.kind} == {"int", "float"} else before
+        before = self.translated.result[0] if self.translated.result else result.kind
+        kind = "float" if {before, result.kind} == {"int", "float"} else before
         self.translated.result = (kind,)
-        self._code.emit(f"return {self._arithmetic.as_kind(kind, found).code};")
+        self._code.emit(f"return {self._arithmetic.as_kind(kind, result).code};")
 
     # --- assignments ---------------------------------------------------------------------------------------------
 
     def _assign(self, targets: list[ast.expr], value: ast.expr) -> None:
-        found = self._value(value)
-        if len(targets) > 1 and isinstance(found, Number):
-            found = self._code.in_variable(found)
+        translated = self._value(value)
+        if len(targets) > 1 and isinstance(translated, Number):
+            translated = self._code.in_variable(translated)
         for target in targets:
             if not isinstance(target, ast.Tuple):
-                self._store(target, found)
+                self._store(target, translated)
                 continue
-            parts, clash = list(found), self._clash(target, value)
-            if clash and not all(isinstance(one, Number) for one in parts):
+            parts, clash = list(translated), self._clash(target, value)
+            if clash and not all(isinstance(each, Number) for each in parts):
                 raise self._code.error(f"arrays exchange their names in {ast.unparse(target)!r}")
-            if clash or not all(isinstance(one, ast.Name) for one in target.elts):  # an array may have two names
-                parts = [self._code.in_variable(one) if isinstance(one, Number) else one for one in parts]
-            for one, part in zip(target.elts, parts, strict=True):
-                self._store(one, part)
+            if clash or not all(isinstance(each, ast.Name) for each in target.elts):  # an array may have two names
+                parts = [self._code.in_variable(each) if isinstance(each, Number) else each for each in parts]
+            for each, part in zip(target.elts, parts, strict=True):
+                self._store(each, part)
 
     @staticmethod
     def _clash(target: ast.Tuple, value: ast.expr) -> bool:
@@ -208,11 +208,11 @@ class FunctionTranslation(ExpressionTranslation):
         if not isinstance(value, ast.Tuple):
             return False
         written = set[str]()
-        for one, part in zip(target.elts, value.elts, strict=True):
+        for element, part in zip(target.elts, value.elts, strict=True):
             read = {node.id for node in ast.walk(part) if isinstance(node, ast.Name)}
             if written & read:
                 return True
-            base: ast.expr = one
+            base: ast.expr = element
             while isinstance(base, ast.Subscript | ast.Attribute):
                 base = base.value
             assert isinstance(base, ast.Name)
@@ -242,8 +242,8 @@ class FunctionTranslation(ExpressionTranslation):
     def _set(self, owner: Memories, name: str, value: Number) -> None:
         """Set a state."""
         field_ = type(owner.all[0]).fields[name]
-        before = [getattr(one, name) for one in owner.all]
-        if value.value is None or any(one != value.value for one in before):
+        before = [getattr(each, name) for each in owner.all]
+        if value.value is None or any(each != value.value for each in before):
             self._context.changing.add(key_of(owner.all, name))
         if not field_.is_invariant and not isinstance(self._heap.number(owner.all, name), HeapArray):
             return  # it never changes
@@ -263,7 +263,7 @@ class FunctionTranslation(ExpressionTranslation):
             case View():
                 begin = self._fixed(name, value.begin, is_constant)
                 sizes = enumerate(value.shape)
-                shape = tuple(self._fixed(f"{name}_{i}", one, is_constant) for i, one in sizes)
+                shape = tuple(self._fixed(f"{name}_{i}", size, is_constant) for i, size in sizes)
                 return View(value.table, begin, shape, value.field, value.known if is_constant else None)
             case Memories():
                 return Memories(value.all, self._fixed(name, value.index, is_constant))

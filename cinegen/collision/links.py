@@ -42,8 +42,7 @@ def link_bodies(mechanism: Mechanism) -> tuple[Body, ...]:
     frames = mechanism.model.frames
     rank = {node: i for i, node in enumerate(mechanism.nodes)}
     drawn = sorted(
-        mechanism.collision.geometryObjects,
-        key=lambda shape: rank.get(frames[shape.parentFrame].name, len(rank)),
+        mechanism.collision.geometryObjects, key=lambda shape: rank.get(frames[shape.parentFrame].name, len(rank))
     )
     found = [_body(frames[one.parentFrame].name, one.parentJoint, one.geometry, one.placement) for one in drawn]
     return tuple(_outermost([_with_round_ends(body, found) for body in found]))

@@ -28,7 +28,7 @@ from cinegen.jit.foreign import frame_of
 from cinegen.jit.one_thread import OneThread, in_one_thread
 from cinegen.jit.starting import start
 from cinegen.joints import supporting_columns
-from cinegen.loops.arrays import set_up
+from cinegen.loops.setup import set_up
 from raff2urdf import closure
 
 # what the kernel returns, in the order of `DesignEvaluation`

@@ -123,29 +123,29 @@ class Parameters:
         self.robot = self.document.robot(robot)
         self._loops = loops
         self.all = tuple(_parameters(self.document, self.robot))
-        self._index = {one.name: i for i, one in enumerate(self.all)}
-        self._index = {one.alias: i for i, one in enumerate(self.all)} | self._index
+        self._index = {parameter.name: i for i, parameter in enumerate(self.all)}
+        self._index = {parameter.alias: i for i, parameter in enumerate(self.all)} | self._index
         self._relax: bool | None = None  # nominal loops may be healed; those of other values only if these are
         self.mechanism = self._built(self.document)
         tied = resolve(
             (ties,) if isinstance(ties, str) else tuple(ties),
             self.find,
-            [one.name for one in self.all],
-            [one.dimension for one in self.all],
+            [parameter.name for parameter in self.all],
+            [parameter.dimension for parameter in self.all],
         )
         chosen = set(self.matching((names,) if isinstance(names, str) else names))
-        found = [k for k, i in enumerate(tied.free) if i in chosen or (tied.matrix[sorted(chosen), k] != 0.0).any()]
-        if not found:
+        varying = [k for k, i in enumerate(tied.free) if i in chosen or (tied.matrix[sorted(chosen), k] != 0.0).any()]
+        if not varying:
             raise DesignError(
                 f"{self.robot.name}: every parameter that was named is tied to a constant: nothing varies"
             )
-        written = np.array([one.value for one in self.all])
-        self._free = tuple(tied.free[k] for k in found)
-        others = np.setdiff1d(np.arange(len(tied.free)), found)
+        written = np.array([parameter.value for parameter in self.all])
+        self._free = tuple(tied.free[k] for k in varying)
+        others = np.setdiff1d(np.arange(len(tied.free)), varying)
         fixed = tied.constant + tied.matrix[:, others] @ written[[tied.free[k] for k in others]]
-        self.ties = Ties(self._free, tied.matrix[:, found], fixed)
+        self.ties = Ties(self._free, tied.matrix[:, varying], fixed)
         self.free = tuple(self.all[i] for i in self._free)
-        self.names = tuple(one.name for one in self.free)
+        self.names = tuple(parameter.name for parameter in self.free)
         self.values = written[list(self._free)]
         self._warn_of_changes(written)
         self.bounds = self._bounds(bounds or {})
@@ -160,7 +160,7 @@ class Parameters:
     @property
     def sizes(self) -> Array:
         """(count,) one dimensionless step of each free parameter: the characteristic length, or 1 rad."""
-        return np.array([self.mechanism.length if one.unit == "m" else 1.0 for one in self.free])
+        return np.array([self.mechanism.length if parameter.unit == "m" else 1.0 for parameter in self.free])
 
     # --- names ---------------------------------------------------------------------------------------------------
 
@@ -173,8 +173,8 @@ class Parameters:
         index = self._index.get(name.strip())
         if index is None:
             node, _, word = name.strip().rpartition(".")
-            known = [one.name for one in self.all]
-            if node in {one.rpartition(".")[0] for one in self._index}:
+            known = [each.name for each in self.all]
+            if node in {each.rpartition(".")[0] for each in self._index}:
                 raise DesignError(f"{node} has no parameter '{word}'{did_you_mean(word, WORDS)}")
             raise DesignError(f"{self.robot.name} has no parameter '{name}'{did_you_mean(name, known)}")
         return index
@@ -185,10 +185,10 @@ class Parameters:
         Raises:
             DesignError: unknown, or not free.
         """
-        found = self.find(name)
-        if found not in self._free:
+        position = self.find(name)
+        if position not in self._free:
             raise DesignError(f"{name} is not free here: it is tied to others, fixed, or was not named")
-        return self._free.index(found)
+        return self._free.index(position)
 
     def tied_name(self, index: int) -> str:
         """Return the name of a free parameter with those that are equal to it but for sign and offset: `link2.d =
@@ -211,10 +211,12 @@ class Parameters:
                 chosen.add(self.find(pattern))
                 continue
             both = [
-                i for i, one in enumerate(self.all) if fnmatchcase(one.name, pattern) or fnmatchcase(one.alias, pattern)
+                i
+                for i, parameter in enumerate(self.all)
+                if fnmatchcase(parameter.name, pattern) or fnmatchcase(parameter.alias, pattern)
             ]
-            found = [i for i in both if not self.all[i].joint]
-            if not found:
+            matched = [i for i in both if not self.all[i].joint]
+            if not matched:
                 why = "matches no parameter"
                 if both:
                     of = ", ".join(self.all[i].name for i in both[:6])
@@ -223,9 +225,9 @@ class Parameters:
                     )
                 raise DesignError(
                     f"'{pattern}' {why}; parameters are NODE.WORD, such as link2.d (words: {', '.join(WORDS)})"
-                    f"{'' if both else did_you_mean(pattern, [one.name for one in self.all])}"
+                    f"{'' if both else did_you_mean(pattern, [parameter.name for parameter in self.all])}"
                 )
-            chosen.update(found)
+            chosen.update(matched)
         return sorted(chosen)
 
     def own_variable(self, joint: str) -> Parameter:
@@ -234,11 +236,11 @@ class Parameters:
         Raises:
             DesignError: no such joint.
         """
-        found = next((one for one in self.all if one.joint == joint), None)
-        if found is None:
-            known = [one.joint for one in self.all if one.joint]
+        variable = next((parameter for parameter in self.all if parameter.joint == joint), None)
+        if variable is None:
+            known = [parameter.joint for parameter in self.all if parameter.joint]
             raise DesignError(f"{self.robot.name} has no joint '{joint}'{did_you_mean(joint, known)}")
-        return found
+        return variable
 
     # --- values --------------------------------------------------------------------------------------------------
 
@@ -275,9 +277,9 @@ class Parameters:
         home that is written."""
         full = self.full(self.checked(p))
         nodes: dict[int, dict[str, float]] = {}
-        for one, value in zip(self.all, full.tolist(), strict=True):
-            if value != one.value:
-                nodes.setdefault(one.node, {})[one.word] = self._in_file(one, value)
+        for parameter, value in zip(self.all, full.tolist(), strict=True):
+            if value != parameter.value:
+                nodes.setdefault(parameter.node, {})[parameter.word] = self._in_file(parameter, value)
         return _replaced(self.document, self.robot, nodes)
 
     def mechanism_with(self, p: ArrayLike) -> Mechanism:
@@ -300,8 +302,8 @@ class Parameters:
         """Return a value of a parameter, m or rad, as people read it."""
         return shown(value, self.all[self.find(name)].dimension, digits)
 
-    def _in_file(self, one: Parameter, value: float) -> float:
-        scale = UNITS_PER_METRE[self.document.units] if one.dimension is LENGTH else math.degrees(1.0)
+    def _in_file(self, parameter: Parameter, value: float) -> float:
+        scale = UNITS_PER_METRE[self.document.units] if parameter.dimension is LENGTH else math.degrees(1.0)
         return float(f"{value * scale:.{_DIGITS}g}") + 0.0
 
     def _parsed(self, name: str, text: str) -> float:
@@ -310,32 +312,32 @@ class Parameters:
 
     def _built(self, document: Document) -> Mechanism:
         urdf, constraints = describe(document, document.robot(self.robot.name), self.folder, self._loops)
-        found = build(urdf, constraints, name=self.document.source.name, relax=self._relax)
-        if document is self.document and found.source.urdf == urdf:
+        mechanism = build(urdf, constraints, name=self.document.source.name, relax=self._relax)
+        if document is self.document and mechanism.source.urdf == urdf:
             self._relax = False
-        return found
+        return mechanism
 
     def _bounds(self, bounds: Mapping[str, tuple[float, float] | str]) -> Array:
-        found = np.tile([-np.inf, np.inf], (len(self.names), 1))
-        for pattern, given in bounds.items():
+        limits = np.tile([-np.inf, np.inf], (len(self.names), 1))
+        for pattern, interval in bounds.items():
             for i in self.matching([pattern]):
                 if i not in self._free:
                     if is_pattern(pattern):
                         continue
                     self.index(self.all[i].name)
                 k = self._free.index(i)
-                one = self.free[k]
-                with refused_as(DesignError, f"bounds of {one.name}"):
-                    low, high = parse_range(given, one.dimension) if isinstance(given, str) else given
+                parameter = self.free[k]
+                with refused_as(DesignError, f"bounds of {parameter.name}"):
+                    low, high = parse_range(interval, parameter.dimension) if isinstance(interval, str) else interval
                 if not low < high:
-                    raise DesignError(f"bounds of {one.name}: {low:g} is not below {high:g}")
+                    raise DesignError(f"bounds of {parameter.name}: {low:g} is not below {high:g}")
                 if not low <= self.values[k] <= high:
-                    texts = [shown(x, one.dimension) for x in (self.values[k], low, high)]
+                    texts = [shown(x, parameter.dimension) for x in (self.values[k], low, high)]
                     raise DesignError(
-                        f"{one.name} is {texts[0]} in the file, outside its bounds {texts[1]} to {texts[2]}"
+                        f"{parameter.name} is {texts[0]} in the file, outside its bounds {texts[1]} to {texts[2]}"
                     )
-                found[k] = low, high
-        return found
+                limits[k] = low, high
+        return limits
 
     def _warn_of_changes(self, written: Array) -> None:
         full = self.full(self.values)
@@ -377,10 +379,10 @@ def _own(node: RaffNode, word: str) -> str:
     if node.compound is not None:
         from raff2urdf.raff.compound import joint_of
 
-        names = [name for name, own in VARIABLES[node.compound].items() if own == word]
+        names = [name for name, variable in VARIABLES[node.compound].items() if variable == word]
         return joint_of(node, names[0]) if names else ""
-    own = {JointType.REVOLUTE: "theta", JointType.PRISMATIC: "r"}.get(node.type)
-    return node.joint if own == word else ""
+    variable = {JointType.REVOLUTE: "theta", JointType.PRISMATIC: "r"}.get(node.type)
+    return node.joint if variable == word else ""
 
 
 def _replaced(document: Document, robot: RaffRobot, changes: Mapping[int, Mapping[str, float]]) -> Document:
@@ -390,6 +392,6 @@ def _replaced(document: Document, robot: RaffRobot, changes: Mapping[int, Mappin
         return replace(node, parameters=replace(node.parameters, **changes[node.number]))
 
     base: RaffBase = changed(robot.base)
-    own = replace(robot, base=base, parts=tuple(changed(part) for part in robot.parts))
-    robots: Sequence[RaffRobot] = [own if one.name == robot.name else one for one in document.robots]
+    changed_robot = replace(robot, base=base, parts=tuple(changed(part) for part in robot.parts))
+    robots: Sequence[RaffRobot] = [changed_robot if each.name == robot.name else each for each in document.robots]
     return replace(document, robots=tuple(robots))

@@ -93,22 +93,22 @@ class Tolerances:
         sigmas: dict[int, float] = {}
         named = set[int]()
         for pattern, amount in deviations:
-            found = matching(whole, pattern, amount)
-            sigmas |= {i: amount_in(pattern, amount, whole.all[i].dimension) for i in found}
-            named |= set() if is_pattern(pattern) else set(found)
+            indices = matching(whole, pattern, amount)
+            sigmas |= {i: amount_in(pattern, amount, whole.all[i].dimension) for i in indices}
+            named |= set() if is_pattern(pattern) else set(indices)
         encoders: dict[int, str] = {}
         for joint, amount in readings:
-            own = whole.own_variable(joint)
-            i = whole.find(own.name)
-            sigmas[i], encoders[i] = amount_in(f"encoder of {joint}", amount, own.dimension), joint
+            variable = whole.own_variable(joint)
+            i = whole.find(variable.name)
+            sigmas[i], encoders[i] = amount_in(f"encoder of {joint}", amount, variable.dimension), joint
         if isinstance(source, Parameters):
             parameters = source
         else:
             names = [whole.all[i].name for i in sorted(sigmas)] or [whole.all[0].name]
             parameters = Parameters(whole.document, names, ties, robot=whole.robot.name)
-        moved = [one for name, amount in plays for one in play_of(whole, name, amount)]
+        moved = [each for name, amount in plays for each in play_of(whole, name, amount)]
         components = [(joint, c) for joint, _, cs, _ in moved for c in cs]
-        for joint, component in (one for one, times in Counter(components).items() if times > 1):
+        for joint, component in (each for each, times in Counter(components).items() if times > 1):
             raise DesignError(f"the play of {joint} along {component} is given twice: remove one")
         self.interval = interval
         self.design = Design(parameters, components)
@@ -131,9 +131,9 @@ class Tolerances:
         """The sources that open no loop: at home and most of a few random configurations, since at a singularity there
         are more."""
         samples = [self.design.evaluate(q=q) for q in self.design.mechanism.structure.samples]
-        counts = Counter(name for one in samples for name in one.opening)
+        counts = Counter(name for each in samples for name in each.opening)
         opening = {self.design.names.index(name) for name, count in counts.items() if 2 * count > len(samples)}
-        return [one for one in self.sources if opening.isdisjoint(one.columns)]
+        return [each for each in self.sources if opening.isdisjoint(each.columns)]
 
     def at(
         self, q: ArrayLike | None = None, node: str | None = None, samples: int = 0, seed: int = 0
@@ -155,77 +155,77 @@ class Tolerances:
         name = mechanism.end if node is None else node
         mechanism.frame_id(name)
         start = design.close(design.values, mechanism.q_home if q is None else mechanism.structure.checked(q))
-        here = design.evaluate(q=start)
-        self._check_regular(here)
+        evaluation = design.evaluate(q=start)
+        self._check_regular(evaluation)
         closing = self.closing
-        jacobian = here.pose_derivative(name, "world")[0]
+        jacobian = evaluation.pose_derivative(name, "world")[0]
         deviations, sizes = np.zeros(len(design.names)), np.repeat([1.0 / mechanism.length, 1.0], 3)
         shares, linear, idle = np.zeros((len(closing), 2)), np.zeros(6), []
-        for s, one in enumerate(closing):
-            columns = jacobian[:, one.columns]
-            deviations[list(one.columns)] = one.sigma
-            linear += one.half_width * np.linalg.norm(columns, axis=1)
-            shares[s] = [one.sigma**2 * (columns[rows] ** 2).sum() for rows in (slice(0, 3), slice(3, 6))]
-            if np.abs(columns * sizes[:, None]).max() * one.half_width < 1e-15:
-                idle.append(one.name)
+        for s, source in enumerate(closing):
+            columns = jacobian[:, source.columns]
+            deviations[list(source.columns)] = source.sigma
+            linear += source.half_width * np.linalg.norm(columns, axis=1)
+            shares[s] = [source.sigma**2 * (columns[rows] ** 2).sum() for rows in (slice(0, 3), slice(3, 6))]
+            if np.abs(columns * sizes[:, None]).max() * source.half_width < 1e-15:
+                idle.append(source.name)
         total = shares.sum(axis=0)
         moves = total > (_ROUNDING * np.array([mechanism.length, 1.0])) ** 2
         shares = np.divide(shares, total, out=np.zeros_like(shares), where=moves)
         covariance = (jacobian * deviations**2) @ jacobian.T
-        second = self._second_order(here, name, closing)
+        second = self._second_order(evaluation, name, closing)
         report = ToleranceReport(
-            mechanism.name, name, start, here.placements(name)[0], tuple(closing), tuple(idle), jacobian, covariance,
-            linear, second, shares, self._forced(here, closing), None, self.interval,
+            mechanism.name, name, start, evaluation.placements(name)[0], tuple(closing), tuple(idle), jacobian,
+            covariance, linear, second, shares, self._forced(evaluation, closing), None, self.interval,
         )  # fmt: skip
         if not samples:
             return report
-        found = self._monte_carlo(here, name, closing, report.worst, samples, seed)
-        return ToleranceReport(**{**vars(report), "monte_carlo": found})
+        drawn = self._monte_carlo(evaluation, name, closing, report.worst, samples, seed)
+        return ToleranceReport(**{**vars(report), "monte_carlo": drawn})
 
     def accuracy(self, q: Array, node: str) -> Array:
         """Return the root mean square deviation (count,) of a node's position, m, at closed configurations
         (count, nq); NaN where it is singular or open."""
         design = self.design
-        here = design.evaluate(q=q, near=True)
+        evaluation = design.evaluate(q=q, near=True)
         deviations = np.zeros(len(design.names))
-        for one in self.closing:
-            deviations[list(one.columns)] = one.sigma
-        moved = here.pose_derivative(node, "world")[:, :3] * deviations
-        found = np.sqrt((moved**2).sum(axis=(1, 2)))
-        return np.where((here.gap <= CLOSURE) & self._regular(here) & np.isfinite(found), found, np.nan)
+        for source in self.closing:
+            deviations[list(source.columns)] = source.sigma
+        moved = evaluation.pose_derivative(node, "world")[:, :3] * deviations
+        errors = np.sqrt((moved**2).sum(axis=(1, 2)))
+        return np.where((evaluation.gap <= CLOSURE) & self._regular(evaluation) & np.isfinite(errors), errors, np.nan)
 
     # --- the worst case ------------------------------------------------------------------------------------------
 
-    def _second_order(self, here: DesignEvaluation, node: str, closing: Sequence[ToleranceSource]) -> Array:
+    def _second_order(self, evaluation: DesignEvaluation, node: str, closing: Sequence[ToleranceSource]) -> Array:
         """Return the bound (6,) of the terms of second order within all intervals."""
-        columns = [k for one in closing for k in one.columns]
-        widths = np.array([one.half_width for one in closing for _ in one.columns])
-        moving = np.abs(here.pose_derivative(node)[0][:, columns]).max(axis=0, initial=0.0) > 0.0
-        moving |= np.abs(here.joint_derivative[0][:, columns]).max(axis=0, initial=0.0) > 0.0
+        columns = [k for source in closing for k in source.columns]
+        widths = np.array([source.half_width for source in closing for _ in source.columns])
+        moving = np.abs(evaluation.pose_derivative(node)[0][:, columns]).max(axis=0, initial=0.0) > 0.0
+        moving |= np.abs(evaluation.joint_derivative[0][:, columns]).max(axis=0, initial=0.0) > 0.0
         columns, widths = [k for k, is_moving in zip(columns, moving, strict=True) if is_moving], widths[moving]
         if not columns:
             return np.zeros(6)
         jacobians = []
         for sign in (1.0, -1.0):
-            values = np.tile(here.p[0], (len(columns), 1))
+            values = np.tile(evaluation.p[0], (len(columns), 1))
             values[np.arange(len(columns)), columns] += sign * _STEP * widths
-            there = self.design.evaluate(values, here.q, near=True)
-            jacobians.append(there.pose_derivative(node, "world")[:, :, columns] * widths)
+            changed = self.design.evaluate(values, evaluation.q, near=True)
+            jacobians.append(changed.pose_derivative(node, "world")[:, :, columns] * widths)
         bend = np.moveaxis(jacobians[0] - jacobians[1], 0, 2) / (2.0 * _STEP)  # (6, by, along)
-        turning = here.pose_derivative(node, "world")[0, 3:, columns] * widths[:, None]  # (along, 3)
+        turning = evaluation.pose_derivative(node, "world")[0, 3:, columns] * widths[:, None]  # (along, 3)
         # the rotation vector v changes by (1 - [v]/2 + ...) w
         bend[3:] -= 0.5 * np.moveaxis(np.cross(turning[None], turning[:, None]), 2, 0)
         return np.asarray(0.5 * np.abs(bend).sum(axis=(1, 2)))
 
-    def _forced(self, here: DesignEvaluation, closing: Sequence[ToleranceSource]) -> Forced:
+    def _forced(self, evaluation: DesignEvaluation, closing: Sequence[ToleranceSource]) -> Forced:
         mechanism = self.design.mechanism
         units, angular = mechanism._loop_units, np.zeros(len(mechanism._loop_units), dtype=bool)
         components = [component for loop in mechanism.loops for component in loop.components]
         angular[: len(components)] = ["r" in component for component in components]
-        others = [one for one in self.sources if one not in closing]
+        others = [source for source in self.sources if source not in closing]
         gaps = np.zeros((len(others), len(units)))
-        for row, one in zip(gaps, others, strict=True):
-            row[:] = one.half_width * np.linalg.norm(here.opens[0][:, one.columns], axis=1) * units
+        for row, source in zip(gaps, others, strict=True):
+            row[:] = source.half_width * np.linalg.norm(evaluation.opens[0][:, source.columns], axis=1) * units
         long, turned = gaps[:, ~angular], gaps[:, angular]
         position, angle = (part.max(axis=1, initial=0.0) for part in (long, turned))
         order = np.argsort(-(position / mechanism.length + angle), kind="stable")
@@ -234,34 +234,40 @@ class Tolerances:
             float(long.sum(axis=0).max(initial=0.0)), float(turned.sum(axis=0).max(initial=0.0)),
         )  # fmt: skip
 
-    def _regular(self, here: DesignEvaluation) -> Bools:
+    def _regular(self, evaluation: DesignEvaluation) -> Bools:
         if not self.design.rank:
-            return np.ones(len(here), dtype=bool)
-        inverse = here._decomposed[1]
+            return np.ones(len(evaluation), dtype=bool)
+        inverse = evaluation._decomposed[1]
         return np.asarray(inverse[:, 0] >= _SINGULAR * inverse[:, -1])
 
-    def _check_regular(self, here: DesignEvaluation) -> None:
-        if not self._regular(here)[0]:
+    def _check_regular(self, evaluation: DesignEvaluation) -> None:
+        if not self._regular(evaluation)[0]:
             name = self.design.mechanism.name
             raise DesignError(f"{name} is singular there (type 2): small errors move the node without bound")
 
     # --- Monte Carlo ---------------------------------------------------------------------------------------------
 
     def _monte_carlo(
-        self, here: DesignEvaluation, node: str, closing: Sequence[ToleranceSource], worst: Array, count: int, seed: int
+        self,
+        evaluation: DesignEvaluation,
+        node: str,
+        closing: Sequence[ToleranceSource],
+        worst: Array,
+        count: int,
+        seed: int,
     ) -> MonteCarlo:
         rng, design = np.random.default_rng(seed), self.design
-        pose, nominal = here.placements(node)[0], here.p[0]
+        pose, nominal = evaluation.placements(node)[0], evaluation.p[0]
         sums, squares, largest = np.zeros(6), np.zeros((6, 6)), np.zeros(6)
         outside = failed = 0
-        follow = here.joint_derivative[0].T
+        follow = evaluation.joint_derivative[0].T
         for first in range(0, count, _CHUNK):
             errors = self._draw(rng, closing, min(_CHUNK, count - first))
             model = design.mechanism.model
             if model.nq == model.nv:  # closed but for terms of second order
-                starts = here.q[0] + errors @ follow
+                starts = evaluation.q[0] + errors @ follow
             else:
-                starts = np.array([pin.integrate(model, here.q[0], step) for step in errors @ follow])
+                starts = np.array([pin.integrate(model, evaluation.q[0], step) for step in errors @ follow])
             there = design.evaluate(nominal + errors, starts, derivatives=False, near=True)
             is_closed = there.gap <= CLOSURE
             failed += int((~is_closed).sum())

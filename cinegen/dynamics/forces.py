@@ -17,7 +17,7 @@ from cinegen.dynamics.rates import Motion
 from cinegen.dynamics.reactions import Reaction, coupling_torques, reactions
 from cinegen.errors import UnknownNameError
 from cinegen.html import table
-from cinegen.ik.singular import passive_singular_values
+from cinegen.ik.singular_values import passive_singular_values
 from cinegen.jit.one_thread import in_one_thread
 from cinegen.model import Mechanism
 from cinegen.singularities import Singularity, SingularityType, singularity

@@ -17,7 +17,7 @@ from cinegen.dynamics.errors import MotionError
 from cinegen.dynamics.loads import LoadedTree, Payload
 from cinegen.dynamics.rates import CONSISTENT, Motion, check_gaps, joint_rates, rates_of, rows_of
 from cinegen.dynamics.reactions import Reaction, axes_of_reaction, reactions
-from cinegen.dynamics.set_up import load, memory_of
+from cinegen.dynamics.setup import load, memory_of
 from cinegen.errors import CinegenError, ClosureError, ConfigurationError, UnknownNameError
 from cinegen.jit.compiled import prepare
 from cinegen.jit.one_thread import OneThread, in_one_thread

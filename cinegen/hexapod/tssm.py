@@ -86,27 +86,32 @@ class TSSM:
         sigma, normals = np.linalg.svd(self.base - self.base.mean(axis=0))[1:]
         self.plane = bool(sigma[2] <= _FLAT * sigma[0])
         self.up = normals[2] * (1.0 if normals[2][np.argmax(np.abs(normals[2]))] > 0.0 else -1.0)
-        one, two, three = self.platform
-        self.sides = np.linalg.norm([two - one, three - one, three - two], axis=1)
+        a, b, c = self.platform
+        self.sides = np.linalg.norm([b - a, c - a, c - b], axis=1)
         self._pairs = np.argsort(self.legs, kind="stable").reshape(3, 2)
         along = self.base[self._pairs[:, 1]] - self.base[self._pairs[:, 0]]
         self._apart = np.linalg.norm(along, axis=1)
         self._u = along / self._apart[:, None]
         self._f = np.array([self.up if self.plane else normal_part(self.up, u) for u in self._u])
-        x, side = (two - one) / self.sides[0], three - one
+        x, side = (b - a) / self.sides[0], c - a
         y = np.cross(np.cross(x, side), x)
         y /= np.linalg.norm(y)
-        own = np.array([x, y, np.cross(x, y)])
-        self._arrays = self.base.copy(), self.platform.copy(), self.legs.copy(), own  # which kernels take as writeable
+        frame = np.array([x, y, np.cross(x, y)])
+        self._arrays = (
+            self.base.copy(),
+            self.platform.copy(),
+            self.legs.copy(),
+            frame,
+        )  # which kernels take as writeable
         vectors, point = np.empty((1, 3, 3)), np.empty((1, 3), dtype=np.int64)
         circles = typeof(PlatformCircles(vectors, vectors, vectors, vectors[0], point))
         rows, blocks, table = float64[:, ::1], float64[:, :, ::1], int64[:, ::1]
-        numbers, found = int64[::1], complex128[:, ::1]
+        numbers, complex_rows = int64[::1], complex128[:, ::1]
         with together():
-            asked = float64[:, :, :, ::1], found, rows, boolean
-            prepare(kernel.find_roots, *asked, complex128[:, :, ::1], table, table, found, found)
-            given = found, numbers, circles, rows, rows, rows, numbers, rows
-            prepare(write_placements, *given, blocks, blocks, float64[::1])
+            asked = float64[:, :, :, ::1], complex_rows, rows, boolean
+            prepare(kernel.find_roots, *asked, complex128[:, :, ::1], table, table, complex_rows, complex_rows)
+            arguments = complex_rows, numbers, circles, rows, rows, rows, numbers, rows
+            prepare(write_placements, *arguments, blocks, blocks, float64[::1])
 
     def modes(self, lengths: ArrayLike) -> PlatformModes:
         """Return all placements at which the legs have these lengths.
@@ -124,8 +129,8 @@ class TSSM:
         """
         asked = checked_lengths(lengths)
         solved = self._solve(asked[None])
-        found, (real, complex_, infinite, lost) = solved.placements, solved.counts[0].tolist()
-        points = points_of(self.platform, found)
+        placements, (real, complex_, infinite, lost) = solved.placements, solved.counts[0].tolist()
+        points = points_of(self.platform, placements)
         gaps = np.abs(points[:, None] - points[None]).max(axis=(2, 3), initial=0.0)
         coincident = np.asarray((gaps <= _COINCIDENT * float(asked.max())) @ solved.times, dtype=np.int64)
         moves = solved.outcomes[0] == kernel.SOLVED and self._may_move(solved.circles)
@@ -134,9 +139,9 @@ class TSSM:
         if moves:
             method += "; platform points are on others' axes, so that a curve of configurations is not excluded"
         counts = SolutionCounts(real, complex_, infinite, int(solved.times[coincident > 1].sum()), lost)
-        closest = self._closest(asked) if complete and not len(found) else None
+        closest = self._closest(asked) if complete and not len(placements) else None
         legs = self.base, self.platform[self.legs], asked
-        return PlatformModes(found, coincident, counts, complete, method, closest, legs)
+        return PlatformModes(placements, coincident, counts, complete, method, closest, legs)
 
     def batch(self, lengths: ArrayLike) -> tuple[Array, Integers]:
         """Return all placements for many sets of lengths.
@@ -217,8 +222,8 @@ class TSSM:
         (c, e, f, r, point), i, j = circles, _FIRST, _SECOND
         d, ri, rj = c[:, i] - c[:, j], 2.0 * r[:, i], 2.0 * r[:, j]
         side = self.sides[point[:, i] + point[:, j] - 1]
-        one = 0.25 * (ri * ri + rj * rj) - side * side + dot(d, d)
-        rows = [[one, *(-rj * dot(d, x[:, j]) for x in (e, f))]]
+        constant = 0.25 * (ri * ri + rj * rj) - side * side + dot(d, d)
+        rows = [[constant, *(-rj * dot(d, x[:, j]) for x in (e, f))]]
         rows += [[ri * dot(d, x[:, i]), *(-0.5 * ri * rj * dot(x[:, i], y[:, j]) for y in (e, f))] for x in (e, f)]
         equations = np.moveaxis(np.array(rows), (0, 1), (2, 3))
         return np.asarray(equations / np.abs(equations).max(axis=(2, 3), keepdims=True), order="C")
@@ -265,8 +270,8 @@ class TSSM:
         lost = lost + np.bincount(of[~good & sure], times[~good & sure], m)
         account = np.bincount(of[good], times[good], m), complex_, each * counts[:, kernel.INFINITE], lost
         order = np.flatnonzero(good)[self._order(points[good], of[good], longest)]
-        found = placements[order], of[order], times[order], np.stack(account, axis=1).astype(np.int64)
-        return _Solved(*found, counts[:, kernel.OUTCOME], circles)
+        ordered = placements[order], of[order], times[order], np.stack(account, axis=1).astype(np.int64)
+        return _Solved(*ordered, counts[:, kernel.OUTCOME], circles)
 
     def _merged(
         self, good: Bools, sure: Bools, placements: Array, of: Integers, times: Integers,
@@ -291,10 +296,10 @@ class TSSM:
             if not len(rough):
                 break
             legs = self.base, self.platform[self.legs], lengths[rough]
-            there = refine(*legs, placements[rough], np.full(len(rough), cutoff))[0]
-            found = np.abs(self.lengths(there) - legs[2]).max(axis=1) / longest[rough]
-            better = found < error[rough]
-            placements[rough[better]], error[rough[better]] = there[better], found[better]
+            refined = refine(*legs, placements[rough], np.full(len(rough), cutoff))[0]
+            off = np.abs(self.lengths(refined) - legs[2]).max(axis=1) / longest[rough]
+            better = off < error[rough]
+            placements[rough[better]], error[rough[better]] = refined[better], off[better]
 
     def _order(self, points: Array, of: Integers, longest: Array) -> Integers:
         """Return the order of placements by set, then as `modes` has them."""
@@ -325,17 +330,17 @@ class TSSM:
         away = centre[None] - centre[:, None]
         middle = -dot(away, axis)
         half = np.sqrt(np.maximum(middle**2 - dot(away, away) + radius[:, None] ** 2, 0.0))
-        there = centre[None] + (middle + np.array([half, -half]))[..., None] * axis
-        off = there - centre[:, None]
+        meeting = centre[None] + (middle + np.array([half, -half]))[..., None] * axis
+        off = meeting - centre[:, None]
         miss = np.maximum(np.abs(np.linalg.norm(off, axis=-1) - radius[:, None]), np.abs(dot(off, axis[:, None])))
         on = (miss <= tolerance) & ~np.eye(3, dtype=bool)
         for i, j, k in ((0, 1, 2), (1, 0, 2), (2, 0, 1)):
-            one, two = there[on[:, i, j], i, j], there[on[:, i, k], i, k]
-            if (np.linalg.norm(one[:, None] - two, axis=-1) <= tolerance).any():
+            first, second = meeting[on[:, i, j], i, j], meeting[on[:, i, k], i, k]
+            if (np.linalg.norm(first[:, None] - second, axis=-1) <= tolerance).any():
                 return True
-            one, two = there[on[:, j, i], j, i], there[on[:, k, i], k, i]
+            first, second = meeting[on[:, j, i], j, i], meeting[on[:, k, i], k, i]
             side = self.sides[point[j] + point[k] - 1]
-            if (np.abs(np.linalg.norm(one[:, None] - two, axis=-1) - side) <= tolerance).any():
+            if (np.abs(np.linalg.norm(first[:, None] - second, axis=-1) - side) <= tolerance).any():
                 return True
         return False
 
@@ -348,8 +353,8 @@ class TSSM:
         if solved.outcomes[0] == kernel.DIVERGED:
             return "the eigenvalues did not converge"
         counted = f"{real} real, {complex_} complex, {infinite} at infinity"
-        found = f"elimination to a polynomial of degree 16, as an eigenvalue problem: {counted}"
-        return found if lost == 0 else f"{found}; {lost} could not be followed, near a multiple root"
+        text = f"elimination to a polynomial of degree 16, as an eigenvalue problem: {counted}"
+        return text if lost == 0 else f"{text}; {lost} could not be followed, near a multiple root"
 
     def _gap(self, asked: Array) -> str:
         """Return a message if the legs of a pair can't meet."""
@@ -371,7 +376,7 @@ class TSSM:
         middles = middle + float(asked.mean()) * self.up * np.linspace(-1.0, 1.0, _STARTS)[:, None]
         starts[:, :3, 3] = (middles - starts[:, :3, :3] @ self.platform.mean(axis=0)) / unit
         for _ in range(_DESCENTS):  # if placements end in a plane, descent is slow at last
-            there = nearest(self.base / unit, self.platform[self.legs] / unit, asked / unit, starts)
-            starts = there[None]
-        there[:3, 3] *= unit
-        return NearestPlacement(there, self.lengths(there) - asked)
+            placement = nearest(self.base / unit, self.platform[self.legs] / unit, asked / unit, starts)
+            starts = placement[None]
+        placement[:3, 3] *= unit
+        return NearestPlacement(placement, self.lengths(placement) - asked)

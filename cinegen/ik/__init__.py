@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from cinegen.ik.objectives import Objective as Objective
     from cinegen.ik.objectives import Posture as Posture
     from cinegen.ik.persistent import PersistentSolver as PersistentSolver
-    from cinegen.ik.singular import LostDoF as LostDoF
-    from cinegen.ik.singular import UncontrolledDoF as UncontrolledDoF
+    from cinegen.ik.singular_values import LostDoF as LostDoF
+    from cinegen.ik.singular_values import UncontrolledDoF as UncontrolledDoF
     from cinegen.ik.solutions import IKError as IKError
     from cinegen.ik.solutions import IKSolutions as IKSolutions
     from cinegen.ik.solver import Solver as Solver

@@ -159,9 +159,7 @@ class _Assembly:
         method = _method(found) + "".join(remarks)
         result = self._result(configurations, times, complete and not wrong, trace_test, method, counts)
         return replace(
-            result,
-            self_motions=tuple(self._self_motions(found, chosen)),
-            almost_surely=result.complete and not proved,
+            result, self_motions=tuple(self._self_motions(found, chosen)), almost_surely=result.complete and not proved
         )
 
     def _self_motions(

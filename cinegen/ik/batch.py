@@ -16,7 +16,7 @@ from cinegen.jit.compiled import prepare
 from cinegen.jit.foreign import frame_of
 from cinegen.jit.one_thread import OneThread, in_one_thread
 from cinegen.joints import supporting_columns
-from cinegen.loops.arrays import actuate, set_up, set_up_screws
+from cinegen.loops.setup import actuate, set_up, set_up_screws
 from cinegen.loops.thresholds import CORRECTION
 from cinegen.model import Mechanism
 

@@ -103,10 +103,7 @@ class Posture(_Rated):
     __slots__ = ("_q",)
 
     def __init__(
-        self,
-        q: ArrayLike | None = None,
-        joints: Iterable[str] | Mapping[str, float] | None = None,
-        rate: float = 1.0,
+        self, q: ArrayLike | None = None, joints: Iterable[str] | Mapping[str, float] | None = None, rate: float = 1.0
     ) -> None:
         super().__init__(joints, rate)
         self.q = q
@@ -156,10 +153,7 @@ class LimitMargin(_Rated):
     __slots__ = ("_margin", "_ranges")
 
     def __init__(
-        self,
-        margin: float = 0.1,
-        joints: Iterable[str] | Mapping[str, float] | None = None,
-        rate: float = 1.0,
+        self, margin: float = 0.1, joints: Iterable[str] | Mapping[str, float] | None = None, rate: float = 1.0
     ) -> None:
         super().__init__(joints, rate)
         self.margin = margin

@@ -11,7 +11,7 @@ from cinegen.ik._kernels.memory import OF_NODE, OF_TARGET, OF_WORLD, SolverMemor
 from cinegen.ik.given_task import AnyTask, GivenTask
 from cinegen.jit.foreign import frame_of
 from cinegen.joints import supporting_columns, translations
-from cinegen.loops import arrays as loops
+from cinegen.loops import setup as loops
 from cinegen.model import Mechanism
 
 

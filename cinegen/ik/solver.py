@@ -38,7 +38,7 @@ from cinegen.ik.thresholds import (
 from cinegen.jit.foreign import SE3_DISTANCE
 from cinegen.jit.one_thread import other_thread
 from cinegen.jit.starting import InterpretedKernel, start
-from cinegen.loops.arrays import null_space, set_up_screws
+from cinegen.loops.setup import null_space, set_up_screws
 from cinegen.model import Mechanism
 from cinegen.model.plausible import check_configuration
 from cinegen.tolerances import CLOSURE

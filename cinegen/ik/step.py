@@ -16,7 +16,7 @@ from cinegen.html import table
 from cinegen.ik._kernels import memory as m
 from cinegen.ik.branch import passes_toggle
 from cinegen.ik.equations import equations
-from cinegen.ik.singular import LostDoF, UncontrolledDoF, gained, lost, passive_singular_values
+from cinegen.ik.singular_values import LostDoF, UncontrolledDoF, gained, lost, passive_singular_values
 from cinegen.ik.task import FrameTask
 from cinegen.ik.thresholds import ARRIVED
 from cinegen.loops.closed_loops import ClosedLoops
@@ -234,7 +234,7 @@ class Step:
         return self.lost_dof_in(None)
 
     def lost_dof_in(self, system: ClosedLoops | None) -> LostDoF | None:
-        """Return `lost_dof` by another Jacobian of the mechanism's loops: see `cinegen.ik.singular.lost`."""
+        """Return `lost_dof` by another Jacobian of the mechanism's loops: see `cinegen.ik.singular_values.lost`."""
         wanted, layout = self._first_level(), self._layout
         count, given = int(self._record[m.TASK_RANK]), zip(layout.tasks, layout.levels, strict=True)
         if any(offset is None and level == 0 for (_, _, offset), level in given):

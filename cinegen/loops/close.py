@@ -9,8 +9,8 @@ from cinegen.arrays import Array
 from cinegen.jit.starting import start
 from cinegen.loops._kernels.closure import close_from_trial
 from cinegen.loops._kernels.memory import LoopMemory
-from cinegen.loops.arrays import set_up
 from cinegen.loops.closed_loops import ClosedLoops
+from cinegen.loops.setup import set_up
 from raff2urdf.closure import Closing
 
 

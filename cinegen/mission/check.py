@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from cinegen.arrays import Array, Bools
-from cinegen.ik.singular import gained
+from cinegen.ik.singular_values import gained
 from cinegen.mission.recording import between
 from cinegen.mission.trajectory import Trajectory
 from cinegen.model import Mechanism

@@ -11,12 +11,7 @@ from cinegen.mission.branch import Branch
 from cinegen.mission.file_format import MissionError
 from cinegen.model import Mechanism
 from cinegen.planning.singular_crossing import guided
-from cinegen.planning.timing import (
-    TimeLaw,
-    TimingError,
-    derivatives,
-    time_law,
-)
+from cinegen.planning.timing import TimeLaw, TimingError, derivatives, time_law
 from cinegen.planning.torque_limits import TorqueLimits, TorqueTerms
 
 _BETWEEN = 4  # points in each interval of the time law at which torques are tested

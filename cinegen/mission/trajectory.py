@@ -18,12 +18,7 @@ from cinegen.mission.recording import Recording
 from cinegen.model import Mechanism
 from cinegen.model.motion_limits import MotionLimits, motion_limits
 from cinegen.planning.singular_crossing import guided
-from cinegen.planning.timing import (
-    averaged,
-    averaging_window,
-    excess,
-    grid_of,
-)
+from cinegen.planning.timing import averaged, averaging_window, excess, grid_of
 from cinegen.planning.torque_limits import TorqueLimits
 
 _ROUNDING = 1e-9

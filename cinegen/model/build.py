@@ -26,8 +26,8 @@ from cinegen.tolerances import AT_LIMIT
 from raff2urdf import closure
 from raff2urdf.axes import UNCHANGED
 from raff2urdf.coupling import coupling_of
-from raff2urdf.loops.analysis import loop_kind
 from raff2urdf.loops.length import characteristic_length, cut_screws
+from raff2urdf.loops.mobility import loop_kind
 from raff2urdf.loops.slips import Fault
 from raff2urdf.raff import texts
 from raff2urdf.raff.document import LoopKind

@@ -18,7 +18,7 @@ from cinegen.jit.one_thread import OneThread, in_one_thread, other_thread
 from cinegen.jit.starting import start
 from cinegen.loops._kernels.follow import follow
 from cinegen.loops._kernels.memory import NOWHERE, LoopMemory
-from cinegen.loops.arrays import actuate, set_up
+from cinegen.loops.setup import actuate, set_up
 from cinegen.model.mechanism import Mechanism
 from cinegen.tolerances import AT_LIMIT, CLOSED, CLOSURE
 from raff2urdf.closure import RANK

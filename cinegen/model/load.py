@@ -26,13 +26,13 @@ from raff2urdf import closure, readers
 from raff2urdf.constraints import without_loops
 from raff2urdf.coupling import Coupling
 from raff2urdf.errors import RaffError
-from raff2urdf.loops.analysis import loop_kind, loop_kinds
+from raff2urdf.loops.mobility import loop_kind, loop_kinds
 from raff2urdf.loops.slips import Fault
 from raff2urdf.placement import rotation
-from raff2urdf.raff import drawn as raff_drawn
+from raff2urdf.raff import closing_edits as raff_edits
 from raff2urdf.raff import texts
 from raff2urdf.raff.document import LoopKind
-from raff2urdf.readers import drawn as urdf_drawn
+from raff2urdf.readers import closing_edits as urdf_edits
 from raff2urdf.readers.json_lines import line_of
 from raff2urdf.readers.loops.declaration import IgnoreList
 from raff2urdf.readers.loops.sidecar import constraints_of
@@ -187,7 +187,7 @@ def _load_raff(path: Path, text: str | None, settings: _Settings) -> Mechanism:
     constraints = _with_actuated(urdf, constraints, settings.actuated, str(path))
     srdf_read = _read_srdf(settings.srdf, urdf, str(path), settings.reading)
     make = partial(build, urdf, constraints, name=str(path), srdf=srdf_read, relax=settings.relax)
-    return _made(make, partial(raff_drawn.slips_of, document, chosen, loop_kinds(chosen, settings.loops)))
+    return _made(make, partial(raff_edits.slips_of, document, chosen, loop_kinds(chosen, settings.loops)))
 
 
 def robots(path: str | Path) -> list[str | None]:
@@ -243,7 +243,7 @@ def _load_xml(source: Path | URDF, text: str | None, settings: _Settings) -> Mec
         packages=packages, relax=settings.relax, is_driven=parsed.is_driven and settings.actuated is None,
     )  # fmt: skip
     dialect = "".join(parsed.dialects)
-    slips = None if stated is None else partial(urdf_drawn.slips_of, urdf, stated, str(path), dialect)
+    slips = None if stated is None else partial(urdf_edits.slips_of, urdf, stated, str(path), dialect)
     mechanism = _made(make, slips, [note for note in parsed.notes if " has another parent" in note])
     if constraints and not loops:
         _check_stated(mechanism, constraints, path)

@@ -90,11 +90,7 @@ def _robots(setup: Setup) -> Iterator[Any]:
     """Yield what the session needs of each robot, each after the one that carries it."""
     for name in setup.order():
         base = setup.base(name)
-        mounting = {
-            "robot": base.robot,
-            "node": base.node,
-            "placement": pin.SE3ToXYZQUAT(base.placement).tolist(),
-        }
+        mounting = {"robot": base.robot, "node": base.node, "placement": pin.SE3ToXYZQUAT(base.placement).tolist()}
         start = setup.start(name).tolist()
         yield {"name": name, "tables": robot_tables(setup.robots[name], RATE), "base": mounting, "start": start}
 

@@ -13,7 +13,7 @@ from cinegen.codegen.robot import set_up_robot
 from cinegen.ik.task import FrameTask
 from cinegen.jit.memory import Memory, memory_at
 from cinegen.joints import supporting_columns
-from cinegen.loops.arrays import set_up_screws
+from cinegen.loops.setup import set_up_screws
 from cinegen.model import Mechanism
 from cinegen.page.kernels_module import FOLDED, MOST_TASKS, used_fields
 from cinegen.page.solver_kernels import PageMemory

@@ -86,10 +86,7 @@ class Plan:
                 ("steps", len(self.path) - 1),
                 ("path", f"{self.length:.4g} m, of {self.scene.node}"),
                 ("clearance", f"{self.clearance:.4g} m"),
-                (
-                    "attempts",
-                    "; ".join(f"{each.status.value}: {each.strategy}" for each in self.attempts) or "none",
-                ),
+                ("attempts", "; ".join(f"{each.status.value}: {each.strategy}" for each in self.attempts) or "none"),
             ],
         )
 

@@ -17,7 +17,7 @@ from cinegen.ik import FrameTask, LookAhead, Solver, Status, Step
 from cinegen.ik.barrier import Range
 from cinegen.ik.state import State
 from cinegen.ik.thresholds import SECONDARY_TRIES, TRIES
-from cinegen.loops.arrays import null_space
+from cinegen.loops.setup import null_space
 from cinegen.model.motion_limits import motion_limits
 from cinegen.planning.braking import BrakingBarrier
 from cinegen.planning.clearance_barrier import ClearanceBarrier

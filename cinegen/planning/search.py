@@ -164,10 +164,7 @@ class Search:
 
 
 def _strategies(
-    scene: Scene,
-    field: AvoidanceField | FieldFunction,
-    clearance: Clearance,
-    goals: tuple[Array, ...],
+    scene: Scene, field: AvoidanceField | FieldFunction, clearance: Clearance, goals: tuple[Array, ...]
 ) -> Iterator[tuple[str, Objective, Callable[[Array], float]]]:
     """Yield what is followed, in order: a description, an objective, and the distance from the goal."""
     reach = scene.influence or _REACH * scene.mechanism.length

@@ -35,16 +35,16 @@ def draw_tolerance(report: ToleranceReport, size: float = 9.0, name: str | None 
         name: of the robot in the title; its own by default.
     """
     sides = [(report.contributors(turned), turned) for turned in (False, True)]
-    bars = max((min(len(found), _BARS) for found, _ in sides), default=0)
+    bars = max((min(len(contributors), _BARS) for contributors, _ in sides), default=0)
     title = f"{name or report.name}: accuracy of {report.node}"
     text = f"position {1e3 * report.position:.4g} mm, orientation {math.degrees(report.orientation):.4g}° (1 sigma)" + (
         f"\n{report.agreement}" if report.agreement else ""
     )
     figure, body = sheet(size, 1.0 + 0.24 * max(bars, 2), title, text)
-    for axes, (found, turned) in zip(body.subplots(1, 2), sides, strict=True):
+    for axes, (contributors, turned) in zip(body.subplots(1, 2), sides, strict=True):
         total, unit = (math.degrees(report.orientation), "°") if turned else (1e3 * report.position, "mm")
-        shown = found[:_BARS]
-        names = [f"{one.name} ({_shown(one.sigma, one.dimension)})" for one, _ in shown]
+        shown = contributors[:_BARS]
+        names = [f"{source.name} ({_shown(source.sigma, source.dimension)})" for source, _ in shown]
         sizes = [total * math.sqrt(share) for _, share in shown]
         places = np.arange(len(shown))
         axes.barh(places, sizes, color=ORANGE if turned else BLUE, height=0.7)
@@ -54,12 +54,12 @@ def draw_tolerance(report: ToleranceReport, size: float = 9.0, name: str | None 
         axes.invert_yaxis()
         axes.margins(x=0.18)
         axes.grid(axis="x", color=FAINT, alpha=0.25)
-        more = f"\n({len(found) - _BARS} more not shown)" if len(found) > _BARS else ""
+        more = f"\n({len(contributors) - _BARS} more not shown)" if len(contributors) > _BARS else ""
         label(axes, f"{'orientation' if turned else 'position'} by one source alone, 1 sigma ({unit}){more}")
     return finish(figure)
 
 
-def draw_residuals(found: Calibration, name: str | None = None) -> Figure:
+def draw_residuals(calibration: Calibration, name: str | None = None) -> Figure:
     """Draw the residuals of all readings over the poses, in their standard deviations: at nominal values, and after
     calibration with the outliers marked.
 
@@ -70,34 +70,33 @@ def draw_residuals(found: Calibration, name: str | None = None) -> Figure:
     Returns:
         a matplotlib figure: `draw_residuals(found).savefig("residuals.png")`.
     """
-    name = name or found.parameters.robot.name
+    name = name or calibration.parameters.robot.name
     held = ", ".join(
-        f"{_shown(one.before, one.dimension)} before, {_shown(one.after, one.dimension)} after{_kept(one)} (noise "
-        f"{_shown(one.noise, one.dimension)})"
-        for one in found.held_out
+        f"{_shown(each.before, each.dimension)} before, {_shown(each.after, each.dimension)} after{_kept(each)} (noise "
+        f"{_shown(each.noise, each.dimension)})"
+        for each in calibration.held_out
     )
-    title = (
-        f"{name}: {len(found.combinations)} combinations of parameters from {len(found.observation.measurements)} poses"
-    )
+    count = len(calibration.observation.measurements)
+    title = f"{name}: {len(calibration.combinations)} combinations of parameters from {count} poses"
     figure, body = sheet(_WIDE, 2.0 * _TALL + 0.7, title, f"Held-out poses: {held}" if held else "No cross-validation")
     upper, lower = body.subplots(2, 1, sharex=True)
-    poses = np.arange(1, len(found.before) + 1)
-    for axes, residuals in ((upper, found.before), (lower, found.after)):
-        sizes = residuals / found.standard
+    poses = np.arange(1, len(calibration.before) + 1)
+    for axes, residuals in ((upper, calibration.before), (lower, calibration.after)):
+        sizes = residuals / calibration.standard
         for dimension, colour, text in ((LENGTH, BLUE, "lengths"), (ANGLE, ORANGE, "angles")):
-            columns = [k for k, one in enumerate(found.observation.quantities) if one.dimension is dimension]
+            columns = [k for k, each in enumerate(calibration.observation.quantities) if each.dimension is dimension]
             if columns:
                 shifts = np.linspace(-0.25, 0.25, len(columns)) if len(columns) > 1 else np.zeros(1)
                 x = np.broadcast_to(poses[:, None] + shifts, sizes[:, columns].shape)
-                kept = found.kept[:, columns]
+                kept = calibration.kept[:, columns]
                 axes.plot(x[kept], sizes[:, columns][kept], ".", color=colour, markersize=3.0, label=text)
         axes.axhline(0.0, color=FAINT, linewidth=0.8)
         axes.grid(color=FAINT, alpha=0.25)
     for limit in (-_LIMIT, _LIMIT):
         lower.axhline(limit, color=INK, linewidth=0.8, linestyle=(0, (4, 3)))
-    if found.outliers:
-        at = np.array([one.pose + 1 for one in found.outliers])
-        sizes = np.array([math.copysign(one.sigmas, one.residual) for one in found.outliers])
+    if calibration.outliers:
+        at = np.array([each.pose + 1 for each in calibration.outliers])
+        sizes = np.array([math.copysign(each.sigmas, each.residual) for each in calibration.outliers])
         edge = 0.95 * _MOST
         text = f"outliers, those beyond {_MOST:g} at the edge"
         lower.plot(at, np.clip(sizes, -edge, edge), "x", color=VERMILION, markersize=5.0, label=text)
@@ -107,8 +106,8 @@ def draw_residuals(found: Calibration, name: str | None = None) -> Figure:
     return finish(figure)
 
 
-def _kept(one: HeldOut) -> str:
-    return f", {_shown(one.kept, one.dimension)} without outliers" if one.kept != one.after else ""
+def _kept(held_out: HeldOut) -> str:
+    return f", {_shown(held_out.kept, held_out.dimension)} without outliers" if held_out.kept != held_out.after else ""
 
 
 def _shown(value: float, dimension: Dimension) -> str:

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from cinegen.arrays import Array
 from cinegen.ik import Event, EventKind, FrameTask, LookAhead, Step
-from cinegen.ik.singular import gained
+from cinegen.ik.singular_values import gained
 from cinegen.loops.motions import motions_of
 from cinegen.model import Mechanism
 from cinegen.session.holding import BearingReporter, HoldingError, ReactionReport

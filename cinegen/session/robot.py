@@ -119,13 +119,7 @@ class DrivenRobot:
     # --- tasks ---------------------------------------------------------------------------------------------------
 
     def add_task(
-        self,
-        id: int,
-        node: str,
-        source: str,
-        label: str,
-        offset: pin.SE3 | None = None,
-        dof: tuple[int, int] = (3, 3),
+        self, id: int, node: str, source: str, label: str, offset: pin.SE3 | None = None, dof: tuple[int, int] = (3, 3)
     ) -> UserTask:
         """Add a task at the present pose of a node.
 
@@ -149,9 +143,9 @@ class DrivenRobot:
 
     def tasks_of(self, source: str, node: str | None = None) -> Iterator[UserTask]:
         """Yield the tasks of a source, of a node or of all."""
-        for one in tuple(self.tasks):
-            if one.source == source and node in (None, one.task.node):
-                yield one
+        for task in tuple(self.tasks):
+            if task.source == source and node in (None, task.task.node):
+                yield task
 
     def add_described(self, id: int, description: TaskDescription) -> None:
         """Add a task of a kind; its target or axis is the present one where it is null.
@@ -159,23 +153,23 @@ class DrivenRobot:
         Raises:
             CinegenError: a name does not exist, or a value can't be followed.
         """
-        one = self._made(id, description)
+        described = self._made(id, description)
         self._follow(True)
-        self.solver.add_task(one.task)
-        self.described.append(one)
+        self.solver.add_task(described.task)
+        self.described.append(described)
 
-    def change_described(self, one: DescribedTask, description: TaskDescription) -> None:
+    def change_described(self, described: DescribedTask, description: TaskDescription) -> None:
         """Replace a task of a kind by another; see `add_described`."""
-        new = self._made(one.id, description)
+        new = self._made(described.id, description)
         self._follow(True)
         self.solver.add_task(new.task)
-        self.solver.remove_task(one.task)
-        one.description, one.task = new.description, new.task
+        self.solver.remove_task(described.task)
+        described.description, described.task = new.description, new.task
 
-    def remove_described(self, one: DescribedTask) -> None:
+    def remove_described(self, described: DescribedTask) -> None:
         """Remove a task of a kind."""
-        self.described.remove(one)
-        self.solver.remove_task(one.task)
+        self.described.remove(described)
+        self.solver.remove_task(described.task)
 
     def _made(self, id: int, description: TaskDescription) -> DescribedTask:
         """Return a task of a kind that a solver can follow."""
@@ -194,18 +188,18 @@ class DrivenRobot:
         if follows == self._follows:
             return
         self._follows = follows
-        for one in self.described:
+        for described in self.described:
             if follows:
-                self.solver.add_task(one.task)
+                self.solver.add_task(described.task)
             else:
-                self.solver.remove_task(one.task)
+                self.solver.remove_task(described.task)
 
     def recorded_tasks(self, source: str | None = None) -> tuple[RecordedTask, ...]:
         """Return the tasks of a source, or all, as values with targets in the session's world."""
         return tuple(
             RecordedTask(
                 t.node,
-                one.source,
+                user_task.source,
                 t.offset.copy(),
                 self.base * t.target,
                 t.translation,
@@ -213,17 +207,17 @@ class DrivenRobot:
                 t.weight,
                 t.priority,
             )
-            for one, t in ((one, one.task) for one in self.tasks)
-            if source in (None, one.source)
+            for user_task, t in ((user_task, user_task.task) for user_task in self.tasks)
+            if source in (None, user_task.source)
         )
 
     def restore(self, id: int, task: RecordedTask, source: str = PIN) -> UserTask:
         """Add a task again, with an id."""
-        one = self.add_task(id, task.node, source, source, task.offset, (task.translation, task.rotation))
-        one.task.weight, one.task.priority = task.weight, task.priority
+        user_task = self.add_task(id, task.node, source, source, task.offset, (task.translation, task.rotation))
+        user_task.task.weight, user_task.task.priority = task.weight, task.priority
         if task.target is not None:
-            self.set_target(one, task.target)
-        return one
+            self.set_target(user_task, task.target)
+        return user_task
 
     def set_target(self, task: UserTask, target: pin.SE3) -> None:
         """Set the target of a task, given in the session's world."""
@@ -244,21 +238,21 @@ class DrivenRobot:
 
     def _moved_locked(self, q: Array) -> list[str]:
         """Return the locked joints that are elsewhere in q (nq,)."""
-        moved, found = np.abs(self.mechanism.scaled_difference(self.q, q)) > _STAYS, list[str]()
+        moved, names = np.abs(self.mechanism.scaled_difference(self.q, q)) > _STAYS, list[str]()
         for name in self.locked:
-            found += [name] * bool(moved[self.mechanism.columns_of(name)].any())
-        return found
+            names += [name] * bool(moved[self.mechanism.columns_of(name)].any())
+        return names
 
     def set_base(self, base: pin.SE3) -> None:
         """Set the base pose. Targets keep their pose in the session's world."""
         moved = base.actInv(self.base)
         self.base = base
-        for one in self.tasks:
-            if one.task.is_valid():
-                one.task.target = moved * one.task.target
+        for user_task in self.tasks:
+            if user_task.task.is_valid():
+                user_task.task.target = moved * user_task.task.target
         if not moved.isIdentity(0.0):
-            for own in self.described:
-                move_base(own.task, own.description, base)
+            for described in self.described:
+                move_base(described.task, described.description, base)
 
     def tick(self, dt: float) -> str:
         """Move by one tick of dt (s). Return a message for people; mostly an empty one."""
@@ -326,12 +320,12 @@ class DrivenRobot:
 
     def _retarget(self) -> None:
         """Set the targets of its tasks to their present poses."""
-        for one in self.tasks:
-            one.task.target = self.mechanism.placement(self.solver.q, one.task.node) * one.task.offset
+        for user_task in self.tasks:
+            user_task.task.target = self.mechanism.placement(self.solver.q, user_task.task.node) * user_task.task.offset
 
     def moving_parts(self) -> Array:
         """Return the numbers that change when it moves: configuration, base pose and targets, rad and m."""
-        poses = [self.base, *(one.task.target for one in self.tasks)]
+        poses = [self.base, *(user_task.task.target for user_task in self.tasks)]
         return np.concatenate([self.q, *(part for pose in poses for part in (pose.translation, pose.rotation.ravel()))])
 
     # --- state ---------------------------------------------------------------------------------------------------
@@ -355,15 +349,15 @@ class DrivenRobot:
 
     def state(self) -> RobotState:
         """Return the state."""
-        followed, found = self.solver.tasks, self.step.errors
-        errors = dict(zip(map(id, followed), found, strict=True)) if len(followed) == len(found) else {}
+        followed, task_errors = self.solver.tasks, self.step.errors
+        errors = dict(zip(map(id, followed), task_errors, strict=True)) if len(followed) == len(task_errors) else {}
         tasks = tuple(
             TaskState(
-                id=one.id, node=t.node, source=one.source, label=one.label, error=errors.get(id(t), (0.0, 0.0)),
-                translation=t.translation, rotation=t.rotation, weight=t.weight, priority=t.priority,
-                scripted=one.scripted, offset=t.offset.copy(), target=t.target.copy(),
+                id=user_task.id, node=t.node, source=user_task.source, label=user_task.label,
+                error=errors.get(id(t), (0.0, 0.0)), translation=t.translation, rotation=t.rotation, weight=t.weight,
+                priority=t.priority, scripted=user_task.scripted, offset=t.offset.copy(), target=t.target.copy(),
             )
-            for one, t in ((one, one.task) for one in self.tasks)
+            for user_task, t in ((user_task, user_task.task) for user_task in self.tasks)
         )  # fmt: skip
         step, q = self.step, self.q
         carried = torques = None
@@ -375,13 +369,13 @@ class DrivenRobot:
             torques, self.locked, tuple(map(self._described_state, self.described)),
         )  # fmt: skip
 
-    def _described_state(self, one: DescribedTask) -> DescribedState:
+    def _described_state(self, described: DescribedTask) -> DescribedState:
         try:
-            error = errors_of(one.task, self._state)
+            error = errors_of(described.task, self._state)
         except CinegenError:  # the tick reports it
             error = math.nan, math.nan
         reached = error[0] <= ARRIVED * self.mechanism.length and error[1] <= ARRIVED
-        return DescribedState(id=one.id, description=one.description, error=error, reached=reached)
+        return DescribedState(id=described.id, description=described.description, error=error, reached=reached)
 
     def obstruction(self) -> Obstruction | None:
         """Return what stops it among obstacles; None where nothing does."""
@@ -389,5 +383,5 @@ class DrivenRobot:
 
     def sample(self) -> RobotSample:
         """Return what a mission records."""
-        described = tuple(one.description for one in self.described)
+        described = tuple(task.description for task in self.described)
         return RobotSample(self.q, self.status().name, self.recorded_tasks(), described)

@@ -105,24 +105,24 @@ class SingularityGrid:
         matrices = {kind: self._matrices(kind, rows, reached) for kind, rows in self._rows.items()}
         points: dict[tuple[SingularityType, bool], dict[Edge, list[SingularPoint]]] = {}
         near = enumerate(neighbours((len(self.u), len(self.v))).tolist())
-        edges = [(one, other) for one, others in near for other in others if other > one]
-        for number, (one, other) in enumerate(edges):
+        edges = [(first, second) for first, others in near for second in others if second > first]
+        for number, (first, second) in enumerate(edges):
             if report is not None and number % 64 == 0:
                 report(number / len(edges))
-            found: Iterable[tuple[SingularityType, bool, SingularPoint]] = ()
-            if reached[one] and reached[other]:
-                if linked is None or linked(self.q[one], self.q[other]):
-                    found = self._between(one, other, matrices)
-            elif reached[one] and nothing[other]:
-                found = self._to_the_border(one, other, stopped)
-            elif reached[other] and nothing[one]:
-                found = self._to_the_border(other, one, stopped)
-            for kind, border, point in found:
-                points.setdefault((kind, border), {}).setdefault((one, other), []).append(point)
+            between: Iterable[tuple[SingularityType, bool, SingularPoint]] = ()
+            if reached[first] and reached[second]:
+                if linked is None or linked(self.q[first], self.q[second]):
+                    between = self._between(first, second, matrices)
+            elif reached[first] and nothing[second]:
+                between = self._to_the_border(first, second, stopped)
+            elif reached[second] and nothing[first]:
+                between = self._to_the_border(second, first, stopped)
+            for kind, border, point in between:
+                points.setdefault((kind, border), {}).setdefault((first, second), []).append(point)
         curves = [
             SingularCurve(kind, np.array([p.values for p in chain]), np.array([p.q for p in chain]), border)
-            for (kind, border), there in points.items()
-            for chain in _chains(there, len(self.u), len(self.v))
+            for (kind, border), by_edge in points.items()
+            for chain in _chains(by_edge, len(self.u), len(self.v))
         ]
         return tuple(curve for curve in curves if not self._is_stray(curve, curves))
 
@@ -143,18 +143,18 @@ class SingularityGrid:
         return matrices
 
     def _between(
-        self, one: int, other: int, matrices: dict[SingularityType, dict[int, Array]]
+        self, first: int, second: int, matrices: dict[SingularityType, dict[int, Array]]
     ) -> Iterator[tuple[SingularityType, bool, SingularPoint]]:
         """Return the singularities between two points."""
         for kind, of in matrices.items():
             sigma = self._sigma[kind]
-            if sigma[one] + sigma[other] > np.linalg.norm(of[other] - of[one]):  # see `crossing.may_cross`
+            if sigma[first] + sigma[second] > np.linalg.norm(of[second] - of[first]):  # see `crossing.may_cross`
                 continue
             start, end = (
                 self._nudged(node) if sigma[node] <= _ZERO * np.linalg.norm(of[node]) else self.q[node]
-                for node in (one, other)
+                for node in (first, second)
             )
-            for _, point in self._singular(kind, (self.points[one], self.points[other]), (start, end)):
+            for _, point in self._singular(kind, (self.points[first], self.points[second]), (start, end)):
                 yield kind, False, point
 
     def _singular(
@@ -170,8 +170,8 @@ class SingularityGrid:
         """Return q (nq,) next to a grid point that is itself singular, always on the same side, so that all its edges
         agree on its side of the curve."""
         aside = _NUDGE * np.array([self.u[1] - self.u[0], _SLANTED * (self.v[1] - self.v[0])])
-        found = self.on.near(self.points[node] + aside, self.q[node])
-        return self.q[node] if found is None else found
+        q = self.on.near(self.points[node] + aside, self.q[node])
+        return self.q[node] if q is None else q
 
     def _to_the_border(
         self, inside: int, outside: int, stopped: Callable[[Array], bool] | None
@@ -194,11 +194,11 @@ class SingularityGrid:
             if length <= _SHORT:
                 break
             ahead = min(part + length, 1.0)
-            found = self.on.step(inside + ahead * (outside - inside), q)
-            if found is None:
+            moved = self.on.step(inside + ahead * (outside - inside), q)
+            if moved is None:
                 length *= 0.5
             else:  # as long again: a step may have failed only because it was long
-                part, q = ahead, found
+                part, q = ahead, moved
                 if part == 1.0:
                     break
         return inside + part * (outside - inside), q
@@ -211,23 +211,23 @@ class SingularityGrid:
         return SingularityType.NONE
 
 
-def _chains(found: dict[Edge, list[SingularPoint]], rows: int, columns: int) -> list[list[SingularPoint]]:
+def _chains(crossings: dict[Edge, list[SingularPoint]], rows: int, columns: int) -> list[list[SingularPoint]]:
     """Return points on edges, joined across the cells that they bound into lines as long as possible."""
     links: dict[tuple[Edge, int], list[tuple[Edge, int]]] = {
-        (edge, k): [] for edge, points in found.items() for k in range(len(points))
+        (edge, k): [] for edge, points in crossings.items() for k in range(len(points))
     }
     for i, k in np.ndindex(rows - 1, columns - 1):
         a = i * columns + k
         b = a + columns
         around = ((a, b), (b, b + 1), (a + 1, b + 1), (a, a + 1))
-        here = [(edge, n) for edge in around for n in range(len(found.get(edge, ())))]
-        while len(here) > 1:
-            one = here.pop(0)
-            q = found[one[0]][one[1]].q
-            away = [float(np.abs(found[edge][n].q - q).max()) for edge, n in here]
-            nearest = here.pop(int(np.argmin(away)))
-            links[one].append(nearest)
-            links[nearest].append(one)
+        open_ends = [(edge, n) for edge in around for n in range(len(crossings.get(edge, ())))]
+        while len(open_ends) > 1:
+            end = open_ends.pop(0)
+            q = crossings[end[0]][end[1]].q
+            away = [float(np.abs(crossings[edge][n].q - q).max()) for edge, n in open_ends]
+            nearest = open_ends.pop(int(np.argmin(away)))
+            links[end].append(nearest)
+            links[nearest].append(end)
     chains, left = [], set(links)
     for first in sorted(links, key=lambda name: len(links[name])):  # ends of lines first, then rings
         if first not in left:
@@ -239,5 +239,5 @@ def _chains(found: dict[Edge, list[SingularPoint]], rows: int, columns: int) -> 
             chain.append(onward[0])
         if len(chain) > 2 and first in links[chain[-1]]:
             chain.append(first)
-        chains.append([found[edge][n] for edge, n in chain])
+        chains.append([crossings[edge][n] for edge, n in chain])
     return chains

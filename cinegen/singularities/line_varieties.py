@@ -10,13 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cinegen.arrays import Array
-from cinegen.singularities.pluecker import (
-    KLEIN,
-    LineFrame,
-    PlueckerLine,
-    fit_plane,
-    fit_point,
-)
+from cinegen.singularities.pluecker import KLEIN, LineFrame, PlueckerLine, fit_plane, fit_point
 from cinegen.singularities.screw_system import ScrewSystem
 
 DEPENDENT = 1e-7

@@ -27,18 +27,7 @@ from cinegen.toolpath.curve import PointError
 from cinegen.toolpath.seam import AGAIN, Seam
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.files import read_bytes
-from raff2urdf.quantities import (
-    ANGLE,
-    ANGULAR_SPEED,
-    LENGTH,
-    NUMBER,
-    SPEED,
-    TIME,
-    Dimension,
-    parse,
-    refused_as,
-    shown,
-)
+from raff2urdf.quantities import ANGLE, ANGULAR_SPEED, LENGTH, NUMBER, SPEED, TIME, Dimension, parse, refused_as, shown
 
 OPTIONS: Mapping[str, Dimension] = {
     "distance": LENGTH,

@@ -85,12 +85,7 @@ def cusp():
     return figure
 
 
-FIGURES = {
-    "tssm_modes": modes,
-    "five_bar_singular": five_bar,
-    "tssm_singular": tssm,
-    "cusp_3rpr_modes": cusp,
-}
+FIGURES = {"tssm_modes": modes, "five_bar_singular": five_bar, "tssm_singular": tssm, "cusp_3rpr_modes": cusp}
 """What draws each of them."""
 
 

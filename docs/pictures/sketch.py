@@ -116,10 +116,7 @@ class Sketch:
 
     def ground(self, low, high, height, step):
         """Draw a ground between corners (2,), at a height, with lines every `step`."""
-        (x0, y0), (x1, y1) = (
-            np.floor(np.array(low) / step) * step,
-            np.ceil(np.array(high) / step) * step,
-        )
+        (x0, y0), (x1, y1) = (np.floor(np.array(low) / step) * step, np.ceil(np.array(high) / step) * step)
         corners = [(x0, y0, height), (x1, y0, height), (x1, y1, height), (x0, y1, height)]
         self.polygon(corners, GROUND, GRID, lift=-3e6)
         for x in np.arange(x0 + step, x1, step):

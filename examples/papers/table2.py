@@ -191,8 +191,7 @@ def _complete_degenerate(tssm: Geometry, pose: Array) -> Array:
 def _residual_degenerate(tssm: Geometry, pose: Array) -> float:
     corners = tssm.corners(pose)
     return _largest(
-        _from_line(corners[0], tssm.base[4], corners[2]) / tssm.length,
-        _from_pair(tssm, corners, corners[0], 1),
+        _from_line(corners[0], tssm.base[4], corners[2]) / tssm.length, _from_pair(tssm, corners, corners[0], 1)
     )
 
 

@@ -227,12 +227,6 @@ def find(name: str, folder: Path, owner: Path | None = None, packages: Packages 
     raise refused or MissingFileError(f"{label} is not found: there is no file {os.path.abspath(first or name)}")
 
 
-def package_of(name: str) -> str | None:
-    """Return the package that a name of a file states, as `package://NAME/...`; None without one."""
-    found = re.match(r"(?:package|model)://([^/]+)", name)
-    return None if found is None else found[1]
-
-
 def check_mesh(path: Path, folder: Path, label: str) -> None:
     """Refuse a file that another one names by a path, unless it may be read.
 

@@ -112,67 +112,67 @@ class CouplingDrawing:
         first = self._link(coupling.follower)
         if first.type is not JointType.REVOLUTE or any(drive.kind is not DriveKind.RATIO for drive in coupling.drives):
             return
-        own = Wheel(self.bodies.bodies[first.number], self.world[first.number], {first.number: 1.0})
+        wheel = Wheel(self.bodies.bodies[first.number], self.world[first.number], {first.number: 1.0})
         others = list(self._on_carrier(first))
         is_belt = bool(_BELT.search(coupling.name or ""))
         for other in others:
-            ratio = self._ratio(own, other, [coupling])
-            mesh = None if ratio is None else self._spur(own, other, ratio, is_belt)
+            ratio = self._ratio(wheel, other, [coupling])
+            mesh = None if ratio is None else self._spur(wheel, other, ratio, is_belt)
             if mesh is not None:
                 yield mesh
                 return
         for other in others:
-            ratio = self._ratio(own, other, self.robot.couplings)
-            mesh = None if ratio is None else self._bevel(own, other, ratio)
+            ratio = self._ratio(wheel, other, self.robot.couplings)
+            mesh = None if ratio is None else self._bevel(wheel, other, ratio)
             if mesh is not None:
                 yield mesh
 
     def _on_carrier(self, link: RaffLink) -> Iterator[Wheel]:
         """Yield what turns about an axis of the body on which a link turns."""
         carrier = self.bodies.bodies[link.pred]
-        turning = [one for one in self.robot.links if one.type is JointType.REVOLUTE and one is not link]
-        for one in turning:
-            if self.bodies.bodies[one.pred] is carrier:
-                yield Wheel(self.bodies.bodies[one.number], self.world[one.number], {one.number: 1.0})
+        turning = [each for each in self.robot.links if each.type is JointType.REVOLUTE and each is not link]
+        for each in turning:
+            if self.bodies.bodies[each.pred] is carrier:
+                yield Wheel(self.bodies.bodies[each.number], self.world[each.number], {each.number: 1.0})
         for inner in turning:
             if self.bodies.bodies[inner.number] is not carrier:
                 continue
             bearer, axis = self.bodies.bodies[inner.pred], self.world[inner.number]
             yield Wheel(bearer, axis, {inner.number: -1.0}, bears=True)
-            for one in turning:
+            for each in turning:
                 if (
-                    one is not inner
-                    and self.bodies.bodies[one.pred] is bearer
-                    and self._coaxial(axis, self.world[one.number])
+                    each is not inner
+                    and self.bodies.bodies[each.pred] is bearer
+                    and self._coaxial(axis, self.world[each.number])
                 ):
-                    same = math.copysign(1.0, axis[:3, 2] @ self.world[one.number][:3, 2])
-                    yield Wheel(self.bodies.bodies[one.number], axis, {one.number: same, inner.number: -1.0})
+                    same = math.copysign(1.0, axis[:3, 2] @ self.world[each.number][:3, 2])
+                    yield Wheel(self.bodies.bodies[each.number], axis, {each.number: same, inner.number: -1.0})
 
-    def _coaxial(self, one: Array, other: Array) -> bool:
-        apart = other[:3, 3] - one[:3, 3]
-        parallel = abs(one[:3, 2] @ other[:3, 2]) > 1.0 - 1e-9
-        return bool(parallel and np.linalg.norm(np.cross(apart, one[:3, 2])) < 1e-3 * self.unit)
+    def _coaxial(self, first: Array, other: Array) -> bool:
+        apart = other[:3, 3] - first[:3, 3]
+        parallel = abs(first[:3, 2] @ other[:3, 2]) > 1.0 - 1e-9
+        return bool(parallel and np.linalg.norm(np.cross(apart, first[:3, 2])) < 1e-3 * self.unit)
 
-    def _ratio(self, own: Wheel, other: Wheel, couplings: Sequence[RaffCoupling]) -> float | None:
+    def _ratio(self, first: Wheel, other: Wheel, couplings: Sequence[RaffCoupling]) -> float | None:
         """Return how far a wheel turns for 1 of another one as couplings demand; None if they leave that open."""
         numbers = [link.number for link in self.robot.links]
         rows = []
-        for one in couplings:
-            if all(drive.kind is DriveKind.RATIO for drive in one.drives):
-                terms = {one.follower: -1.0}
-                for drive in one.drives:
+        for coupling in couplings:
+            if all(drive.kind is DriveKind.RATIO for drive in coupling.drives):
+                terms = {coupling.follower: -1.0}
+                for drive in coupling.drives:
                     terms[drive.link] = terms.get(drive.link, 0.0) + drive.numbers[0]
                 rows.append([terms.get(number, 0.0) for number in numbers])
-        ends = np.array([[wheel.turns.get(number, 0.0) for number in numbers] for wheel in (own, other)])
+        ends = np.array([[wheel.turns.get(number, 0.0) for number in numbers] for wheel in (first, other)])
         basis = np.array([ends[1], *rows]).T
         if np.linalg.matrix_rank(basis) < basis.shape[1]:
             return None
-        found = np.linalg.lstsq(basis, ends[0], rcond=None)[0]
-        fits = np.abs(basis @ found - ends[0]).max() < 1e-9 * max(1.0, float(np.abs(found).max()))
-        return float(found[0]) if fits and abs(found[0]) > 1e-3 else None
+        solution = np.linalg.lstsq(basis, ends[0], rcond=None)[0]
+        fits = np.abs(basis @ solution - ends[0]).max() < 1e-9 * max(1.0, float(np.abs(solution).max()))
+        return float(solution[0]) if fits and abs(solution[0]) > 1e-3 else None
 
-    def _spur(self, own: Wheel, other: Wheel, ratio: float, is_belt: bool) -> Mesh | None:
-        z, origin = own.axis[:3, 2], own.axis[:3, 3] + _ABOVE * self.unit * own.axis[:3, 2]
+    def _spur(self, wheel: Wheel, other: Wheel, ratio: float, is_belt: bool) -> Mesh | None:
+        z, origin = wheel.axis[:3, 2], wheel.axis[:3, 3] + _ABOVE * self.unit * wheel.axis[:3, 2]
         along = float(z @ other.axis[:3, 2])
         if abs(along) < 1.0 - 1e-6:
             return None
@@ -190,18 +190,18 @@ class CouplingDrawing:
             kind, radii = "ring", (distance / (k - 1.0), distance * k / (k - 1.0))
         else:
             kind, radii = "spur", (distance / (1.0 + k), distance * k / (1.0 + k))
-        return Mesh(kind, (own, other), radii, (origin, foot), (z, z), ratio)
+        return Mesh(kind, (wheel, other), radii, (origin, foot), (z, z), ratio)
 
-    def _bevel(self, own: Wheel, other: Wheel, ratio: float) -> Mesh | None:
-        z, axis, apart = own.axis[:3, 2], other.axis[:3, 2], other.axis[:3, 3] - own.axis[:3, 3]
+    def _bevel(self, wheel: Wheel, other: Wheel, ratio: float) -> Mesh | None:
+        z, axis, apart = wheel.axis[:3, 2], other.axis[:3, 2], other.axis[:3, 3] - wheel.axis[:3, 3]
         if abs(z @ axis) > 1e-6 or abs(apart @ np.cross(z, axis)) > 1e-3 * self.unit:
             return None
-        apex = own.axis[:3, 3] + z * (z @ apart)
-        ahead = sum(float(placed[2, 3]) for placed in own.body.nodes.values())
+        apex = wheel.axis[:3, 3] + z * (z @ apart)
+        ahead = sum(float(placed[2, 3]) for placed in wheel.body.nodes.values())
         high = math.copysign(4.2 * self.unit * min(1.0, abs(ratio)), ahead or 1.0)
         aside = -high / ratio  # both have the same velocity where they touch
         centres = apex + high * z, apex + aside * axis
-        return Mesh("bevel", (own, other), (abs(aside), abs(high)), centres, (z, axis), ratio)
+        return Mesh("bevel", (wheel, other), (abs(aside), abs(high)), centres, (z, axis), ratio)
 
     def _draw_mesh(self, mesh: Mesh, carrier: DrawnBody) -> None:
         if mesh.kind == "bevel":
@@ -213,17 +213,19 @@ class CouplingDrawing:
         y = np.cross(z, x)
         known = [self._teeth.get(self._key(wheel, radius)) for wheel, radius, _ in ends]
         teeth = tooth_numbers(mesh.ratio)
-        for radius, given in zip(mesh.radii, known, strict=True):
-            if given is not None:
+        for radius, known_teeth in zip(mesh.radii, known, strict=True):
+            if known_teeth is not None:
                 teeth = (
-                    possible_teeth(given[0] * mesh.radii[0] / radius),
-                    possible_teeth(given[0] * mesh.radii[1] / radius),
+                    possible_teeth(known_teeth[0] * mesh.radii[0] / radius),
+                    possible_teeth(known_teeth[0] * mesh.radii[1] / radius),
                 )
         # Pitches from a tooth to where they touch: a tooth of one is in a gap of the other.
         contact, sign = ((0.0, math.pi), 1.0) if mesh.kind == "spur" else ((0.0, 0.0), -1.0)
         phases = [
-            None if given is None else (contact[i] - math.atan2(y @ given[1], x @ given[1])) * teeth[i] / math.tau
-            for i, given in enumerate(known)
+            None
+            if known_teeth is None
+            else (contact[i] - math.atan2(y @ known_teeth[1], x @ known_teeth[1])) * teeth[i] / math.tau
+            for i, known_teeth in enumerate(known)
         ]
         first = phases[0] if phases[0] is not None else 0.0 if phases[1] is None else sign * (0.5 - phases[1])
         for i, (phase, (wheel, radius, centre)) in enumerate(zip((first, 0.5 - sign * first), ends, strict=True)):

@@ -11,14 +11,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 
-from raff2urdf.errors import (
-    Problem,
-    defined_twice,
-    did_you_mean,
-    duplicates,
-    limits_reversed,
-    warn,
-)
+from raff2urdf.errors import Problem, defined_twice, did_you_mean, duplicates, limits_reversed, warn
 from raff2urdf.joint_dynamics import JointDynamics
 from raff2urdf.raff import texts
 from raff2urdf.raff.compound import VARIABLES, intermediate_names

@@ -5,23 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from raff2urdf.errors import (
-    Problem,
-    duplicates,
-    first_on,
-)
+from raff2urdf.errors import Problem, duplicates, first_on
 from raff2urdf.quantities import typed_in_radians
 from raff2urdf.raff import texts
 from raff2urdf.raff.compound import VARIABLES
-from raff2urdf.raff.document import (
-    OF_JOINT,
-    CompoundKind,
-    Document,
-    JointType,
-    RaffLink,
-    RaffNode,
-    RaffRobot,
-)
+from raff2urdf.raff.document import OF_JOINT, CompoundKind, Document, JointType, RaffLink, RaffNode, RaffRobot
 from raff2urdf.raff.sizes import LARGEST, label, longest, sizes
 from raff2urdf.raff.writer import number as shown
 from raff2urdf.tree import stated_inertia

@@ -5,18 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from functools import partial
 
-from raff2urdf.errors import (
-    Problem,
-    RaffError,
-)
+from raff2urdf.errors import Problem, RaffError
 from raff2urdf.raff import texts
 from raff2urdf.raff.compound import expanded
-from raff2urdf.raff.document import (
-    Document,
-    RaffInertial,
-    RaffNode,
-    RaffRobot,
-)
+from raff2urdf.raff.document import Document, RaffInertial, RaffNode, RaffRobot
 from raff2urdf.tree import coupling_of, joint_dynamics
 
 LARGEST = 1e12

@@ -10,7 +10,7 @@ from pathlib import Path
 from raff2urdf import readers
 from raff2urdf.errors import RaffError, RaffWarning, did_you_mean, first_of
 from raff2urdf.files import check_new, is_stream, write_all
-from raff2urdf.loops.analysis import loop_kind
+from raff2urdf.loops.mobility import loop_kind
 from raff2urdf.raff.check import check
 from raff2urdf.raff.writer import dumps
 from raff2urdf.readers.options import ReadOptions

@@ -23,7 +23,7 @@ from raff2urdf.coupling import Coupling, coupling_of
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.inertia import Inertia
 from raff2urdf.joint_dynamics import JointDynamics
-from raff2urdf.loops.analysis import loop_kind
+from raff2urdf.loops.mobility import loop_kind
 from raff2urdf.placement import inverse
 from raff2urdf.raff.document import (
     Document,
@@ -109,8 +109,8 @@ class _Import:
         self.root = root_first(tree)[0]
         self.entries = {entry["name"]: entry for entry in constraints.get("joints", [])}
         self.placing = self.placing_joint(loop_ends)
-        own = self.placing is not None and self.placing.get("name") == BASE_JOINT
-        self.numbers = numbers([joint for joint in joints(tree) if not (own and joint is self.placing)])
+        is_base = self.placing is not None and self.placing.get("name") == BASE_JOINT
+        self.numbers = numbers([joint for joint in joints(tree) if not (is_base and joint is self.placing)])
         self.free_numbers = itertools.count(max(self.numbers.values(), default=0) + 1)
         self.names = Names(str(link.get("name")) for link in links(tree))
         self.parts: list[tuple[float, RaffPart]] = []  # each with its position in the file
@@ -151,35 +151,35 @@ class _Import:
             sensor_constraints=tuple(self.sensor_constraints(movable)),
         )
         sensors = tuple(RaffSensor(**sensor) for sensor in self.constraints.get("sensors", []))
-        gravity, own = self.constraints.get("gravity"), str(self.constraints.get("name") or robot.name)
+        gravity, name = self.constraints.get("gravity"), str(self.constraints.get("name") or robot.name)
         down = None if gravity is None else (gravity[0], gravity[1], gravity[2])
-        document = Document(own, (robot,), sensors, self.units.document.units, down)
+        document = Document(name, (robot,), sensors, self.units.document.units, down)
         return RaffImport(document, self.joints, self.offsets, self.nodes, self.notes)
 
     def placing_joint(self, loop_ends: set[str]) -> Any:
         """Return the joint that only places the robot in the world, or lets it move there; None if there is none."""
-        own = [joint for joint in joints(self.tree) if ends(joint)[0] == self.root and self.root not in loop_ends]
-        kind = own[0].get("type") if len(own) == 1 else ""
-        return own[0] if kind == "floating" or (kind == "fixed" and self.root == WORLD) else None
+        of_root = [joint for joint in joints(self.tree) if ends(joint)[0] == self.root and self.root not in loop_ends]
+        kind = of_root[0].get("type") if len(of_root) == 1 else ""
+        return of_root[0] if kind == "floating" or (kind == "fixed" and self.root == WORLD) else None
 
     # --- links and frames ---------------------------------------------------------------------------------------
 
     def add_body(self, body: RigidBody) -> None:
         """Add a body's link and all that is fixed to it."""
         joint, position = body.joint, float(self.joint_of[body.links[0][0]][0])
-        own = str(joint.get("name"))
-        number = body.number = self.numbers[own]
+        name = str(joint.get("name"))
+        number = body.number = self.numbers[name]
         assert body.parent is not None
         branches = len(body.parent.children) > 1
-        pred, found = self.step(body.parent.number, ends(joint)[0], body.frame, own, position - 0.5, branches)
+        pred, placing = self.step(body.parent.number, ends(joint)[0], body.frame, name, position - 0.5, branches)
         prismatic = joint.get("type") == "prismatic"
-        zero, local = self.units.written(found)
+        zero, local = self.units.written(placing)
         self.placed[number] = self.placed[pred] @ local
         read = kleinfinger(self.units.document, zero)
         offset = read.r if prismatic else read.theta
         home, allowed, fastest = self.motion(joint)
         at = self.units.tidied(offset + home, prismatic)
-        same = next((link for link, there in body.links if self.is_at(number, there)), None)
+        same = next((link for link, pose in body.links if self.is_at(number, pose)), None)
         link = RaffLink(
             number=number,
             parameters=replace(zero, r=at) if prismatic else replace(zero, theta=at),
@@ -191,9 +191,9 @@ class _Import:
             name=self.names.new(same, f"{body.links[0][0]}_axis", f"link{number}"),
         )
         self.parts.append((position, self.with_dynamics(link, joint)))
-        self.joints[own] = link.joint
+        self.joints[name] = link.joint
         self.offsets[link.joint] = offset
-        self.add_note(link, own, zero.r if prismatic else zero.theta)
+        self.add_note(link, name, zero.r if prismatic else zero.theta)
         self.add_links(body, number, same, link.node)
 
     def add_links(self, body: RigidBody, number: int, same: str | None = None, node: str = "base") -> None:
@@ -205,21 +205,21 @@ class _Import:
             same: the link that is the node. The base is any link with its pose and its name, or the world's.
             node: the node's name.
         """
-        for link, there in body.links:
-            is_base = number == 0 and link in ("base", WORLD) and self.is_at(0, there)
+        for link, pose in body.links:
+            is_base = number == 0 and link in ("base", WORLD) and self.is_at(0, pose)
             if link == same or is_base:
                 self.number_of[link], self.nodes[link] = number, node
                 continue
             position, joint = self.joint_of.get(link, (-1, None))
             fixed = joint is not None and joint.get("type") == "fixed" and joint.get("name") in self.numbers
-            own = self.numbers[joint.get("name")] if fixed else next(self.free_numbers)
+            frame_number = self.numbers[joint.get("name")] if fixed else next(self.free_numbers)
             parent = ends(joint)[0] if fixed else link
-            pred, found = self.step(number, parent, there, link, position + 0.2)
-            solid = fixed and link == f"link{own}"
-            self.number_of[link] = self.add_frame(found, pred, link, own, position + 0.3, solid)
+            pred, placing = self.step(number, parent, pose, link, position + 0.2)
+            solid = fixed and link == f"link{frame_number}"
+            self.number_of[link] = self.add_frame(placing, pred, link, frame_number, position + 0.3, solid)
 
     def step(
-        self, pred: int, parent: str, there: Array, name: str, position: float, branches: bool | None = None
+        self, pred: int, parent: str, pose: Array, name: str, position: float, branches: bool | None = None
     ) -> tuple[int, Kleinfinger]:
         """Find one step to a frame: from its body's node, or from a frame that is inserted between.
 
@@ -236,17 +236,17 @@ class _Import:
             the node from which the step leads, and the parameters.
         """
         for node in dict.fromkeys((pred, self.number_of.get(parent, pred))):
-            steps = path(self.placed[node], there, self.length, branches is None or (branches and node == pred))
+            steps = path(self.placed[node], pose, self.length, branches is None or (branches and node == pred))
             if len(steps) == 1:
                 return node, steps[0]
         between = self.add_frame(steps[0], node, f"{name}_stand", next(self.free_numbers), position)
-        return between, step(inverse(self.placed[between]) @ there, self.length)
+        return between, step(inverse(self.placed[between]) @ pose, self.length)
 
     def add_frame(
-        self, found: Kleinfinger, pred: int, name: str, number: int, position: float, solid: bool = False
+        self, placing: Kleinfinger, pred: int, name: str, number: int, position: float, solid: bool = False
     ) -> int:
         """Add a frame, or a fixed link if it has the name of one; return its number."""
-        written, local = self.units.written(found)
+        written, local = self.units.written(placing)
         own_name = self.names.new(name, name, f"{'link' if solid else 'frame'}{number}")
         frame: RaffPart = RaffFrame(number, written, pred, own_name)
         if solid:
@@ -257,19 +257,19 @@ class _Import:
             self.nodes[name] = frame.node
         return number
 
-    def is_at(self, number: int, there: Array) -> bool:
+    def is_at(self, number: int, pose: Array) -> bool:
         """Return whether a node has a pose."""
-        return float(np.abs(self.placed[number] - there).max()) <= 10.0 * EXACT * max(self.length, 1.0)
+        return float(np.abs(self.placed[number] - pose).max()) <= 10.0 * EXACT * max(self.length, 1.0)
 
     def inertials(self) -> dict[int, RaffInertial]:
         """Return the masses of the nodes, by number."""
-        found: dict[int, Inertia] = {}
+        inertias: dict[int, Inertia] = {}
         for link in links(self.tree):
             number, body = self.number_of.get(str(link.get("name"))), inertia(link, self.name)
             if body is not None and number is not None:  # that of the world moves nothing
-                found[number] = found[number] + body if number in found else body
-        given = any(body.mass > 0.0 for body in found.values())  # else there is only 0 of links between joints
-        return {number: self.units.inertial(body) for number, body in found.items() if given}
+                inertias[number] = inertias[number] + body if number in inertias else body
+        has_mass = any(body.mass > 0.0 for body in inertias.values())  # else there is only 0 of links between joints
+        return {number: self.units.inertial(body) for number, body in inertias.items() if has_mass}
 
     def motion(self, joint: Any) -> tuple[float, tuple[float, float] | None, float | None]:
         """Return home, limits and velocity limit of a joint (rad, m)."""

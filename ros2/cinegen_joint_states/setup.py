@@ -19,7 +19,5 @@ setup(
     maintainer="the cinegen authors",
     maintainer_email="cinegen@example.org",
     license="MIT",
-    entry_points={
-        "console_scripts": [f"complete = {NAME}.node:main", f"complete_bag = {NAME}.bag:main"],
-    },
+    entry_points={"console_scripts": [f"complete = {NAME}.node:main", f"complete_bag = {NAME}.bag:main"]},
 )

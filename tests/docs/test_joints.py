@@ -36,11 +36,7 @@ def card(request, tmp_path_factory):
     raff, rows = CARDS[request.param]
     path = tmp_path_factory.mktemp("card") / "card.raff"
     path.write_text(raff, encoding="utf-8")
-    return (
-        request.param,
-        cinegen.load(path),
-        {row[0].strip("`"): row[1:] for row in rows},
-    )
+    return (request.param, cinegen.load(path), {row[0].strip("`"): row[1:] for row in rows})
 
 
 def test_there_are_twelve_recipes():

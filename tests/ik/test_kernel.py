@@ -24,8 +24,8 @@ from cinegen.ik.thresholds import FULL, REST, RESTING
 from cinegen.jit import factor, svd
 from cinegen.loops._kernels import kinematics, residual
 from cinegen.loops._kernels.memory import LoopMemory
-from cinegen.loops.arrays import set_up
 from cinegen.loops.motions import free_motions
+from cinegen.loops.setup import set_up
 from cinegen.loops.thresholds import HEALTHY
 from cinegen.tolerances import NEAR_SINGULAR
 from raff2urdf.residual import loop_residual

@@ -22,8 +22,8 @@ from cinegen.jit.interpreted import interpreted
 from cinegen.jit.pinocchio_calls import Native
 from cinegen.loops._kernels import kinematics
 from cinegen.loops._kernels.memory import LoopMemory
-from cinegen.loops.arrays import set_up
 from cinegen.loops.closed_loops import ClosedLoops
+from cinegen.loops.setup import set_up
 
 ROOT = Path(__file__).resolve().parents[2]
 ROBOTS = [path if path.stem in ONE_OF_EACH_KIND else slow(path)[0] for path in sorted((ROOT / "robots").glob("*.raff"))]

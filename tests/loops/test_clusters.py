@@ -10,9 +10,9 @@ import pytest
 
 import cinegen
 from cinegen.errors import ClosureError
-from cinegen.loops.arrays import null_space
 from cinegen.loops.clusters import clusters, subsystems
 from cinegen.loops.motions import free_motions
+from cinegen.loops.setup import null_space
 
 _SPEC = importlib.util.spec_from_file_location(
     "large_mechanisms", Path(__file__).resolve().parents[2] / "benchmarks/large.py"

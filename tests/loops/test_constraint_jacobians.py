@@ -11,8 +11,8 @@ from variants import others_slow
 
 from cinegen.loops._kernels import kinematics, residual
 from cinegen.loops._kernels.memory import LoopMemory
-from cinegen.loops.arrays import set_up
 from cinegen.loops.closed_loops import ClosedLoops
+from cinegen.loops.setup import set_up
 from raff2urdf.raff.document import LoopKind
 
 WITH_LOOPS = [one for one in EVERY if document(one.values[0]).robot(one.values[1]).loops]

@@ -18,8 +18,8 @@ from cinegen.jit.pinocchio_calls import Native
 from cinegen.joints import kinematic_data
 from cinegen.loops._kernels import kinematics
 from cinegen.loops._kernels.memory import LoopMemory
-from cinegen.loops.arrays import set_up
 from cinegen.loops.closed_loops import ClosedLoops
+from cinegen.loops.setup import set_up
 
 KINDS = ("RX", "PY", "RZ", "PX", "RY", "PZ", "Spherical", "FreeFlyer", "RevoluteUnaligned", "PrismaticUnaligned")
 

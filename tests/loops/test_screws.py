@@ -12,7 +12,7 @@ import pytest
 from loop_openings import pin_screws
 
 import cinegen
-from cinegen.ik.singular import passive_singular_values
+from cinegen.ik.singular_values import passive_singular_values
 from cinegen.joints import supporting_columns
 from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
 from cinegen.loops.motions import motions_of

@@ -10,7 +10,7 @@ import cinegen
 import raff2urdf
 from cinegen.loops._kernels import kinematics, residual
 from cinegen.loops._kernels.memory import LoopMemory
-from cinegen.loops.arrays import set_up
+from cinegen.loops.setup import set_up
 from raff2urdf.coupling import Coupling, coupled_scales, followed
 
 

@@ -7,7 +7,7 @@ from making import platform
 
 import cinegen
 import raff2urdf
-from raff2urdf.loops.analysis import analyse
+from raff2urdf.loops.mobility import analyse
 
 LEGS = [
     (("SPS",) * 6, 6, "P"),  # a hexapod whose legs are free to turn

@@ -6,7 +6,7 @@ import pytest
 
 import cinegen
 import raff2urdf
-from raff2urdf.loops.analysis import analyse
+from raff2urdf.loops.mobility import analyse
 
 
 def bars(gap: float, kind: int = 2, turned: str = "", end: str = "frame 5") -> str:

@@ -14,7 +14,7 @@ import cinegen
 import raff2urdf
 from cinegen.errors import ConfigurationError, LoadError
 from cinegen.ik import Solver, Status
-from cinegen.ik.singular import passive_singular_values
+from cinegen.ik.singular_values import passive_singular_values
 from cinegen.model import ForwardKinematics
 from cinegen.model.build import build
 from cinegen.singularities import SingularityType, leg_lines, singularity

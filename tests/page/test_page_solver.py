@@ -14,7 +14,7 @@ from variants import slow
 
 import cinegen
 from cinegen.ik import Solver
-from cinegen.ik.singular import gained
+from cinegen.ik.singular_values import gained
 from cinegen.page.kernels_module import module
 from cinegen.page.tables import robot_tables
 from cinegen.singularities.ball_joints import CountedLoops, balls

@@ -31,7 +31,7 @@ from strategies import documents, examples
 from raff2urdf import loads
 from raff2urdf.closure import close, closed_walk, generic_rank, passive, rank
 from raff2urdf.errors import RaffClosureError
-from raff2urdf.loops.analysis import analyse
+from raff2urdf.loops.mobility import analyse
 from raff2urdf.raff.document import Document, LoopKind
 from raff2urdf.tree import Cluster, placements
 

@@ -14,7 +14,7 @@ from mechanisms import KNOWN
 from strategies import documents, examples
 
 from raff2urdf import RaffError, constraints, constraints_check, loads
-from raff2urdf.loops.analysis import analyse
+from raff2urdf.loops.mobility import analyse
 from raff2urdf.raff.document import Document, RaffRobot
 from raff2urdf.readers.urdf import MovingJoint
 

@@ -9,8 +9,8 @@ import pytest
 
 import raff2urdf
 from raff2urdf.loops.slips import Fault
+from raff2urdf.raff.closing_edits import slips_of
 from raff2urdf.raff.document import Document, LoopKind, RaffPart, RaffRobot
-from raff2urdf.raff.drawn import slips_of
 from raff2urdf.shipped import robots
 
 

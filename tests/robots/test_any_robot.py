@@ -31,7 +31,7 @@ from making import (
 
 import cinegen
 import raff2urdf
-from raff2urdf.loops.analysis import analyse
+from raff2urdf.loops.mobility import analyse
 
 SEEDS = st.integers(0, 2**32 - 1)
 UNITS = {"um": 1e6, "mm": 1e3, "cm": 1e2, "m": 1.0}

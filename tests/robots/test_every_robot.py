@@ -10,7 +10,7 @@ from repository import EVERY, load, one_of_each_kind
 
 import cinegen
 import raff2urdf
-from raff2urdf.loops.analysis import analyse
+from raff2urdf.loops.mobility import analyse
 from raff2urdf.tree import placements
 
 every_robot = pytest.mark.parametrize(("name", "which"), EVERY)

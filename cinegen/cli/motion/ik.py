@@ -62,11 +62,11 @@ def run(
 
     if all_:
         with Progress() as progress:
-            found = inverse_kinematics(mechanism, [asked], start, all=True, locked=names, report=progress.text)
+            solutions = inverse_kinematics(mechanism, [asked], start, all=True, locked=names, report=progress.text)
     else:
-        found = inverse_kinematics(mechanism, [asked], start, locked=names).as_solutions()
-    print_result(found.as_dict(), "\n".join(_lines(name, found, all_)), json)
-    return 0 if len(found) else 1
+        solutions = inverse_kinematics(mechanism, [asked], start, locked=names).as_solutions()
+    print_result(solutions.as_dict(), "\n".join(_lines(name, solutions, all_)), json)
+    return 0 if len(solutions) else 1
 
 
 def pose_task(mechanism: Mechanism, text: str, node: str) -> FrameTask:
@@ -82,11 +82,13 @@ def pose_task(mechanism: Mechanism, text: str, node: str) -> FrameTask:
     from cinegen.ik import FrameTask
 
     home = mechanism.placement(mechanism.q_home, node)
-    given = parts(text)
-    if not any("=" in part for part in given):
-        if len(given) not in (3, 6):
-            raise CinegenError(f"--at: a pose is x,y,z or x,y,z,rx,ry,rz in m and degrees, not {len(given)} numbers")
-        text = ",".join(f"{name}={value}" for name, value in zip(POSE, given, strict=False))
+    coordinates = parts(text)
+    if not any("=" in part for part in coordinates):
+        if len(coordinates) not in (3, 6):
+            raise CinegenError(
+                f"--at: a pose is x,y,z or x,y,z,rx,ry,rz in m and degrees, not {len(coordinates)} numbers"
+            )
+        text = ",".join(f"{name}={value}" for name, value in zip(POSE, coordinates, strict=False))
     by_name = values(text, "--at", "x=0.01,rz=15 (m and degrees)", mechanism)
     pose = dict(zip(POSE, [*home.translation, *pin.rpy.matrixToRpy(home.rotation)], strict=True))
     for coordinate in by_name:
@@ -117,13 +119,13 @@ def limits_text(mechanism: Mechanism, q: Array) -> str:
     """Return the first joint that is outside its limits, and how many others are; empty if all are inside."""
     from cinegen.plotting.units import in_user_units, length_digits, rounded
 
-    beyond, there = mechanism.limits.outside(q), mechanism.limits.unwound(q)
+    beyond, unwound = mechanism.limits.outside(q), mechanism.limits.unwound(q)
     if not beyond:
         return ""
     joint, limit = next(iter(beyond.items()))
-    value = float(there[mechanism.q_index(joint)])
+    value = float(unwound[mechanism.q_index(joint)])
     digits = length_digits() - 2 if mechanism.is_prismatic(joint) else 1
-    (number, unit), (end, _) = (in_user_units(mechanism, joint, one) for one in (value, limit))
+    (number, unit), (end, _) = (in_user_units(mechanism, joint, x) for x in (value, limit))
     text = f"{joint} {rounded(number, digits):g} {'<' if value < limit else '>'} {rounded(end, digits):g} {unit}"
     return text + (f", {len(beyond) - 1} more" if len(beyond) > 1 else "")
 
@@ -144,69 +146,74 @@ def self_motion_lines(
     return [heading, *(line.replace(_JOINED, " ") for line in lines), ""] if lines else []
 
 
-def claim_text(found: SolutionSet) -> str:
+def claim_text(solutions: SolutionSet) -> str:
     """Return sentences: whether these are all solutions, and why, or what is not excluded."""
-    if found.complete:
-        claim = ("These are all" if len(found) else "There is none") + ", with probability one" * found.almost_surely
+    if solutions.complete:
+        claim = (
+            "These are all" if len(solutions) else "There is none"
+        ) + ", with probability one" * solutions.almost_surely
     else:
-        claim = "There may be more" if len(found) else "None was found"
-    method = found.method.removesuffix(".")
+        claim = "There may be more" if len(solutions) else "None was found"
+    method = solutions.method.removesuffix(".")
     return f"{claim}. {method[:1].upper()}{method[1:]}."
 
 
-def _lines(name: str, found: IKSolutions, every: bool) -> list[str]:
-    mechanism, number = found.mechanism, count(found, "inverse solution") if len(found) else "no inverse solution"
-    within = f", {len(found.within_limits)} within the limits" if every and len(found) else ""
+def _lines(name: str, solutions: IKSolutions, every: bool) -> list[str]:
+    mechanism, number = (
+        solutions.mechanism,
+        count(solutions, "inverse solution") if len(solutions) else "no inverse solution",
+    )
+    within = f", {len(solutions.within_limits)} within the limits" if every and len(solutions) else ""
     lines = [f"{name}: robot '{mechanism.name}', {number}{within}"]
-    lines += [f"  {found.task.node} at {pose_text(found.task)}", ""]
-    if len(found):
-        lines += [*_table(found), *_bases(found), ""]
-    elif found.closest is not None:
-        missed = missed_text(found.task, found.task.distances(mechanism, found.closest))
+    lines += [f"  {solutions.task.node} at {pose_text(solutions.task)}", ""]
+    if len(solutions):
+        lines += [*_table(solutions), *_bases(solutions), ""]
+    elif solutions.closest is not None:
+        missed = missed_text(solutions.task, solutions.task.distances(mechanism, solutions.closest))
         lines.append(f"The closest configuration that was found misses it by {missed}.")
-    heading = f"With {found.task.node} there it also moves, in infinitely many configurations (self-motions):"
-    lines += self_motion_lines(mechanism, found.self_motions, heading, mechanism.joints)
+    heading = f"With {solutions.task.node} there it also moves, in infinitely many configurations (self-motions):"
+    lines += self_motion_lines(mechanism, solutions.self_motions, heading, mechanism.joints)
     if not every:
-        found_one = "There may be others: --all lists all." if len(found) else "None was found within the limits."
+        found_one = "There may be others: --all lists all." if len(solutions) else "None was found within the limits."
         return [*lines, found_one]
-    lines += textwrap.wrap(claim_text(found), _WIDTH)
-    return lines + textwrap.wrap(found.certification, _WIDTH)
+    lines += textwrap.wrap(claim_text(solutions), _WIDTH)
+    return lines + textwrap.wrap(solutions.certification, _WIDTH)
 
 
-def _bases(found: IKSolutions) -> list[str]:
+def _bases(solutions: IKSolutions) -> list[str]:
     """Return a line for each solution in which a floating base is not at home: its pose in the world."""
     import pinocchio as pin
 
     from cinegen.ik import FrameTask
 
-    model, home = found.mechanism.model, found.mechanism.q_home
-    if not found.mechanism.floating:
+    model, home = solutions.mechanism.model, solutions.mechanism.q_home
+    if not solutions.mechanism.floating:
         return []
-    poses = [model.jointPlacements[1] * pin.XYZQUATToSE3(q[:7]) for q in found]
+    poses = [model.jointPlacements[1] * pin.XYZQUATToSE3(q[:7]) for q in solutions]
     texts = [pose_text(FrameTask(model.names[1], pose)) for pose in poses]
-    moved = [(q[:7] != home[:7]).any() for q in found]
+    moved = [(q[:7] != home[:7]).any() for q in solutions]
     lines = [
         f"  {k:>8}  the base moves to {text}" for k, (text, is_) in enumerate(zip(texts, moved, strict=True), 1) if is_
     ]
     return ["", *lines, "  --fixed-base holds it."] if lines else []
 
 
-def _table(found: IKSolutions) -> list[str]:
+def _table(solutions: IKSolutions) -> list[str]:
     """Return a heading and a line for each solution, with the values of the actuated joints."""
     from cinegen.plotting.units import in_user_units, length_digits, rounded
 
-    mechanism = found.mechanism
+    mechanism = solutions.mechanism
     columns = []
     for joint in mechanism.actuated:
         digits = length_digits() if mechanism.is_prismatic(joint) else 2
-        numbers = [in_user_units(mechanism, joint, float(q[mechanism.q_index(joint)])) for q in found]
+        numbers = [in_user_units(mechanism, joint, float(q[mechanism.q_index(joint)])) for q in solutions]
         cells = [joint, numbers[0][1], *(f"{rounded(number, digits):.{digits}f}" for number, _ in numbers)]
         width = max(map(len, cells)) + 2
         columns.append([cell.rjust(width) for cell in cells])
-    notes = [limits_text(mechanism, q) for q in found]
-    heads = ["  solution", "          ", *(f"  {k:>8}" for k in range(1, len(found) + 1))]
+    notes = [limits_text(mechanism, q) for q in solutions]
+    heads = ["  solution", "          ", *(f"  {k:>8}" for k in range(1, len(solutions) + 1))]
     ends = ["outside limits" if any(notes) else "", ""]
-    for number, note in zip(found.coincident, notes, strict=True):
+    for number, note in zip(solutions.coincident, notes, strict=True):
         ends.append("; ".join(filter(None, [f"{number} solutions coincide" if number > 1 else "", note])))
     rows = zip(heads, *columns, ends, strict=True)
     return [f"{''.join(row[:-1])}   {row[-1]}".rstrip() for row in rows]

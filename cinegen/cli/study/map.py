@@ -41,16 +41,7 @@ QUANTITIES = (
 """Names in `cinegen.workspace.quantities`, whose import takes longer than help may."""
 
 _SLOW = ("solutions", "solid_angle")
-_LOADED = (
-    "torque",
-    "payload",
-    "payload_any",
-    *REACTIONS,
-    "stiffness",
-    "rotational_stiffness",
-    "frequency",
-    "accuracy",
-)
+_LOADED = ("torque", "payload", "payload_any", *REACTIONS, "stiffness", "rotational_stiffness", "frequency", "accuracy")
 """Quantities that take more than a robot."""
 
 

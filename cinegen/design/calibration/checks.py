@@ -73,68 +73,76 @@ def check(comparison: ColumnComparison) -> None:
         ContradictionError: they are far off, and no mistake is found.
         DesignError: names the mistake, both distances, and the correction; or the loops can't be closed.
     """
-    observation, given = comparison.observation, comparison.given
-    if given is not None and given.misfit <= _FAR:
+    observation, written = comparison.observation, comparison.given
+    if written is not None and written.misfit <= _FAR:
         return
-    is_wrong = given is not None and given.sizes.max() > _OFF
-    limit = _NEAR if given is None else min(_NEAR, given.misfit / _RATIO)
-    most = limit if given is None or not is_wrong else max(limit, given.misfit / _MUCH)
+    is_wrong = written is not None and written.sizes.max() > _OFF
+    limit = _NEAR if written is None else min(_NEAR, written.misfit / _RATIO)
+    most = limit if written is None or not is_wrong else max(limit, written.misfit / _MUCH)
     nearer = list[Found]()
     for source in (mistakes(observation), lines(comparison), zeros(comparison), frames(comparison)):
-        for one in source:
-            if one.rank < FRAME and comparison.misfit(one.measurements) > _RATIO * most:
+        for candidate in source:
+            if candidate.rank < FRAME and comparison.misfit(candidate.measurements) > _RATIO * most:
                 continue
-            other = comparison.of(one.measurements)
-            named = placed(one, other) if other is not None and other.misfit <= most else None
-            if other is not None and named is not None and (other.misfit <= limit or one.rank < FRAME):
+            other = comparison.of(candidate.measurements)
+            named = placed(candidate, other) if other is not None and other.misfit <= most else None
+            if other is not None and named is not None and (other.misfit <= limit or candidate.rank < FRAME):
                 nearer.append((named, other))
-        found = [one for one in nearer if one[1].misfit <= limit]
-        if found:
-            raise DesignError(_question(comparison, _likeliest(found))) from comparison.open
+        fitting = [candidate for candidate in nearer if candidate[1].misfit <= limit]
+        if fitting:
+            raise DesignError(_question(comparison, _likeliest(fitting))) from comparison.open
     if nearer:
         raise DesignError(_question(comparison, _likeliest(nearer)))
     if comparison.open is not None:
         raise comparison.open
-    if given is not None and is_wrong:
-        k, length = int(np.argmax(given.sizes)), observation.design.mechanism.length
+    if written is not None and is_wrong:
+        k, length = int(np.argmax(written.sizes)), observation.design.mechanism.length
         name = observation.quantities[k].name
         raise ContradictionError(
-            f"{_where(given, k)} (its characteristic length is {shown(length, LENGTH)})",
+            f"{_where(written, k)} (its characteristic length is {shown(length, LENGTH)})",
             "check the unit and the sign of this column and those of the joints, and that the device measures in "
             f"the robot's world frame; if it stands elsewhere, name it: {name.partition('@')[0].strip()} @ tracker",
         )
 
 
-def check_fit(comparison: ColumnComparison, found: Calibration) -> None:
+def check_fit(comparison: ColumnComparison, calibration: Calibration) -> None:
     """Refuse measurements that don't fit their estimate, and would without a mistake of a column.
 
     Raises:
         DesignError: names the mistake, both sums of squares, and the correction.
     """
-    dof = found.degrees_of_freedom
+    dof = calibration.degrees_of_freedom
     most = 1.0 + _POOR * math.sqrt(2.0 / max(dof, 1))
-    if dof <= 0 or (found.fit <= most and len(found.outliers) <= _DROPPED * np.isfinite(found.before).sum()):
+    if dof <= 0 or (
+        calibration.fit <= most and len(calibration.outliers) <= _DROPPED * np.isfinite(calibration.before).sum()
+    ):
         return
-    here = found.observation.predict(found.values)
+    predicted = calibration.observation.predict(calibration.values)
     alternatives = list[tuple[float, float, Mistake]]()
-    for one in mistakes(found.observation):
-        other = comparison.placed(one.measurements) if one.rank == 0 else None
-        if other is None or comparison.misfit(one.measurements) > max(
-            _NEAR, comparison.misfit(found.observation.measurements)
+    for candidate in mistakes(calibration.observation):
+        other = comparison.placed(candidate.measurements) if candidate.rank == 0 else None
+        if other is None or comparison.misfit(candidate.measurements) > max(
+            _NEAR, comparison.misfit(calibration.observation.measurements)
         ):
             continue
-        changed = (other.measured != found.observation.measured).any(axis=0)
-        counted = (found.kept | changed) & np.isfinite(other.measured)
-        there = here if np.array_equal(other.readings, found.observation.readings) else other.predict(found.values)
-        squares = _squares(found, other, there, counted)
+        changed = (other.measured != calibration.observation.measured).any(axis=0)
+        counted = (calibration.kept | changed) & np.isfinite(other.measured)
+        corrected = (
+            predicted
+            if np.array_equal(other.readings, calibration.observation.readings)
+            else other.predict(calibration.values)
+        )
+        squares = _squares(calibration, other, corrected, counted)
         if squares <= most * dof:
-            alternatives.append((squares, _squares(found, found.observation, here, counted), one))
-    squares, given, best = min(alternatives, key=lambda one: one[0], default=(0.0, 0.0, None))
-    if best is not None and squares + _CERTAIN < given:
+            alternatives.append(
+                (squares, _squares(calibration, calibration.observation, predicted, counted), candidate)
+            )
+    squares, unchanged, best = min(alternatives, key=lambda candidate: candidate[0], default=(0.0, 0.0, None))
+    if best is not None and squares + _CERTAIN < unchanged:
         raise DesignError(
-            f"{found.observation.measurements.source}: the readings don't fit any robot that is near its description "
-            f"(chi-square {given:.4g} for {dof} degrees of freedom). They fit {best.text} ({squares:.4g} then): is "
-            f"that what was measured? Then {best.edit}"
+            f"{calibration.observation.measurements.source}: the readings don't fit any robot that is near its "
+            f"description (chi-square {unchanged:.4g} for {dof} degrees of freedom). They fit {best.text} "
+            f"({squares:.4g} then): is that what was measured? Then {best.edit}"
         )
 
 
@@ -150,66 +158,74 @@ class Doubt(NamedTuple):
     remedy: str = ""
 
 
-def doubt(found: Calibration) -> Doubt | None:
+def doubt(calibration: Calibration) -> Doubt | None:
     """Return why an estimate can't be meant; None if it may be."""
-    observation, present = found.observation, np.isfinite(found.before)
+    observation, present = calibration.observation, np.isfinite(calibration.before)
     source = observation.measurements.source
-    dropped, read = (present & ~found.kept).sum(axis=0), present.sum(axis=0)
+    dropped, read = (present & ~calibration.kept).sum(axis=0), present.sum(axis=0)
     for k in np.argsort(-dropped / np.maximum(read, 1)).tolist()[:1]:
         if read[k] >= _FEWEST and 2 * dropped[k] > read[k]:
             column = observation.outputs[k]
-            worst = max(one.sigmas for one in found.outliers if one.column == column)
+            worst = max(outlier.sigmas for outlier in calibration.outliers if outlier.column == column)
             return Doubt(
                 f"{source}, column {observation.quantities[k].name}: {dropped[k]} of {read[k]} readings contradict the "
                 f"others, by up to {worst:.3g} sigma: so many are no outliers"
             )
-    known = len(found.parameters)
-    errors = found.subspace.errors[:known]
-    change = np.abs(found.values - found.nominal)[:known]
-    certain = np.maximum(change - _SURE * found.sigmas[:known], 0.0)
+    known = len(calibration.parameters)
+    errors = calibration.subspace.errors[:known]
+    change = np.abs(calibration.values - calibration.nominal)[:known]
+    certain = np.maximum(change - _SURE * calibration.sigmas[:known], 0.0)
     moved = np.divide(certain, errors, out=np.zeros(known), where=errors > 0.0)
     k = int(np.argmax(moved)) if known else 0
     if not known or moved[k] <= _MOVED:
         return None
-    name, dimension = found.names[k], found.dimension(found.names[k])
+    name, dimension = calibration.names[k], calibration.dimension(calibration.names[k])
     by, expected = (shown(x[k], dimension, 3) for x in (change, errors))
     times = change[k] / errors[k]
     text = f"{source}: the estimate changes {name} by {by}, {times:.0f} times its expected error of {expected}"
-    before, after = (float(np.nanmean((rest / found.standard) ** 2)) ** 0.5 for rest in (found.before, found.after))
-    if is_poor(found) and after > _EXPLAINED * before:
+    before, after = (
+        float(np.nanmean((rest / calibration.standard) ** 2)) ** 0.5 for rest in (calibration.before, calibration.after)
+    )
+    if is_poor(calibration) and after > _EXPLAINED * before:
         return Doubt(f"{text}, and the readings are still off by {after:.2g} sigma (before: {before:.2g})")
     return Doubt(text, f"{name}={by.replace(' ', '')}")
 
 
-def _squares(found: Calibration, observation: Observation, here: Prediction, counted: Bools) -> float:
+def _squares(calibration: Calibration, observation: Observation, predicted: Prediction, counted: Bools) -> float:
     """Return about the sum of squares that an estimate of the readings counted (poses, outputs) would leave."""
-    standard = np.sqrt(np.einsum("nkk->nk", observation.covariances(here)))
-    rest = (observation.residuals(here) / standard)[counted]
-    rows = (here.jacobian @ found.subspace.changes / standard[..., None])[counted]
+    standard = np.sqrt(np.einsum("nkk->nk", observation.covariances(predicted)))
+    rest = (observation.residuals(predicted) / standard)[counted]
+    rows = (predicted.jacobian @ calibration.subspace.changes / standard[..., None])[counted]
     return float(((rest - rows @ np.linalg.lstsq(rows, rest)[0]) ** 2).sum())
 
 
-def _likeliest(found: Sequence[Found]) -> list[Found]:
+def _likeliest(candidates: Sequence[Found]) -> list[Found]:
     """Return the mistakes of lowest rank that explain the readings about as well as the best."""
-    best = max(min(other.misfit for _, other in found), 1.0)
-    alike = [one for one in found if one[1].misfit <= _ALIKE * best]
-    rank = min(one.rank for one, _ in alike)
-    return sorted((one for one in alike if one[0].rank == rank), key=lambda one: one[1].misfit)[:_NAMED]
+    best = max(min(other.misfit for _, other in candidates), 1.0)
+    alike = [candidate for candidate in candidates if candidate[1].misfit <= _ALIKE * best]
+    rank = min(candidate.rank for candidate, _ in alike)
+    return sorted(
+        (candidate for candidate in alike if candidate[0].rank == rank), key=lambda candidate: candidate[1].misfit
+    )[:_NAMED]
 
 
-def _question(comparison: ColumnComparison, found: Sequence[Found]) -> str:
-    given, (one, best) = comparison.given, found[0]
-    k = int(np.argmax((given or best).ratios[: len(best.off)]))
+def _question(comparison: ColumnComparison, candidates: Sequence[Found]) -> str:
+    written, (mistake, best) = comparison.given, candidates[0]
+    k = int(np.argmax((written or best).ratios[: len(best.off)]))
     rest = shown(float(best.off[k]), best.observation.quantities[k].dimension, 3)
-    if given is None:
+    if written is None:
         observation = comparison.observation
         where = f"{observation.measurements.source}: the loops don't close at the readings of the joints"
         where += f" ({', '.join(observation.inputs)})"
     else:
-        where = _where(given, k)
-    texts = ", or ".join(one.text for one, _ in found)
-    edits = "; or ".join(one.edit for one, _ in found) if len(found) <= _EDITED else "correct the one that is meant"
-    expected = one.real if given is not None and one.real else _expected(comparison)
+        where = _where(written, k)
+    texts = ", or ".join(mistake.text for mistake, _ in candidates)
+    edits = (
+        "; or ".join(mistake.edit for mistake, _ in candidates)
+        if len(candidates) <= _EDITED
+        else "correct the one that is meant"
+    )
+    expected = mistake.real if written is not None and mistake.real else _expected(comparison)
     so = f". If the readings are right as they are, expect such errors of the robot: --sigma {expected!r}"
     so = so if expected else ""
     return (
@@ -220,15 +236,15 @@ def _question(comparison: ColumnComparison, found: Sequence[Found]) -> str:
 
 def _expected(comparison: ColumnComparison) -> str:
     """Return errors with which the readings would be taken as they are; "" if they are beyond what is manufactured."""
-    parameters, given, errors = comparison.observation.design.parameters, comparison.given, comparison.errors
+    parameters, written, errors = comparison.observation.design.parameters, comparison.given, comparison.errors
     count = len(parameters)
     kinds = [
-        (kind, np.array([not one.joint and one.dimension is kind for one in parameters.free]))
+        (kind, np.array([not parameter.joint and parameter.dimension is kind for parameter in parameters.free]))
         for kind in (LENGTH, ANGLE)
     ]
     length = parameters.mechanism.length
     larger, factor = errors.copy(), 2.0
-    while given is not None:
+    while written is not None:
         texts = list[str]()
         for kind, mask in kinds:
             if mask.any():
@@ -246,9 +262,9 @@ def _expected(comparison: ColumnComparison) -> str:
     return ""
 
 
-def _where(given: Compared, k: int) -> str:
-    one = given.observation.quantities[k]
+def _where(compared: Compared, k: int) -> str:
+    quantity = compared.observation.quantities[k]
     return (
-        f"{given.observation.measurements.source}, column {one.name}: the readings differ by "
-        f"{shown(float(given.off[k]), one.dimension, 3)} from what the robot does"
+        f"{compared.observation.measurements.source}, column {quantity.name}: the readings differ by "
+        f"{shown(float(compared.off[k]), quantity.dimension, 3)} from what the robot does"
     )

@@ -93,19 +93,19 @@ def calibrate(
     known = observation.expected_errors(expected_errors(parameters, sigma))
     comparison = ColumnComparison(observation, known[: len(known) - len(observation.frames)])
     check(comparison)
-    found = _estimate(parameters, read, sigma, gains, robust, folds)
-    check_fit(comparison, found)
-    why = doubt(found)
+    calibration = _estimate(parameters, read, sigma, gains, robust, folds)
+    check_fit(comparison, calibration)
+    why = doubt(calibration)
     if why is not None and not why.remedy:
         raise ContradictionError(why.text)
     if why is not None:
         warn(f"{why.text}. If that is real, give what you expect: --sigma {why.remedy}")
 
-    def again(others: Parameters, given: Measurements, larger: dict[str, float]) -> Calibration:
-        return _estimate(others, given, [*pairs(sigma), *larger.items()], gains, False, 0)
+    def again(others: Parameters, kept: Measurements, larger: dict[str, float]) -> Calibration:
+        return _estimate(others, kept, [*pairs(sigma), *larger.items()], gains, False, 0)
 
-    _warn(found, left_out(found, again))
-    return found
+    _warn(calibration, left_out(calibration, again))
+    return calibration
 
 
 def _estimate(
@@ -159,7 +159,7 @@ def expected_errors(parameters: Parameters, sigma: Amounts | None) -> Array:
         DesignError: an unknown name, a wrong unit, or an error that is not above 0.
     """
     indices = [parameters.find(name) for name in parameters.names]
-    found = np.array([LENGTH_ERROR if parameters.all[i].unit == "m" else ANGLE_ERROR for i in indices])
+    errors = np.array([LENGTH_ERROR if parameters.all[i].unit == "m" else ANGLE_ERROR for i in indices])
     for pattern, amount in pairs(sigma):
         matching = parameters.matching([pattern])
         fitting = [i for i in matching if fits(str(amount), parameters.all[i].dimension)] or matching
@@ -167,8 +167,8 @@ def expected_errors(parameters: Parameters, sigma: Amounts | None) -> Array:
             value = amount_in(f"expected error of {pattern}", amount, parameters.all[i].dimension)
             if not value > 0.0:
                 raise DesignError(f"expected error of {pattern}: {amount} is not above 0")
-            found[indices.index(i)] = value
-    return found
+            errors[indices.index(i)] = value
+    return errors
 
 
 # --- what is checked and told -----------------------------------------------------------------------------------------
@@ -180,7 +180,9 @@ def _with_offsets(
     """Return the parameters with those names, and with the offsets of measured joints' encoders where `*` is one."""
     wanted = [names] if isinstance(names, str) else list(names)
     if "*" in wanted:
-        wanted += [whole.own_variable(one.of).name for one in measurements.quantities if one.kind == "joint"]
+        wanted += [
+            whole.own_variable(quantity.of).name for quantity in measurements.quantities if quantity.kind == "joint"
+        ]
     return Parameters(whole.document, wanted, ties, robot=whole.robot.name)
 
 
@@ -191,35 +193,37 @@ def _dependencies(observation: Observation, space: Subspace, errors: Array, q: A
     inner = Subspace(space.basis[estimated], space.singular_values, errors[estimated], space.rank)
     parameters = observation.design.parameters
     nodes_of = parameters.robot.nodes.values()
-    parents = {_keyword(parameters, one.number): _keyword(parameters, getattr(one, "pred", None)) for one in nodes_of}
+    parents = {
+        _keyword(parameters, each.number): _keyword(parameters, getattr(each, "pred", None)) for each in nodes_of
+    }
     frames, bodies = observation.frames, list[Array]()
     some = np.linspace(0, len(q) - 1, min(len(q), _SEEN)).astype(int)
-    here = observation.design.evaluate(q=q[some])
-    measured = dict.fromkeys(one.of for one in observation.quantities if one.kind != "joint")
+    evaluation = observation.design.evaluate(q=q[some])
+    measured = dict.fromkeys(each.of for each in observation.quantities if each.kind != "joint")
     for node in measured or (observation.design.mechanism.end,):
-        origins = here.placements(node)[:, None, :3, 3]
-        for origin, twist in zip(origins, here.pose_derivative(node, "world"), strict=True):
+        origins = evaluation.placements(node)[:, None, :3, 3]
+        for origin, twist in zip(origins, evaluation.pose_derivative(node, "world"), strict=True):
             at_world = np.vstack([twist[:3] + np.cross(origin, twist[3:].T).T, twist[3:]])
             bodies.append(np.hstack([at_world, np.zeros((6, len(observation) - len(parameters)))]))
     for name in frames.devices:
         bodies.append(np.zeros((6, len(observation))))
         bodies[-1][:, len(observation) - len(frames) :] = frames.twists(name)
     names, motions = [observation.names[k] for k in estimated], np.array(bodies)[:, :, estimated]
-    found = dependencies(inner, names, [observation.units[k] for k in estimated], parents, motions)
+    unresolved = dependencies(inner, names, [observation.units[k] for k in estimated], parents, motions)
     moving = f"robot and {' and '.join(frames.devices)}" if frames.devices else "base and platform"
     described = list[Dependency]()
-    for one in found:
-        at = [names.index(name) for name in one.names]
-        text = one.text
-        if len(one.changes) == 1 and len(bodies) > 1:
-            moved = motions[:, :, at] @ one.changes[0]
+    for each in unresolved:
+        at = [names.index(name) for name in each.names]
+        text = each.text
+        if len(each.changes) == 1 and len(bodies) > 1:
+            moved = motions[:, :, at] @ each.changes[0]
             size = float(np.abs(moved).max())
             if size > 1e-9 and np.abs(moved - moved[-1]).max() < 1e-7 * size:
-                if len(one.names) > LISTED:
-                    of = ", ".join(dict.fromkeys(name.rpartition(".")[0] for name in one.names))
-                    text = f"no reading changes ({len(one.names)} parameters of {of})"
+                if len(each.names) > LISTED:
+                    of = ", ".join(dict.fromkeys(name.rpartition(".")[0] for name in each.names))
+                    text = f"no reading changes ({len(each.names)} parameters of {of})"
                 text = f"{moving} move together as one body: {text}"
-        described.append(Dependency(one.names, one.changes, text))
+        described.append(Dependency(each.names, each.changes, text))
     return tuple(described)
 
 
@@ -261,40 +265,44 @@ def _held_out(
             return 0, ()
         inner = subspace(solver.whiten(nominal.jacobian, training) @ (space.basis @ space.basis.T), solver.errors)
         z = solver.least_squares(inner, np.zeros(inner.basis.shape[1]), training)
-        here = observation.predict(observation.values + inner.changes @ z, derivatives=False)
-        after[held] = observation.residuals(here)[held]
-    found = []
+        predicted = observation.predict(observation.values + inner.changes @ z, derivatives=False)
+        after[held] = observation.residuals(predicted)[held]
+    errors = []
     for dimension in (LENGTH, ANGLE):
-        columns = [one.dimension is dimension for one in observation.quantities]
+        columns = [each.dimension is dimension for each in observation.quantities]
         mask = np.isfinite(before) & np.array(columns)
         if mask.any():
             within = (after, mask & kept) if (mask & kept).any() else (after, mask)
-            rms = [_rms(*one) for one in ((before, mask), (after, mask), within, (solver.standard, mask))]
-            found.append(HeldOut(dimension, int(mask.sum()), *rms))
-    return folds, tuple(found)
+            rms = [_rms(*each) for each in ((before, mask), (after, mask), within, (solver.standard, mask))]
+            errors.append(HeldOut(dimension, int(mask.sum()), *rms))
+    return folds, tuple(errors)
 
 
 def _rms(values: Array, mask: Bools) -> float:
     return float(np.sqrt(np.mean(values[mask] ** 2)))
 
 
-def _warn(found: Calibration, instead: str) -> None:
-    source = found.observation.measurements.source
-    if found.degrees_of_freedom <= 0:
+def _warn(calibration: Calibration, instead: str) -> None:
+    source, count = calibration.observation.measurements.source, len(calibration.combinations)
+    off = math.sqrt(calibration.fit)
+    if calibration.degrees_of_freedom <= 0:
         warn(
-            f"{source}: {int(found.kept.sum())} readings for {len(found.combinations)} combinations of parameters: any "
-            "errors fit, and the residuals show nothing; measure more poses"
+            f"{source}: {int(calibration.kept.sum())} readings for {count} combinations of parameters: any errors "
+            "fit, and the residuals show nothing; measure more poses"
         )
-    elif is_poor(found):
+    elif is_poor(calibration):
         warn(
-            f"{source}: the residuals are {math.sqrt(found.fit):.2g} times what the sigmas of the readings allow: "
+            f"{source}: the residuals are {off:.2g} times what the sigmas of the readings allow: "
             "these are too small, or something else than the parameters is wrong (backlash, bending, thermal growth)"
             f"{instead and f'. {instead}'}"
         )
     elif instead:
         warn(f"{source}: {instead}")
-    elif _COMPUTED < found.fit < _SMALL and gammainc(found.degrees_of_freedom / 2, found.chi2 / 2) < _UNLIKELY:
+    elif (
+        _COMPUTED < calibration.fit < _SMALL
+        and gammainc(calibration.degrees_of_freedom / 2, calibration.chi2 / 2) < _UNLIKELY
+    ):
         warn(
-            f"{source}: the residuals are only {math.sqrt(found.fit):.2g} times what the sigmas of the readings allow: "
+            f"{source}: the residuals are only {off:.2g} times what the sigmas of the readings allow: "
             "these are too large, or in another unit"
         )

@@ -78,20 +78,22 @@ class MeasuringFrames:
     """
 
     def __init__(self, quantities: Sequence[MeasuredQuantity]) -> None:
-        self.devices = tuple(dict.fromkeys(one.device for one in quantities if one.device))
+        self.devices = tuple(dict.fromkeys(quantity.device for quantity in quantities if quantity.device))
         nodes: dict[str, str] = {}
         moved, turned = set(self.devices), set(self.devices)
-        for one in (one for one in quantities if one.target):
-            if nodes.setdefault(one.target, one.of) != one.of or one.target in self.devices:
-                other = "a device" if one.target in self.devices else f"on {nodes[one.target]}"
-                raise DesignError(f"'{one.name}': the target '{one.target}' is {other}, too: give each its own name")
-            (turned if one.dimension is ANGLE else moved).add(one.target)
+        for quantity in (quantity for quantity in quantities if quantity.target):
+            if nodes.setdefault(quantity.target, quantity.of) != quantity.of or quantity.target in self.devices:
+                other = "a device" if quantity.target in self.devices else f"on {nodes[quantity.target]}"
+                raise DesignError(
+                    f"'{quantity.name}': the target '{quantity.target}' is {other}, too: give each its own name"
+                )
+            (turned if quantity.dimension is ANGLE else moved).add(quantity.target)
         self.start = {name: np.eye(4) for name in (*self.devices, *nodes)}
-        own = [(frame, k) for frame in self.start for k in range(6) if frame in (moved if k < 3 else turned)]
-        self.names = tuple(f"{frame}.{COORDINATES[k]}" for frame, k in own)
-        self.dimensions: tuple[Dimension, ...] = tuple(LENGTH if k < 3 else ANGLE for _, k in own)
+        components = [(frame, k) for frame in self.start for k in range(6) if frame in (moved if k < 3 else turned)]
+        self.names = tuple(f"{frame}.{COORDINATES[k]}" for frame, k in components)
+        self.dimensions: tuple[Dimension, ...] = tuple(LENGTH if k < 3 else ANGLE for _, k in components)
         self._at = {
-            frame: [(i, k) for i, (of, k) in enumerate(own) if of == frame] for frame in self.start
+            frame: [(i, k) for i, (of, k) in enumerate(components) if of == frame] for frame in self.start
         }  # parameters and components of each
 
     def __len__(self) -> int:
@@ -99,37 +101,37 @@ class MeasuringFrames:
 
     def pose(self, name: str, values: Array) -> Array:
         """Return the pose (4, 4) of a device or target at values (parameters,)."""
-        step, found = self._step(name, values), self.start[name].copy()
-        found[:3, :3] = pin.exp3(step[3:]) @ found[:3, :3]
-        found[:3, 3] += step[:3]
-        return found
+        step, placement = self._step(name, values), self.start[name].copy()
+        placement[:3, :3] = pin.exp3(step[3:]) @ placement[:3, :3]
+        placement[:3, 3] += step[:3]
+        return placement
 
-    def observe(self, one: MeasuredQuantity, placement: Array, values: Array) -> Seen:
+    def observe(self, quantity: MeasuredQuantity, placement: Array, values: Array) -> Seen:
         """Return what a device reads of a node at poses (poses, 4, 4), at values (parameters,)."""
-        device = self.pose(one.device, values) if one.device else np.eye(4)
-        target = self.pose(one.target, values) if one.target else np.eye(4)
-        there = placement @ target
+        device = self.pose(quantity.device, values) if quantity.device else np.eye(4)
+        target = self.pose(quantity.target, values) if quantity.target else np.eye(4)
+        target_placement = placement @ target
         turn = device[:3, :3]
-        seen = np.zeros_like(there)
-        seen[:, :3, :3], seen[:, 3, 3] = turn.T @ there[:, :3, :3], 1.0
-        seen[:, :3, 3] = (there[:, :3, 3] - device[:3, 3]) @ turn
-        value, row = read(one, seen)
+        seen = np.zeros_like(target_placement)
+        seen[:, :3, :3], seen[:, 3, 3] = turn.T @ target_placement[:, :3, :3], 1.0
+        seen[:, :3, 3] = (target_placement[:, :3, 3] - device[:3, 3]) @ turn
+        value, row = read(quantity, seen)
         a, b = row[:, :3] @ turn.T, row[:, 3:] @ turn.T
-        arm, back = there[:, :3, 3] - placement[:, :3, 3], np.swapaxes(placement[:, :3, :3], 1, 2)
-        by_device = -np.hstack([a, b + np.cross(there[:, :3, 3] - device[:3, 3], a)])
+        arm, back = target_placement[:, :3, 3] - placement[:, :3, 3], np.swapaxes(placement[:, :3, :3], 1, 2)
+        by_device = -np.hstack([a, b + np.cross(target_placement[:, :3, 3] - device[:3, 3], a)])
         by_target = np.hstack([np.einsum("nij,nj->ni", back, a), np.einsum("nij,nj->ni", back, b)])
-        for name, found in ((one.device, by_device), (one.target, by_target)):
+        for name, derivative in ((quantity.device, by_device), (quantity.target, by_target)):
             if name:
-                found[:, 3:] = found[:, 3:] @ pin.Jexp3(-self._step(name, values)[3:])
+                derivative[:, 3:] = derivative[:, 3:] @ pin.Jexp3(-self._step(name, values)[3:])
         return Seen(value, np.hstack([a, b + np.cross(arm, a)]), by_device, by_target)
 
-    def columns(self, one: MeasuredQuantity, seen: Seen) -> Array:
+    def columns(self, quantity: MeasuredQuantity, seen: Seen) -> Array:
         """Return the derivative (poses, parameters) of a quantity."""
-        found = np.zeros((len(seen.value), len(self)))
-        for name, rows in ((one.device, seen.by_device), (one.target, seen.by_target)):
+        derivatives = np.zeros((len(seen.value), len(self)))
+        for name, rows in ((quantity.device, seen.by_device), (quantity.target, seen.by_target)):
             for i, k in self._at.get(name, ()):
-                found[:, i] = rows[:, k]
-        return found
+                derivatives[:, i] = rows[:, k]
+        return derivatives
 
     def locate(
         self, quantities: Sequence[MeasuredQuantity], measured: Array, nodes: dict[str, Array], length: float,
@@ -148,29 +150,36 @@ class MeasuringFrames:
         Raises:
             DesignError: the positions that a device has read are in another unit.
         """
-        read_by = {(one.device, one.of, one.target, one.point, one.kind): k for k, one in enumerate(quantities)}
+        read_by = {
+            (quantity.device, quantity.of, quantity.target, quantity.point, quantity.kind): k
+            for k, quantity in enumerate(quantities)
+        }
 
         def triples(device: str, kinds: Sequence[str]) -> list[tuple[MeasuredQuantity, Array]]:
-            found = []
-            for one in quantities:
-                key = (one.device, one.of, one.target, one.point)
-                if one.device == device and one.kind == kinds[0] and all((*key, kind) in read_by for kind in kinds):
-                    found.append((one, measured[:, [read_by[(*key, kind)] for kind in kinds]]))
-            return found
+            readings = []
+            for quantity in quantities:
+                key = (quantity.device, quantity.of, quantity.target, quantity.point)
+                if (
+                    quantity.device == device
+                    and quantity.kind == kinds[0]
+                    and all((*key, kind) in read_by for kind in kinds)
+                ):
+                    readings.append((quantity, measured[:, [read_by[(*key, kind)] for kind in kinds]]))
+            return readings
 
         positions = {device: triples(device, COORDINATES[:3]) for device in self.devices}
-        for device, found in positions.items():
-            self._place(device, found, nodes, source)
+        for device, readings in positions.items():
+            self._place(device, readings, nodes, source)
         if rough and all(positions.get(name) for name in self.start):
             return
         for device in ("", *self.devices):
-            own = self.start.get(device, np.eye(4))[:3, :3]
-            for one, angles in triples(device, COORDINATES[3:]):
+            turn = self.start.get(device, np.eye(4))[:3, :3]
+            for quantity, angles in triples(device, COORDINATES[3:]):
                 whole = np.isfinite(angles).all(axis=1)
-                if one.target and whole.any():
+                if quantity.target and whole.any():
                     turned = np.array([pin.rpy.rpyToMatrix(*row) for row in angles[whole]])
-                    back = np.swapaxes(nodes[one.of][whole, :3, :3], 1, 2)
-                    self.start[one.target][:3, :3] = _rotation((back @ own @ turned).mean(axis=0))
+                    back = np.swapaxes(nodes[quantity.of][whole, :3, :3], 1, 2)
+                    self.start[quantity.target][:3, :3] = _rotation((back @ turn @ turned).mean(axis=0))
         self._refine(quantities, measured, nodes, length)
         self._warn_of_targets(quantities, nodes, source)
 
@@ -180,11 +189,11 @@ class MeasuringFrames:
         """Place a device by the positions that it has read, targets at the origins of their nodes (Kabsch's algorithm,
         without those that are far off)."""
         wanted, seen = list[Array](), list[Array]()
-        for one, measured in positions:
+        for quantity, measured in positions:
             whole = np.isfinite(measured).all(axis=1)
-            placed = nodes[one.of][whole]
+            placed = nodes[quantity.of][whole]
             seen.append(measured[whole])
-            wanted.append(placed[:, :3, 3] + placed[:, :3, :3] @ np.array(one.point))
+            wanted.append(placed[:, :3, 3] + placed[:, :3, :3] @ np.array(quantity.point))
         if sum(map(len, seen)) < _FEWEST:
             return
         m, x = np.concatenate(seen), np.concatenate(wanted)
@@ -208,7 +217,7 @@ class MeasuringFrames:
         self, quantities: Sequence[MeasuredQuantity], measured: Array, nodes: dict[str, Array], length: float
     ) -> None:
         """Fit all frames to all of their readings, with a loss that outliers hardly change."""
-        chosen = [k for k, one in enumerate(quantities) if one.device or one.target]
+        chosen = [k for k, quantity in enumerate(quantities) if quantity.device or quantity.target]
         sizes = np.array([_EXPECTED * (length if quantities[k].dimension is LENGTH else 1.0) for k in chosen])
         present = np.isfinite(measured[:, chosen]).T
 
@@ -233,30 +242,32 @@ class MeasuringFrames:
     def _warn_of_targets(self, quantities: Sequence[MeasuredQuantity], nodes: dict[str, Array], source: str) -> None:
         """Warn of targets whose offset along some direction only errors of the robot distinguish from the position of
         their device: those are small, but act on the whole offset."""
-        pairs = {(one.target, one.of): one for one in quantities if one.target and one.device}
-        for (target, node), one in pairs.items():
+        pairs = {
+            (quantity.target, quantity.of): quantity for quantity in quantities if quantity.target and quantity.device
+        }
+        for (target, node), quantity in pairs.items():
             turns = nodes[node][:, :3, :3]
             spread = np.linalg.svd((turns - turns.mean(axis=0)).reshape(-1, 3), compute_uv=False) / len(turns) ** 0.5
             if f"{target}.x" in self.names and spread[-1] < _TURNED:
                 warn(
                     f"{source}: {node} hardly rotates{' but about one axis' if spread[0] >= _TURNED else ''} in these "
-                    f"poses: where '{target}' is on it can't be told from where {one.device} is; measure it, and write "
-                    f"its position to a millimetre or so in place of its name: {node}(10mm 0 50mm)"
+                    f"poses: where '{target}' is on it can't be told from where {quantity.device} is; measure it, and "
+                    f"write its position to a millimetre or so in place of its name: {node}(10mm 0 50mm)"
                 )
 
     def twists(self, device: str) -> Array:
         """Return the twists (6, parameters) of a device at its start, of the point at the world's origin."""
-        found, origin = np.zeros((6, len(self))), self.start[device][:3, 3]
+        twists, origin = np.zeros((6, len(self))), self.start[device][:3, 3]
         for i, k in self._at[device]:
-            found[k, i] = 1.0
-            found[:3, i] += np.cross(origin, found[3:, i])
-        return found
+            twists[k, i] = 1.0
+            twists[:3, i] += np.cross(origin, twists[3:, i])
+        return twists
 
     def _step(self, name: str, values: Array) -> Array:
-        found = np.zeros(6)
+        step = np.zeros(6)
         for i, k in self._at[name]:
-            found[k] = values[i]
-        return found
+            step[k] = values[i]
+        return step
 
 
 def _rotation(matrix: Array) -> Array:

@@ -105,7 +105,7 @@ def _solved(matrix: Array, wanted: Array) -> Array:
 
 
 def dependencies(
-    found: Subspace,
+    space: Subspace,
     names: Sequence[str],
     units: Sequence[str],
     parents: Mapping[str, str] | None = None,
@@ -121,7 +121,7 @@ def dependencies(
         motions: (bodies, 6, parameters) twists of bodies by the parameters: dependencies with which these move as one
             are preferred.
     """
-    rows, lengths = found.basis, found.lengths
+    rows, lengths = space.basis, space.lengths
     effective = np.flatnonzero(lengths > _ZERO)
     groups = list[list[int]]()
     for k in effective:
@@ -132,51 +132,51 @@ def dependencies(
                 break
         else:
             groups.append([int(k)])
-    described = [_parallel(group, found, names, units) for group in groups if len(group) > 1]
+    described = [_parallel(group, space, names, units) for group in groups if len(group) > 1]
     chosen = [group[0] for group in groups]
-    first = _as_one(rows, chosen, motions * found.errors) if motions is not None and chosen else []
+    first = _as_one(rows, chosen, motions * space.errors) if motions is not None and chosen else []
     for w in _circuits(rows, chosen, first):
         used = np.flatnonzero(np.abs(w) > _ZERO * np.abs(w).max()).tolist()
-        own, changes = tuple(names[k] for k in used), w[used] * found.errors[used]
+        involved, changes = tuple(names[k] for k in used), w[used] * space.errors[used]
         described.append(
-            Dependency(own, changes[None], _together(own, changes, [units[k] for k in used], parents or {}))
+            Dependency(involved, changes[None], _together(involved, changes, [units[k] for k in used], parents or {}))
         )
     return described
 
 
 def _as_one(rows: Array, chosen: Sequence[int], motions: Array) -> list[Array]:
     """Return independent dependencies with which all bodies move as one, a simple motion and few parameters each."""
-    own = motions[:, :, list(chosen)] / max(float(np.abs(motions).max(initial=0.0)), 1e-300)
-    apart = np.vstack([rows[list(chosen)].T, (own[:-1] - own[-1]).reshape(-1, len(chosen))])
+    moved = motions[:, :, list(chosen)] / max(float(np.abs(motions).max(initial=0.0)), 1e-300)
+    apart = np.vstack([rows[list(chosen)].T, (moved[:-1] - moved[-1]).reshape(-1, len(chosen))])
     _, s, vt = svd(apart, lapack_driver="gesvd")
     null = vt[int((s > _ZERO * s[0]).sum()) :].T
-    u, s, _ = svd_by_qr(own[-1] @ null)
+    u, s, _ = svd_by_qr(moved[-1] @ null)
     directions = _echelon(u[:, s > _ZERO].T)
-    found = list[Array]()
+    weighted = list[Array]()
     for direction in directions:
-        weights = _fewest(np.vstack([apart, own[-1]]), np.append(np.zeros(len(apart)), direction))
+        weights = _fewest(np.vstack([apart, moved[-1]]), np.append(np.zeros(len(apart)), direction))
         if weights is not None:
             w = np.zeros(len(rows))
             w[list(chosen)] = weights
-            found.append(w / np.abs(w).max())
-    return found
+            weighted.append(w / np.abs(w).max())
+    return weighted
 
 
 def _echelon(matrix: Array) -> Array:
     """Return the reduced row echelon form of independent rows."""
-    found, done = matrix.copy(), 0
-    for column in range(found.shape[1]):
-        if done == len(found):
+    reduced, done = matrix.copy(), 0
+    for column in range(reduced.shape[1]):
+        if done == len(reduced):
             break
-        pivot = done + int(np.argmax(np.abs(found[done:, column])))
-        if abs(found[pivot, column]) < _ZERO:
+        pivot = done + int(np.argmax(np.abs(reduced[done:, column])))
+        if abs(reduced[pivot, column]) < _ZERO:
             continue
-        found[[done, pivot]] = found[[pivot, done]]
-        found[done] /= found[done, column]
-        others = np.arange(len(found)) != done
-        found[others] -= np.outer(found[others, column], found[done])
+        reduced[[done, pivot]] = reduced[[pivot, done]]
+        reduced[done] /= reduced[done, column]
+        others = np.arange(len(reduced)) != done
+        reduced[others] -= np.outer(reduced[others, column], reduced[done])
         done += 1
-    return found
+    return reduced
 
 
 def _fewest(a: Array, wanted: Array) -> Array | None:
@@ -190,9 +190,9 @@ def _fewest(a: Array, wanted: Array) -> Array | None:
         return None
     weights = done.x[: a.shape[1]] - done.x[a.shape[1] :]
     support = np.abs(weights) > _ZERO * np.abs(weights).max()
-    found = np.zeros(a.shape[1])
-    found[support] = _solved(a[:, support], wanted)
-    return found
+    sparse = np.zeros(a.shape[1])
+    sparse[support] = _solved(a[:, support], wanted)
+    return sparse
 
 
 def _circuits(rows: Array, chosen: Sequence[int], first: Sequence[Array] = ()) -> list[Array]:
@@ -216,26 +216,26 @@ def _circuits(rows: Array, chosen: Sequence[int], first: Sequence[Array] = ()) -
     return picked
 
 
-def _parallel(group: Sequence[int], found: Subspace, names: Sequence[str], units: Sequence[str]) -> Dependency:
+def _parallel(group: Sequence[int], space: Subspace, names: Sequence[str], units: Sequence[str]) -> Dependency:
     """Return the dependency of parameters that have the same effect but for a factor."""
-    first, rows, errors = group[0], found.basis, found.errors
+    first, rows, errors = group[0], space.basis, space.errors
     factors = [float(rows[k] @ rows[first] / (rows[first] @ rows[first]) * errors[first] / errors[k]) for k in group]
     changes = np.zeros((len(group) - 1, len(group)))
     for i, k in enumerate(group[1:]):
         changes[i, 0], changes[i, i + 1] = -factors[i + 1] * errors[k], errors[k]
-    own, text = [names[k] for k in group], ""
+    involved, text = [names[k] for k in group], ""
     if all(units[k] == units[first] for k in group) and np.allclose(np.abs(factors), 1.0, atol=1e-6):
         if min(factors) > 0.0:
             text = "their sum"
         elif len(group) == 2:
             text = "their difference"
     if not text:
-        text = own[0]
+        text = involved[0]
         for k, factor in zip(group[1:], factors[1:], strict=True):
             unit = "" if units[k] == units[first] else f" {units[first] or 1}/{units[k] or 1}"
             size = "" if abs(abs(factor) - 1.0) < 1e-6 and not unit else f"{abs(factor):.4g}{unit} "
             text += f" {'+' if factor > 0.0 else '-'} {size}{names[k]}"
-    return Dependency(tuple(own), changes, f"{', '.join(own[:-1])} and {own[-1]}: only {text}")
+    return Dependency(tuple(involved), changes, f"{', '.join(involved[:-1])} and {involved[-1]}: only {text}")
 
 
 def _together(names: tuple[str, ...], changes: Array, units: Sequence[str], parents: Mapping[str, str]) -> str:
@@ -251,8 +251,8 @@ def _together(names: tuple[str, ...], changes: Array, units: Sequence[str], pare
         return f"no reading changes with {', '.join(texts)}"
     nodes = list(dict.fromkeys(name.rpartition(".")[0] for name in names))
     for node in nodes:
-        children = [one for one in nodes if one != node]
-        if all(parents.get(one) == node for one in children):
+        children = [each for each in nodes if each != node]
+        if all(parents.get(each) == node for each in children):
             back = f"{first_of(children, 8)} on it moved back"
             return f"{node} moved, and {back}: no reading changes ({len(names)} parameters)"
     return f"{len(names)} parameters of {first_of(nodes, 8)}: no reading changes if they change together"

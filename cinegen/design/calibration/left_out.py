@@ -51,59 +51,63 @@ class _Columns(NamedTuple):
     others: Array  # (readings, names) of what was not, in m and rad
 
 
-def is_poor(found: Calibration) -> bool:
+def is_poor(calibration: Calibration) -> bool:
     """Return whether the residuals are larger than the sigmas of the readings allow."""
-    return found.degrees_of_freedom > 0 and found.fit > 1.0 + POOR * math.sqrt(2.0 / found.degrees_of_freedom)
+    return calibration.degrees_of_freedom > 0 and calibration.fit > 1.0 + POOR * math.sqrt(
+        2.0 / calibration.degrees_of_freedom
+    )
 
 
-def left_out(found: Calibration, estimate: Estimate) -> str:
+def left_out(calibration: Calibration, estimate: Estimate) -> str:
     """Return which parameters explain the readings better, or as well, as a sentence; "" where none does.
 
     Args:
         found: what was estimated.
         estimate: of other parameters, by measurements and expected errors.
     """
-    if is_poor(found):
-        return _added(found, _columns(found))
-    count, errors = len(found.parameters), found.subspace.errors
-    least = _UNEXPECTED * np.maximum(found.sigmas, errors)
-    is_far = found.separate & (np.abs(found.values - found.nominal) > least) & (errors > 0.0)
-    unexpected = np.flatnonzero(is_far[:count]).tolist() if found.degrees_of_freedom > 0 else []
-    return "; ".join(_swapped(found, _columns(found), unexpected, estimate)) if unexpected else ""
+    if is_poor(calibration):
+        return _added(calibration, _columns(calibration))
+    count, errors = len(calibration.parameters), calibration.subspace.errors
+    least = _UNEXPECTED * np.maximum(calibration.sigmas, errors)
+    is_far = calibration.separate & (np.abs(calibration.values - calibration.nominal) > least) & (errors > 0.0)
+    unexpected = np.flatnonzero(is_far[:count]).tolist() if calibration.degrees_of_freedom > 0 else []
+    return "; ".join(_swapped(calibration, _columns(calibration), unexpected, estimate)) if unexpected else ""
 
 
-def _columns(found: Calibration) -> _Columns:
-    parameters, observation = found.parameters, found.observation
+def _columns(calibration: Calibration) -> _Columns:
+    parameters, observation = calibration.parameters, calibration.observation
     tied = np.asarray((parameters.ties.matrix != 0.0).any(axis=1))
-    measured = {one.of for one in observation.quantities + observation.measurements.quantities if one.kind == "joint"}
+    measured = {
+        each.of for each in observation.quantities + observation.measurements.quantities if each.kind == "joint"
+    }
     whole = Parameters(
         parameters.document,
-        [one.name for one in parameters.all if not one.joint or one.joint in measured],
+        [each.name for each in parameters.all if not each.joint or each.joint in measured],
         robot=parameters.robot.name,
     )
     every = Observation(whole, observation.measurements, observation.gains, observation.frames)
     every.keep(observation.start() if observation.kept is None else observation.kept)
     count, at = len(parameters), [parameters.find(name) for name in whole.names]
-    theta = np.append(parameters.full(found.values[:count])[at], found.values[count:])
-    here, own = every.predict(theta), observation.predict(found.values)
+    theta = np.append(parameters.full(calibration.values[:count])[at], calibration.values[count:])
+    of_all, of_free = every.predict(theta), observation.predict(calibration.values)
     free = [
-        k for k, (i, name) in enumerate(zip(at, whole.names, strict=True)) if not tied[i] and name not in here.opening
+        k for k, (i, name) in enumerate(zip(at, whole.names, strict=True)) if not tied[i] and name not in of_all.opening
     ]
 
     def whitened(rows: Array) -> Array:
-        return np.asarray((rows / found.standard[..., None])[found.kept])
+        return np.asarray((rows / calibration.standard[..., None])[calibration.kept])
 
     return _Columns(
         tuple(whole.names[k] for k in free),
-        whitened(observation.residuals(own)[..., None])[:, 0],
-        whitened(own.jacobian) * found.subspace.errors,
-        whitened(here.jacobian[..., free]),
+        whitened(observation.residuals(of_free)[..., None])[:, 0],
+        whitened(of_free.jacobian) * calibration.subspace.errors,
+        whitened(of_all.jacobian[..., free]),
     )
 
 
-def _without(matrix: Array, own: Array) -> Array:
+def _without(matrix: Array, span: Array) -> Array:
     """Return columns without what those of `own` span."""
-    u = orth(own, rcond=_NO_EFFECT)
+    u = orth(span, rcond=_NO_EFFECT)
     return np.asarray(matrix - u @ (u.T @ matrix))
 
 
@@ -114,12 +118,12 @@ def _gains(rest: Array, columns: Array, sizes: Array) -> Array:
     return np.where(has_effect, (rest @ columns) ** 2 / np.where(has_effect, norms, 1.0) ** 2, 0.0)
 
 
-def _added(found: Calibration, columns: _Columns) -> str:
-    sizes, own = np.linalg.norm(columns.others, axis=0), columns.own
+def _added(calibration: Calibration, columns: _Columns) -> str:
+    sizes, span = np.linalg.norm(columns.others, axis=0), columns.own
     chosen, texts = list[int](), list[str]()
-    dof = found.degrees_of_freedom
+    dof = calibration.degrees_of_freedom
     while len(chosen) < min(_MOST, dof - 1):
-        rest, others = _without(columns.rest[:, None], own)[:, 0], _without(columns.others, own)
+        rest, others = _without(columns.rest[:, None], span)[:, 0], _without(columns.others, span)
         gains = _gains(rest, others, sizes)
         alike = np.flatnonzero(gains > max(gains.max(initial=0.0) - _ALIKE, _CERTAIN)).tolist()
         if not alike:
@@ -128,46 +132,46 @@ def _added(found: Calibration, columns: _Columns) -> str:
         chosen.append(k)
         names = [columns.names[j] for j in equal[:_LISTED]]
         texts.append(columns.names[k] + (f" (or instead {', '.join(names)})" if names else ""))
-        own = np.column_stack([own, columns.others[:, k] / sizes[k] * np.linalg.norm(columns.own, axis=0).max()])
+        span = np.column_stack([span, columns.others[:, k] / sizes[k] * np.linalg.norm(columns.own, axis=0).max()])
         left, remaining = float(rest @ rest - gains[k]), dof - len(chosen)
         if left < remaining * (1.0 + POOR * math.sqrt(2.0 / remaining)):
             listed = ", ".join(texts)
             be = "is" if len(chosen) == 1 else "are"
             return (
                 f"{listed}, which {be} not estimated, would explain them (chi-square {left:.4g} in place of "
-                f"{found.chi2:.4g}): add {'it' if len(chosen) == 1 else 'them'} to --vary"
+                f"{calibration.chi2:.4g}): add {'it' if len(chosen) == 1 else 'them'} to --vary"
             )
     return ""
 
 
 def _swapped(
-    found: Calibration, columns: _Columns, unexpected: Sequence[int], estimate: Estimate
+    calibration: Calibration, columns: _Columns, unexpected: Sequence[int], estimate: Estimate
 ) -> Iterator[str]:  # fmt: skip
     for i in unexpected:
-        node = found.names[i].rpartition(".")[0]
-        at = [k for k, one in enumerate(columns.names) if one.rpartition(".")[0] == node]
+        node = calibration.names[i].rpartition(".")[0]
+        at = [k for k, name in enumerate(columns.names) if name.rpartition(".")[0] == node]
         if not at:
             continue
         others = np.delete(columns.own, i, axis=1)
-        step = (found.nominal[i] - found.values[i]) / found.subspace.errors[i]
+        step = (calibration.nominal[i] - calibration.values[i]) / calibration.subspace.errors[i]
         rest = _without((columns.rest + columns.own[:, i] * step)[:, None], others)[:, 0]
         moved = _without(columns.others[:, at], others)
         gains = _gains(rest, moved, np.linalg.norm(columns.others[:, at], axis=0))
         k = int(np.argmax(gains))
-        if not gains[k] > 0.5 * float(rest @ rest - found.chi2):
+        if not gains[k] > 0.5 * float(rest @ rest - calibration.chi2):
             continue
         other, size = columns.names[at[k]], float(abs(rest @ moved[:, k]) / (moved[:, k] @ moved[:, k]))
-        text = _compared(found, i, other, size, estimate)
+        text = _compared(calibration, i, other, size, estimate)
         if text:
             yield text
 
 
-def _compared(found: Calibration, i: int, other: str, size: float, estimate: Estimate) -> str:
+def _compared(calibration: Calibration, i: int, other: str, size: float, estimate: Estimate) -> str:
     """Return what an estimate of another parameter in place of one states; "" if it fits worse, or does the same."""
-    parameters, observation, name = found.parameters, found.observation, found.names[i]
+    parameters, observation, name = calibration.parameters, calibration.observation, calibration.names[i]
     kept = observation.measurements.values.copy()
-    kept[:, observation.outputs] = np.where(found.kept, kept[:, observation.outputs], np.nan)
-    names = [one for one in parameters.names if one != name] + [other]
+    kept[:, observation.outputs] = np.where(calibration.kept, kept[:, observation.outputs], np.nan)
+    names = [each for each in parameters.names if each != name] + [other]
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -178,34 +182,34 @@ def _compared(found: Calibration, i: int, other: str, size: float, estimate: Est
     except DesignError:
         return ""
     end, length = parameters.mechanism.end, parameters.mechanism.length
-    nominal = found.values.copy()
-    nominal[i] = found.nominal[i]
+    nominal = calibration.values.copy()
+    nominal[i] = calibration.nominal[i]
     poses = [
-        one.observation.design.evaluate(values[: len(one.parameters)], q, derivatives=False).placements(end)
-        for one, values, q in (
-            (found, found.values, observation.kept),
+        each.observation.design.evaluate(values[: len(each.parameters)], q, derivatives=False).placements(end)
+        for each, values, q in (
+            (calibration, calibration.values, observation.kept),
             (again, again.values, again.observation.kept),
-            (found, nominal, observation.kept),
+            (calibration, nominal, observation.kept),
         )
     ]
-    apart, effect = (np.array(_apart(poses[0], one)) for one in poses[1:])
+    apart, effect = (np.array(_apart(poses[0], each)) for each in poses[1:])
     scale = np.array([1.0 / length, 1.0])
-    if again.chi2 > found.chi2 + _ALIKE or (apart * scale).max() < _APART * (effect * scale).max():
+    if again.chi2 > calibration.chi2 + _ALIKE or (apart * scale).max() < _APART * (effect * scale).max():
         return ""
     change, instead = (
-        shown(abs(one.values[k] - one.nominal[k]), one.dimension(one.names[k]), 3)
-        for one, k in ((found, i), (again, again.names.index(other)))
+        shown(abs(each.values[k] - each.nominal[k]), each.dimension(each.names[k]), 3)
+        for each, k in ((calibration, i), (again, again.names.index(other)))
     )
     return (
         f"{name} changes by {change}, but {other} by {instead} instead fits as well (chi-square {again.chi2:.4g} "
-        f"and {found.chi2:.4g}), and {end} is {shown(float(apart[0]), LENGTH, 3)} and "
+        f"and {calibration.chi2:.4g}), and {end} is {shown(float(apart[0]), LENGTH, 3)} and "
         f"{shown(float(apart[1]), ANGLE, 3)} elsewhere then (root mean square): these readings can't tell them apart; "
         f"measure what differs, as {end}.rx, {end}.ry and {end}.rz, or vary the one that is meant"
     )
 
 
-def _apart(one: Array, other: Array) -> tuple[float, float]:
+def _apart(first: Array, other: Array) -> tuple[float, float]:
     """Return root mean square distances, m, and rotations, rad, between poses (poses, 4, 4)."""
-    angles = Rotation.from_matrix(np.swapaxes(one[:, :3, :3], 1, 2) @ other[:, :3, :3]).magnitude()
-    distances = np.linalg.norm(one[:, :3, 3] - other[:, :3, 3], axis=1)
+    angles = Rotation.from_matrix(np.swapaxes(first[:, :3, :3], 1, 2) @ other[:, :3, :3]).magnitude()
+    distances = np.linalg.norm(first[:, :3, 3] - other[:, :3, 3], axis=1)
     return float(np.sqrt(np.mean(distances**2))), float(np.sqrt(np.mean(angles**2)))

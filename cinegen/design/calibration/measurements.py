@@ -92,33 +92,33 @@ class MeasuredQuantity:
             return cls(name, "joint", name, dimension=LENGTH if mechanism.is_prismatic(name) else ANGLE)
         behind = _DEVICE.fullmatch(name)
         device = behind["device"] if behind else ""
-        found = _OF_NODE.fullmatch(behind["what"] if behind else name)
+        match = _OF_NODE.fullmatch(behind["what"] if behind else name)
         kinds = (*COORDINATES, "distance", "along")
-        if found is None:
+        if match is None:
             known = [*mechanism.joints, *(f"{mechanism.end}.{kind}" for kind in kinds)]
             raise DesignError(
                 f"'{name}' is neither a joint ({', '.join(mechanism.joints[:3])} ...) nor NODE.WHAT, such as "
                 f"{mechanism.end}.x or {mechanism.end}.distance(1 0 0){did_you_mean(name, known)}"
             )
-        node, kind = found["node"].strip(), found["kind"]
+        node, kind = match["node"].strip(), match["kind"]
         if node not in mechanism.nodes:
             raise DesignError(f"'{name}': {mechanism.name} has no node '{node}'{did_you_mean(node, mechanism.nodes)}")
         if kind not in kinds:
             raise DesignError(f"'{name}': '{kind}' is none of {', '.join(kinds)}{did_you_mean(kind, kinds)}")
-        if (found["of"] is not None) != (kind in ("distance", "along")):
-            wanted = "a fixed point or a direction in parentheses" if found["of"] is None else "nothing in parentheses"
+        if (match["of"] is not None) != (kind in ("distance", "along")):
+            wanted = "a fixed point or a direction in parentheses" if match["of"] is None else "nothing in parentheses"
             raise DesignError(f"'{name}': {kind} takes {wanted}")
         point, target = (0.0, 0.0, 0.0), ""
-        if found["point"] is not None and _TARGET.fullmatch(found["point"].strip()):
-            target = found["point"].strip()
-        elif found["point"] is not None:
-            point = _vector(name, found["point"])
-        for one in (device, target):
-            if one in mechanism.nodes or one in mechanism.joints:
+        if match["point"] is not None and _TARGET.fullmatch(match["point"].strip()):
+            target = match["point"].strip()
+        elif match["point"] is not None:
+            point = _vector(name, match["point"])
+        for each in (device, target):
+            if each in mechanism.nodes or each in mechanism.joints:
                 raise DesignError(
-                    f"'{name}': '{one}' is a part of {mechanism.name}: give a device or target its own name"
+                    f"'{name}': '{each}' is a part of {mechanism.name}: give a device or target its own name"
                 )
-        reference = _vector(name, found["of"]) if found["of"] is not None else (0.0, 0.0, 0.0)
+        reference = _vector(name, match["of"]) if match["of"] is not None else (0.0, 0.0, 0.0)
         if kind == "along":
             size = math.hypot(*reference)
             if size == 0.0:
@@ -170,12 +170,12 @@ class Measurements:
             raise DesignError(f"values are (poses, {len(quantities)}), not {numbers.shape}")
         spread = np.broadcast_to(np.asarray(sigmas, dtype=float), numbers.shape)
         labels = tuple(str(i) for i in range(1, len(numbers) + 1))
-        found = cls(quantities, numbers, np.array(spread), labels)
-        for k, one in enumerate(quantities):
-            exact = 0.0 if one.kind == "joint" else np.nextafter(0.0, 1.0)
-            if not (found.sigmas[np.isfinite(numbers[:, k]), k] >= exact).all():
-                raise DesignError(f"{one.name}: give the standard deviation of its errors, in {_unit(one)}")
-        return found
+        measurements = cls(quantities, numbers, np.array(spread), labels)
+        for k, quantity in enumerate(quantities):
+            exact = 0.0 if quantity.kind == "joint" else np.nextafter(0.0, 1.0)
+            if not (measurements.sigmas[np.isfinite(numbers[:, k]), k] >= exact).all():
+                raise DesignError(f"{quantity.name}: give the standard deviation of its errors, in {_unit(quantity)}")
+        return measurements
 
     @classmethod
     def load(cls, path: str | Path, mechanism: Mechanism) -> Measurements:
@@ -204,20 +204,20 @@ class Measurements:
         read_all(reads | {str(line): partial(lines.read, line, cells) for line, cells in body}, DesignError)
         if not lines.labels:
             raise DesignError(f"{source}: no poses: each line below the header is one")
-        quantities = tuple(one for one, _ in columns.values())
-        found = cls(quantities, np.array(lines.values), np.array(lines.sigmas), tuple(lines.labels), source)
+        quantities = tuple(quantity for quantity, _ in columns.values())
+        measurements = cls(quantities, np.array(lines.values), np.array(lines.sigmas), tuple(lines.labels), source)
         has_units = [bool(unit) for _, unit in columns.values()]
-        checks = (partial(found._check_plausible, mechanism, lines.numbers, *of) for of in enumerate(has_units))
+        checks = (partial(measurements._check_plausible, mechanism, lines.numbers, *of) for of in enumerate(has_units))
         read_all((("", check) for check in checks), DesignError)
-        return found
+        return measurements
 
     def text(self, unit_of_length: str = "mm", unit_of_angle: str = "deg", digits: int = 10) -> str:
         """Return the CSV text: lengths and angles in these units, with a line `sigma` wherever sigmas change."""
         out = io.StringIO()
         writer = csv.writer(out, lineterminator="\n")
-        units = [unit_of_angle if one.dimension is ANGLE else unit_of_length for one in self.quantities]
-        scales = [_SCALES[one.dimension][unit] for one, unit in zip(self.quantities, units, strict=True)]
-        names = [f"{one.name} [{unit}]" for one, unit in zip(self.quantities, units, strict=True)]
+        units = [unit_of_angle if quantity.dimension is ANGLE else unit_of_length for quantity in self.quantities]
+        scales = [_SCALES[quantity.dimension][unit] for quantity, unit in zip(self.quantities, units, strict=True)]
+        names = [f"{quantity.name} [{unit}]" for quantity, unit in zip(self.quantities, units, strict=True)]
         writer.writerow(["pose", *map(csv_cell, names)])
 
         def cells(numbers: Array) -> list[str]:
@@ -238,16 +238,16 @@ class Measurements:
 
     def _check_plausible(self, mechanism: Mechanism, lines: Sequence[int], column: int, has_unit: bool) -> None:
         """Refuse the first number of a column that only fits in another unit."""
-        one = self.quantities[column]
+        quantity = self.quantities[column]
         for line, value in zip(lines, self.values[:, column], strict=True):
             try:
-                if one.kind == "joint" and math.isfinite(value):
-                    check_joint(mechanism, one.of, [value])
-                elif one.dimension is LENGTH and math.isfinite(value) and not one.device:
-                    check_lengths(mechanism, one.name, [value])
+                if quantity.kind == "joint" and math.isfinite(value):
+                    check_joint(mechanism, quantity.of, [value])
+                elif quantity.dimension is LENGTH and math.isfinite(value) and not quantity.device:
+                    check_lengths(mechanism, quantity.name, [value])
             except ImplausibleError as error:
-                written = "" if has_unit else f" (the header gives no unit: write {one.name} [{_other(one)}])"
-                raise DesignError(f"{self.source}, line {line}, column {one.name}: {error}{written}") from None
+                written = "" if has_unit else f" (the header gives no unit: write {quantity.name} [{_other(quantity)}])"
+                raise DesignError(f"{self.source}, line {line}, column {quantity.name}: {error}{written}") from None
 
 
 _Column = tuple[MeasuredQuantity, str]
@@ -300,19 +300,19 @@ class _Lines:
             self.numbers.append(line)
 
     def _sigma(self, at: str, cell: str, where: str) -> float:
-        one, unit = self._columns[at]
-        number = _number(cell, one, unit, where)
-        if number < 0.0 or (number == 0.0 and one.kind != "joint"):
-            raise DesignError(f"{where}, column {one.name}: a standard deviation is above 0")
-        return 0.0 if one.kind == "joint" and math.isnan(number) else number
+        quantity, unit = self._columns[at]
+        number = _number(cell, quantity, unit, where)
+        if number < 0.0 or (number == 0.0 and quantity.kind != "joint"):
+            raise DesignError(f"{where}, column {quantity.name}: a standard deviation is above 0")
+        return 0.0 if quantity.kind == "joint" and math.isnan(number) else number
 
     def _reading(self, at: str, cell: str, where: str) -> float:
-        one, unit = self._columns[at]
-        number = _number(cell, one, unit, where)
-        if math.isfinite(number) and one.kind != "joint" and not math.isfinite(self._spread.get(at, math.nan)):
+        quantity, unit = self._columns[at]
+        number = _number(cell, quantity, unit, where)
+        if math.isfinite(number) and quantity.kind != "joint" and not math.isfinite(self._spread.get(at, math.nan)):
             self._spread[at] = 1.0  # the same is wrong with the lines below
             raise DesignError(
-                f"{where}, column {one.name}: no sigma is given: write a line 'sigma,...' above, with the "
+                f"{where}, column {quantity.name}: no sigma is given: write a line 'sigma,...' above, with the "
                 f"standard deviation of its errors in this column"
             )
         return number
@@ -323,12 +323,12 @@ def _rows(text: str) -> list[tuple[int, list[str]]]:
     first = next((line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")), "")
     mark = next((mark for mark in ("\t", ";") if mark in first), ",")
     reader = csv.reader(io.StringIO(text.removeprefix("\ufeff")), delimiter=mark, skipinitialspace=True)
-    found = []
+    rows = []
     for row in reader:
         cells = [csv_text(cell.strip()) for cell in row]
         if any(cells) and not cells[0].startswith("#"):
-            found.append((reader.line_num, cells))
-    return found
+            rows.append((reader.line_num, cells))
+    return rows
 
 
 def _check_header(header: Sequence[str], where: str) -> None:
@@ -346,35 +346,35 @@ def _read_columns(header: Sequence[str], mechanism: Mechanism, where: str, colum
     """
 
     def column(text: str, at: str) -> _Column:
-        found = _HEADER.fullmatch(text)
-        if found is None or not found["what"]:
+        match = _HEADER.fullmatch(text)
+        if match is None or not match["what"]:
             raise DesignError(f"{at}: '{text}': write a quantity and its unit, such as joint1 [deg]")
         try:
-            one = MeasuredQuantity.parse(found["what"], mechanism)
-            unit = (found["unit"] or "").strip()
-            parse(f"1 {unit}", one.dimension)
+            quantity = MeasuredQuantity.parse(match["what"], mechanism)
+            unit = (match["unit"] or "").strip()
+            parse(f"1 {unit}", quantity.dimension)
         except QuantityError as error:
             text = str(error).replace(f"'1 {unit}'", f"[{unit}]", 1)
-            raise DesignError(f"{at}: {one.name}: {text}") from None
+            raise DesignError(f"{at}: {quantity.name}: {text}") from None
         except DesignError as error:
             raise DesignError(f"{at}: {error}") from None
-        if one.name in (other.name for other, _ in columns.values()):
-            raise DesignError(f"{at}: {one.name} has two columns: a second measurement is another line")
-        return one, unit
+        if quantity.name in (other.name for other, _ in columns.values()):
+            raise DesignError(f"{at}: {quantity.name} has two columns: a second measurement is another line")
+        return quantity, unit
 
     cells = enumerate(header[1:], 1)
     read_all(((str(k), partial(column, text, f"{where}, column {k + 1}")) for k, text in cells), DesignError, columns)
 
 
-def _number(cell: str, one: MeasuredQuantity, unit: str, where: str) -> float:
+def _number(cell: str, quantity: MeasuredQuantity, unit: str, where: str) -> float:
     """Return a cell in m or rad; NaN if it is empty."""
     if not cell:
         return math.nan
     try:
-        return parse(cell, one.dimension, unit or None)
+        return parse(cell, quantity.dimension, unit or None)
     except QuantityError as error:
         why = f"'{cell}' has a decimal comma: write {cell.replace(',', '.')}" if _COMMA.match(cell) else str(error)
-        raise DesignError(f"{where}, column {one.name}: {why}") from None
+        raise DesignError(f"{where}, column {quantity.name}: {why}") from None
 
 
 def _vector(name: str, text: str) -> tuple[float, float, float]:
@@ -388,9 +388,9 @@ def _vector(name: str, text: str) -> tuple[float, float, float]:
     return values[0], values[1], values[2]
 
 
-def _unit(one: MeasuredQuantity) -> str:
-    return "m" if one.dimension is LENGTH else "rad"
+def _unit(quantity: MeasuredQuantity) -> str:
+    return "m" if quantity.dimension is LENGTH else "rad"
 
 
-def _other(one: MeasuredQuantity) -> str:
-    return "mm" if one.dimension is LENGTH else "rad"
+def _other(quantity: MeasuredQuantity) -> str:
+    return "mm" if quantity.dimension is LENGTH else "rad"

@@ -61,16 +61,19 @@ def mistakes(observation: Observation) -> Iterator[Mistake]:
 def lines(comparison: ColumnComparison) -> Iterator[Mistake]:
     """Yield readings that are shifted by one line, then the order in which they are nearest to what the robot does."""
     observation = comparison.observation
-    given, outputs = observation.measurements, observation.outputs
-    count, names = len(given), names_of(given, outputs)
+    measurements, outputs = observation.measurements, observation.outputs
+    count, names = len(measurements), names_of(measurements, outputs)
     if count <= 2 * FEWEST or comparison.given is None:
         return
 
-    def moved(here: list[int], there: list[int], text: str, edit: str) -> Mistake:
-        values, sigmas = given.values[here].copy(), given.sigmas[here].copy()
-        values[:, outputs], sigmas[:, outputs] = given.values[there][:, outputs], given.sigmas[there][:, outputs]
-        labels = tuple(given.labels[i] for i in here)
-        return Mistake(text, edit, replace(given, values=values, sigmas=sigmas, labels=labels), 1)
+    def moved(joint_rows: list[int], output_rows: list[int], text: str, edit: str) -> Mistake:
+        values, sigmas = measurements.values[joint_rows].copy(), measurements.sigmas[joint_rows].copy()
+        values[:, outputs], sigmas[:, outputs] = (
+            measurements.values[output_rows][:, outputs],
+            measurements.sigmas[output_rows][:, outputs],
+        )
+        labels = tuple(measurements.labels[i] for i in joint_rows)
+        return Mistake(text, edit, replace(measurements, values=values, sigmas=sigmas, labels=labels), 1)
 
     first, last, edit = list(range(count - 1)), list(range(1, count)), f"move {names} by one line, joints stay"
     yield moved(first, last, f"with {names} of the line below", edit)
@@ -78,17 +81,17 @@ def lines(comparison: ColumnComparison) -> Iterator[Mistake]:
     values = observation.predict(observation.values, derivatives=False).values
     apart = (values[:, None] - observation.measured) / comparison.given.expected
     order = linear_sum_assignment(np.nan_to_num(np.abs(apart)).sum(axis=2))[1].tolist()
-    others = [f"{given.labels[j]} at {given.labels[i]}" for i, j in enumerate(order) if i != j]
+    others = [f"{measurements.labels[j]} at {measurements.labels[i]}" for i, j in enumerate(order) if i != j]
     text = f"with {names} in another order of lines ({first_of(others, _SHOWN)})"
     yield moved(list(range(count)), order, text, f"move {names} to the lines of the joints where they were read")
 
 
-def scaled(given: Measurements, chosen: Sequence[int], factor: float, offset: float = 0.0) -> Measurements:
+def scaled(measurements: Measurements, chosen: Sequence[int], factor: float, offset: float = 0.0) -> Measurements:
     """Return measurements with other numbers in some columns: offset + factor times what they are."""
-    values, sigmas = given.values.copy(), given.sigmas.copy()
+    values, sigmas = measurements.values.copy(), measurements.sigmas.copy()
     values[:, chosen] = offset + factor * values[:, chosen]
     sigmas[:, chosen] *= abs(factor)
-    return replace(given, values=values, sigmas=sigmas)
+    return replace(measurements, values=values, sigmas=sigmas)
 
 
 def of_joints(observation: Observation) -> list[list[int]]:
@@ -99,44 +102,49 @@ def of_joints(observation: Observation) -> list[list[int]]:
 
 def _groups(observation: Observation) -> list[list[int]]:
     """Return columns that are coordinates of one target, positions and angles apart."""
-    found: dict[tuple[object, ...], list[int]] = {}
+    groups: dict[tuple[object, ...], list[int]] = {}
     for k in observation.outputs:
-        one = observation.measurements.quantities[k]
-        if one.kind in COORDINATES:
-            found.setdefault((one.of, one.point, one.device, one.target, one.dimension.default), []).append(k)
-    return list(found.values())
+        quantity = observation.measurements.quantities[k]
+        if quantity.kind in COORDINATES:
+            groups.setdefault(
+                (quantity.of, quantity.point, quantity.device, quantity.target, quantity.dimension.default), []
+            ).append(k)
+    return list(groups.values())
 
 
-def names_of(given: Measurements, chosen: Sequence[int]) -> str:
+def names_of(measurements: Measurements, chosen: Sequence[int]) -> str:
     """Return the names of columns."""
-    return ", ".join(given.quantities[k].name for k in chosen)
+    return ", ".join(measurements.quantities[k].name for k in chosen)
 
 
 def _signs(observation: Observation, groups: Sequence[Sequence[int]]) -> Iterator[Mistake]:
     """Yield signs of single columns, then of more of one group."""
-    given, joints = observation.measurements, of_joints(observation)
+    measurements, joints = observation.measurements, of_joints(observation)
     several = [
         list(chosen)
         for group in (*joints, *groups)
         for size in (range(2, len(group) + 1) if len(group) <= _SUBSETS else (2, len(group)))
         for chosen in combinations(group, size)
     ]
-    for chosen in [[k] for k in range(len(given.quantities))] + several:
+    for chosen in [[k] for k in range(len(measurements.quantities))] + several:
         rank = 0 if len(chosen) == 1 or chosen in joints else 1
-        names = names_of(given, chosen)
+        names = names_of(measurements, chosen)
         yield Mistake(
-            f"with the opposite sign of {names}", f"change the sign of {names}", scaled(given, chosen, -1.0), rank
+            f"with the opposite sign of {names}",
+            f"change the sign of {names}",
+            scaled(measurements, chosen, -1.0),
+            rank,
         )
 
 
 def _units(observation: Observation) -> Iterator[Mistake]:
-    given, outputs = observation.measurements, observation.outputs
-    columns = given.quantities
+    measurements, outputs = observation.measurements, observation.outputs
+    columns = measurements.quantities
     read = [[k for k in outputs if columns[k].dimension is kind] for kind in (LENGTH, ANGLE)]
-    whole = [one for one in (*of_joints(observation), *read) if len(one) > 1]
+    whole = [group for group in (*of_joints(observation), *read) if len(group) > 1]
     for chosen in [[k] for k in range(len(columns))] + whole:
-        names, dimension = names_of(given, chosen), columns[chosen[0]].dimension
-        seen = np.nan_to_num(given.values[:, chosen])
+        names, dimension = names_of(measurements, chosen), columns[chosen[0]].dimension
+        seen = np.nan_to_num(measurements.values[:, chosen])
         least = (
             _SEEN
             * (observation.design.mechanism.length if dimension is LENGTH else 1.0)
@@ -146,15 +154,16 @@ def _units(observation: Observation) -> Iterator[Mistake]:
             if factor < min(least, 1.0):
                 continue  # numbers near 0 say nothing
             edit = f"multiply the numbers in {names} by {factor:.6g}"
-            yield Mistake(f"with {names} in {right} instead of {wrong}", edit, scaled(given, chosen, factor), 0)
+            yield Mistake(f"with {names} in {right} instead of {wrong}", edit, scaled(measurements, chosen, factor), 0)
 
 
 def _orders(observation: Observation, groups: Sequence[Sequence[int]]) -> Iterator[Mistake]:
     """Two columns exchanged, or more in another order, of one group."""
-    given = observation.measurements
-    columns = given.quantities
+    measurements = observation.measurements
+    columns = measurements.quantities
     joints = [
-        [k for k, one in enumerate(columns) if one.kind == "joint" and one.dimension is d] for d in (LENGTH, ANGLE)
+        [k for k, quantity in enumerate(columns) if quantity.kind == "joint" and quantity.dimension is d]
+        for d in (LENGTH, ANGLE)
     ]
     for group in map(list, [*joints, *groups]):
         orders = [([a, b], [b, a]) for a, b in combinations(group, 2)]
@@ -163,38 +172,40 @@ def _orders(observation: Observation, groups: Sequence[Sequence[int]]) -> Iterat
         if len(group) > 3:
             orders += [(group, group[by:] + group[:by]) for by in range(1, len(group))] + [(group, group[::-1])]
         for chosen, order in orders:
-            values, sigmas = given.values.copy(), given.sigmas.copy()
-            values[:, chosen], sigmas[:, chosen] = given.values[:, order], given.sigmas[:, order]
-            names, others = names_of(given, chosen), names_of(given, order)
+            values, sigmas = measurements.values.copy(), measurements.sigmas.copy()
+            values[:, chosen], sigmas[:, chosen] = measurements.values[:, order], measurements.sigmas[:, order]
+            names, others = names_of(measurements, chosen), names_of(measurements, order)
             text = (
                 f"columns {names.replace(', ', ' and ')} exchanged"
                 if len(order) == 2
                 else f"{names} in the order {others}"
             )
             edit = f"write {others} where the header has {names}"
-            yield Mistake(f"with {text}", edit, replace(given, values=values, sigmas=sigmas), int(len(order) > 2))
+            yield Mistake(
+                f"with {text}", edit, replace(measurements, values=values, sigmas=sigmas), int(len(order) > 2)
+            )
 
 
-def _poses(given: Measurements, angles: Sequence[int], groups: Sequence[Sequence[int]]) -> Iterator[Mistake]:
+def _poses(measurements: Measurements, angles: Sequence[int], groups: Sequence[Sequence[int]]) -> Iterator[Mistake]:
     """Other ways to write a rotation, and a pose."""
-    columns = given.quantities
+    columns = measurements.quantities
     of = columns[angles[0]]
-    read = given.values[:, angles]
+    read = measurements.values[:, angles]
     whole = np.isfinite(read).all(axis=1)
     if [columns[k].kind for k in angles] != list(COORDINATES[3:]) or not whole.any():
         return
-    lines, names = np.flatnonzero(whole), names_of(given, angles)
-    own = np.array([pin.rpy.rpyToMatrix(*row) for row in read[whole]])
-    back = Rotation.from_matrix(np.swapaxes(own, 1, 2))
+    lines, names = np.flatnonzero(whole), names_of(measurements, angles)
+    matrices = np.array([pin.rpy.rpyToMatrix(*row) for row in read[whole]])
+    back = Rotation.from_matrix(np.swapaxes(matrices, 1, 2))
     rotations = {f"as Euler angles {order} of scipy": Rotation.from_euler(order, read[whole]) for order in _EULER}
     rotations["as angles about z, y and x"] = Rotation.from_euler("ZYX", read[whole])
     rotations["as a rotation vector"] = Rotation.from_rotvec(read[whole])
     rotations["as the inverse rotation"] = back
 
     def turned(rotation: Rotation) -> Measurements:
-        values = given.values.copy()
+        values = measurements.values.copy()
         values[np.ix_(lines, np.array(angles))] = rotation.as_euler("ZYX")[:, ::-1]
-        return replace(given, values=values)
+        return replace(measurements, values=values)
 
     for text, rotation in rotations.items():
         edit = f"convert {names} to roll, pitch and yaw, R = Rz(rz) Ry(ry) Rx(rx)"
@@ -203,16 +214,16 @@ def _poses(given: Measurements, angles: Sequence[int], groups: Sequence[Sequence
         a = columns[places[0]]
         same = (a.of, a.point, a.device, a.target) == (of.of, of.point, of.device, of.target)
         if same and [columns[k].kind for k in places] == list(COORDINATES[:3]):
-            found = turned(back)
-            there = np.ix_(lines, np.array(places))
-            found.values[there] = -np.einsum("nji,nj->ni", own, given.values[there])
+            inverted = turned(back)
+            cells = np.ix_(lines, np.array(places))
+            inverted.values[cells] = -np.einsum("nji,nj->ni", matrices, measurements.values[cells])
             text = f"with poses of the world in {of.of}, the inverse of what the columns name"
-            yield Mistake(text, f"invert the poses of {of.of}", found, 1)
+            yield Mistake(text, f"invert the poses of {of.of}", inverted, 1)
 
 
 def _headers(observation: Observation) -> Iterator[Mistake]:
     """The header names another coordinate, node or joint."""
-    given, columns, mechanism = (
+    measurements, columns, mechanism = (
         observation.measurements,
         observation.measurements.quantities,
         observation.design.mechanism,
@@ -220,24 +231,27 @@ def _headers(observation: Observation) -> Iterator[Mistake]:
 
     def instead(old: str, new: str, changed: Sequence[MeasuredQuantity], rank: int) -> Mistake:
         text = f"{new} in place of {old}"
-        return Mistake(f"with {text}", f"write {text}", replace(given, quantities=tuple(changed)), rank)
+        return Mistake(f"with {text}", f"write {text}", replace(measurements, quantities=tuple(changed)), rank)
 
     for group in _groups(observation):
         kinds = [columns[k].kind for k in group]
         for k in group:
-            one, all_ = columns[k], COORDINATES[:3] if columns[k].dimension is LENGTH else COORDINATES[3:]
+            quantity, all_ = columns[k], COORDINATES[:3] if columns[k].dimension is LENGTH else COORDINATES[3:]
             for kind in (kind for kind in all_ if kind not in kinds):
-                head, _, tail = one.name.rpartition(f".{one.kind}")
-                new = replace(one, kind=kind, name=f"{head}.{kind}{tail}")
-                yield instead(one.name, new.name, [new if other is one else other for other in columns], 0)
-    own = [one for one in columns if one.kind != "joint" and not one.target]
-    measured = list(dict.fromkeys(one.of for one in own))
+                head, _, tail = quantity.name.rpartition(f".{quantity.kind}")
+                new = replace(quantity, kind=kind, name=f"{head}.{kind}{tail}")
+                yield instead(quantity.name, new.name, [new if other is quantity else other for other in columns], 0)
+    of_nodes = [quantity for quantity in columns if quantity.kind != "joint" and not quantity.target]
+    measured = list(dict.fromkeys(quantity.of for quantity in of_nodes))
     for old in measured:
         for node in (node for node in mechanism.nodes if node not in measured):
-            changed = [replace(one, of=node) if one in own and one.of == old else one for one in columns]
+            changed = [
+                replace(quantity, of=node) if quantity in of_nodes and quantity.of == old else quantity
+                for quantity in columns
+            ]
             yield instead(old, node, changed, 1)
-    joints = [one for one in columns if one.kind == "joint"]
-    for joint in (one for one in mechanism.actuated if one not in [other.of for other in joints]):
-        for one in (one for one in joints if one.of not in mechanism.actuated):
-            new = replace(one, of=joint, name=joint)
-            yield instead(one.name, joint, [new if other is one else other for other in columns], 0)
+    joints = [quantity for quantity in columns if quantity.kind == "joint"]
+    for joint in (name for name in mechanism.actuated if name not in [other.of for other in joints]):
+        for quantity in (quantity for quantity in joints if quantity.of not in mechanism.actuated):
+            new = replace(quantity, of=joint, name=joint)
+            yield instead(quantity.name, joint, [new if other is quantity else other for other in columns], 0)

@@ -95,7 +95,7 @@ class Observation:
         mechanism = parameters.mechanism
         if mechanism.floating:
             raise DesignError(f"{mechanism.name} has a floating base: calibration needs one that is fixed")
-        columns = {one.of: k for k, one in enumerate(measurements.quantities) if one.kind == "joint"}
+        columns = {quantity.of: k for k, quantity in enumerate(measurements.quantities) if quantity.kind == "joint"}
         self.inputs = _inputs(parameters, measurements, columns)
         self.design = Design(parameters, fixed=self.inputs)
         for joint in gains:
@@ -115,7 +115,8 @@ class Observation:
             rough: whether frames need not be placed exactly.
         """
         joints = [
-            {one.of for one in read.quantities if one.kind == "joint"} for read in (measurements, self.measurements)
+            {quantity.of for quantity in read.quantities if quantity.kind == "joint"}
+            for read in (measurements, self.measurements)
         ]
         if joints[0] != joints[1]:
             return Observation(self.design.parameters, measurements, self.gains)
@@ -126,13 +127,13 @@ class Observation:
 
     def _observe(self, measurements: Measurements, frames: MeasuringFrames | None) -> None:
         self.measurements, parameters = measurements, self.design.parameters
-        columns = {one.of: k for k, one in enumerate(measurements.quantities) if one.kind == "joint"}
+        columns = {each.of: k for k, each in enumerate(measurements.quantities) if each.kind == "joint"}
         self.input_columns = [columns[joint] for joint in self.inputs]
         self.outputs = [k for k in range(len(measurements.quantities)) if k not in self.input_columns]
         self.frames, self._is_placed = frames or MeasuringFrames(self.quantities), frames is not None
         self.names = (*parameters.names, *(f"{joint}.gain" for joint in self.gains), *self.frames.names)
         self.units = (
-            *(one.unit for one in parameters.free),
+            *(each.unit for each in parameters.free),
             *("" for _ in self.gains),
             *("m" if dimension is LENGTH else "rad" for dimension in self.frames.dimensions),
         )
@@ -172,9 +173,9 @@ class Observation:
         steps = _STEPS // 2 if hasty else _STEPS
         for part in np.linspace(0.0, 1.0, steps + 1)[1:] if design.rank else (1.0,):
             q[:, self._at] = (1.0 - part) * home[self._at] + part * self.readings
-            here = design.evaluate(q=q, derivatives=False, near=hasty)
-            closed = here.gap <= closure.CLOSED
-            q = np.where(closed[:, None], here.q, q)
+            evaluation = design.evaluate(q=q, derivatives=False, near=hasty)
+            closed = evaluation.gap <= closure.CLOSED
+            q = np.where(closed[:, None], evaluation.q, q)
             if hasty and not closed.all():
                 break
         while not hasty and not closed.all() and closed.any():
@@ -183,11 +184,11 @@ class Observation:
             apart = np.linalg.norm((self.readings[open_][:, None] - self.readings[done]) / scale, axis=2)
             trial = q[done[apart.argmin(axis=1)]].copy()
             trial[:, self._at] = self.readings[open_]
-            here = design.evaluate(q=trial, derivatives=False)
-            better = here.gap <= closure.CLOSED
+            evaluation = design.evaluate(q=trial, derivatives=False)
+            better = evaluation.gap <= closure.CLOSED
             if not better.any():
                 break
-            q[open_[better]], closed[open_[better]] = here.q[better], True
+            q[open_[better]], closed[open_[better]] = evaluation.q[better], True
         if not closed.all():
             labels = [self.measurements.labels[i] for i in np.flatnonzero(~closed)]
             raise DesignError(
@@ -251,20 +252,17 @@ class Observation:
                     g = count + self.gains.index(joint)
                     jacobian[:, :, g] += by_inputs[:, :, i] * self.readings[:, i, None]
         return Prediction(
-            values,
-            jacobian,
-            by_inputs * factors,
-            state.q,
-            state.gap,
-            state.opening if derivatives else (),
+            values, jacobian, by_inputs * factors, state.q, state.gap, state.opening if derivatives else ()
         )
 
     def _place_frames(self) -> None:
         self._is_placed = True
         if not len(self.frames):
             return
-        here = self.design.evaluate(q=self._q, derivatives=False)
-        nodes = {one.of: here.placements(one.of) for one in self.quantities if one.kind != "joint"}
+        evaluation = self.design.evaluate(q=self._q, derivatives=False)
+        nodes = {
+            quantity.of: evaluation.placements(quantity.of) for quantity in self.quantities if quantity.kind != "joint"
+        }
         self.frames.locate(
             self.quantities, self.measured, nodes, self.design.mechanism.length, self.measurements.source, self._rough
         )
@@ -281,42 +279,44 @@ class Observation:
     def residuals(self, prediction: Prediction) -> Array:
         """Return expected minus measured readings (poses, outputs), m and rad; NaN where nothing was measured. Angles
         are compared modulo revolutions."""
-        found = prediction.values - self.measured
-        for k, one in enumerate(self.quantities):
-            if one.dimension is ANGLE:
-                found[:, k] = (found[:, k] + math.pi) % (2.0 * math.pi) - math.pi
-        return found
+        residuals = prediction.values - self.measured
+        for k, quantity in enumerate(self.quantities):
+            if quantity.dimension is ANGLE:
+                residuals[:, k] = (residuals[:, k] + math.pi) % (2.0 * math.pi) - math.pi
+        return residuals
 
     def covariances(self, prediction: Prediction) -> Array:
         """Return the covariances (poses, outputs, outputs) of the readings; rows and columns of what was not measured
         are those of an independent error 1."""
         a, missing = prediction.by_inputs, ~np.isfinite(self.measured)
-        found = np.einsum("nki,ni,nli->nkl", a, self.input_sigmas**2, a)
-        found[missing] = 0.0
-        np.swapaxes(found, 1, 2)[missing] = 0.0
-        k = np.arange(found.shape[1])
-        found[:, k, k] += np.where(missing, 1.0, self.sigmas**2)
-        return np.asarray(found)
+        covariances = np.einsum("nki,ni,nli->nkl", a, self.input_sigmas**2, a)
+        covariances[missing] = 0.0
+        np.swapaxes(covariances, 1, 2)[missing] = 0.0
+        k = np.arange(covariances.shape[1])
+        covariances[:, k, k] += np.where(missing, 1.0, self.sigmas**2)
+        return np.asarray(covariances)
 
     def expected_errors(self, errors: Array) -> Array:
         """Return the expected errors (parameters,) with those of gains appended: what an error of the joint's offset
         does at its largest reading, m and rad; then those of frames."""
-        found = list(errors)
+        expected = list(errors)
         for joint in self.gains:
             column = next(
-                k for k, one in enumerate(self.measurements.quantities) if one.of == joint and one.kind == "joint"
+                k
+                for k, quantity in enumerate(self.measurements.quantities)
+                if quantity.of == joint and quantity.kind == "joint"
             )
             largest = float(np.nanmax(np.abs(self.measurements.values[:, column])))
             is_long = self.measurements.quantities[column].dimension is LENGTH
-            found.append((3e-4 if is_long else math.radians(0.05)) / max(largest, 1e-3))
-        found += [3e-3 if dimension is LENGTH else math.radians(0.5) for dimension in self.frames.dimensions]
-        return np.array(found)
+            expected.append((3e-4 if is_long else math.radians(0.05)) / max(largest, 1e-3))
+        expected += [3e-3 if dimension is LENGTH else math.radians(0.5) for dimension in self.frames.dimensions]
+        return np.array(expected)
 
-    def _own(self, here: DesignEvaluation) -> Array:
+    def _own(self, evaluation: DesignEvaluation) -> Array:
         """Return the motion (poses, nv, inputs) of all joints by the inputs."""
-        found = here.compensate(here.loop_joints[:, :, self._v])
-        found[:, self._v, np.arange(len(self._v))] = 1.0
-        return found
+        rates = evaluation.compensate(evaluation.loop_joints[:, :, self._v])
+        rates[:, self._v, np.arange(len(self._v))] = 1.0
+        return rates
 
 
 def _inputs(parameters: Parameters, measurements: Measurements, columns: dict[str, int]) -> tuple[str, ...]:
@@ -346,7 +346,7 @@ def _inputs(parameters: Parameters, measurements: Measurements, columns: dict[st
         )
     whole = max((closure.rank(c) for c in matrices), default=0)
     complete = {joint: bool(np.isfinite(measurements.values[:, k]).all()) for joint, k in columns.items()}
-    for joint in sorted(columns, key=lambda one: (complete[one], one in mechanism.actuated)):
+    for joint in sorted(columns, key=lambda each: (complete[each], each in mechanism.actuated)):
         if len(moving) < whole and rank([*moving, mechanism.v_index(joint)]) > len(moving):
             moving.append(mechanism.v_index(joint))
     inputs = tuple(joint for joint in mechanism.joints if joint in columns and mechanism.v_index(joint) not in moving)

@@ -335,7 +335,7 @@ class PrecisionProblem:
             tangent = closed_motions(self.design, tangents.jacobians)[0, :, 0]
             tangent = -tangent if tangent @ before < 0.0 else tangent
             now = tangents.q[0]
-            apart = np.abs(_wrapped((q - now) / scale)).max(axis=1)
+            apart = np.abs(np.asarray(((q - now) / scale + np.pi) % (2.0 * np.pi) - np.pi)).max(axis=1)
             for i in np.flatnonzero(apart < 0.75 * _FINE):
                 if i not in met:
                     met.append(int(i))
@@ -349,10 +349,6 @@ class PrecisionProblem:
         order = met == list(range(len(q))) or met == [0, *range(len(q) - 1, 0, -1)]
         used = turns[where[0] : where[-1] + 1] if met[1] == 1 else turns[where[1] :]  # or the other way around
         return True, order, bool(min(used) > 0.0 or max(used) < 0.0)
-
-
-def _wrapped(angles: Array) -> Array:
-    return np.asarray((angles + np.pi) % (2.0 * np.pi) - np.pi)
 
 
 def _turns_back(values: Array) -> bool:

@@ -83,21 +83,21 @@ class _Search:
     def result(self) -> Synthesis:
         problem, task = self.problem, self.task
         starts = self._starts()
-        good = sorted((one for one in starts if one.is_feasible), key=lambda one: -one.score)
+        good = sorted((each for each in starts if each.is_feasible), key=lambda each: -each.score)
         if not good:
             self._state.remove()  # there is nothing to continue
             raise DesignError(_impossible(problem, starts))
         x, front = np.array(good[0].x), tuple[FrontPoint, ...]()
         problem.evaluations = problem.configurations = 0
         if len(task.objectives) > 1:
-            points = self._front([np.array(one.x) for one in good])
-            x, front = points[0], tuple(self._front_point(one) for one in points)
+            points = self._front([np.array(each.x) for each in good])
+            x, front = points[0], tuple(self._front_point(each) for each in points)
             # the one that is written does the task, if any of them does
-            allowed = [k for k, one in enumerate(front) if one.check.holds] or list(range(len(front)))
+            allowed = [k for k, each in enumerate(front) if each.check.holds] or list(range(len(front)))
             k = allowed[knee(np.array([self._scores(points[i]) for i in allowed]))]
             x = points[k]
-        evaluations = problem.evaluations + sum(one.evaluations for one in starts)
-        configurations = problem.configurations + sum(one.configurations for one in starts)
+        evaluations = problem.evaluations + sum(each.evaluations for each in starts)
+        configurations = problem.configurations + sum(each.configurations for each in starts)
         p, scale = problem.split(x)
         width = problem.high - problem.low
         bound = tuple(
@@ -116,7 +116,7 @@ class _Search:
         """Return the results of all starts; those of the state are not repeated."""
         problem, state = self.problem, self._state
         if not state.origins:
-            state.origins = [one.tolist() for one in self._origins()]
+            state.origins = [origin.tolist() for origin in self._origins()]
             state.write()
         todo = [k for k in range(len(state.origins)) if k not in state.starts]
         finished = len(state.starts)
@@ -127,8 +127,8 @@ class _Search:
             self.report(f"start {finished + 1}", finished, len(state.origins))
         with connected(self._scheduler, count) if several else nullcontext() as client:
             tasks = [(k, state.origins[k]) for k in todo]
-            given = (pickle.dumps((source, self.task, robot)) if client else problem,)
-            for (k, _), future in each(client, _solved, tasks, *given):
+            shared = (pickle.dumps((source, self.task, robot)) if client else problem,)
+            for (k, _), future in each(client, _solved, tasks, *shared):
                 state.starts[k] = future.result()
                 state.write()
                 finished += 1
@@ -146,9 +146,9 @@ class _Search:
         power = int(np.ceil(np.log2(max(count, 2))))
         others = qmc.Sobol(len(problem.parameters), seed=0).random_base2(power)[: count - 1]
         n = len(problem.parameters)
-        found = np.tile(problem.written, (len(others), 1))
-        found[:, :n] = problem.low[:n] + others * (problem.high - problem.low)[:n]
-        return [problem.written, *found]
+        origins = np.tile(problem.written, (len(others), 1))
+        origins[:, :n] = problem.low[:n] + others * (problem.high - problem.low)[:n]
+        return [problem.written, *origins]
 
     # --- what was found --------------------------------------------------------------------------------------------
 
@@ -174,7 +174,7 @@ class _Search:
         problem = self.problem
         problem.begin(x)
         scores = problem.at(x)
-        return [problem.value(one, scores) for one in self.task.objectives]
+        return [problem.value(objective, scores) for objective in self.task.objectives]
 
     def _values(self, x: Array) -> tuple[float, ...]:
         """Return the values of the objectives at the targets of the finest grid."""
@@ -184,9 +184,11 @@ class _Search:
             problem.points = np.vstack([problem.points, *problem.grids])
         problem.begin(x)
         scores = problem.at(x)
-        found = tuple(problem.scoring.shown(one, problem.value(one, scores)) for one in self.task.objectives)
+        values = tuple(
+            problem.scoring.shown(objective, problem.value(objective, scores)) for objective in self.task.objectives
+        )
         problem.restart()
-        return found
+        return values
 
     def _before(self) -> tuple[float, ...]:
         """Return the values of the objectives with the file's parameters, where these do the task; the region as large
@@ -196,7 +198,7 @@ class _Search:
         if self.task.grows:
             n, bounds = len(problem.parameters), (problem.low.copy(), problem.high.copy())
             problem.low[:n] = problem.high[:n] = x[:n]
-            goals = [Goal(one) for one in self.task.objectives if one.quantity == "region"]
+            goals = [Goal(objective) for objective in self.task.objectives if objective.quantity == "region"]
             try:
                 x = problem.optimised(x, goals)
             finally:
@@ -207,10 +209,10 @@ class _Search:
         return self._values(x) if good else (float("nan"),) * len(self.task.objectives)
 
 
-def _solved(problem: SynthesisProblem | bytes, one: tuple[int, list[float]]) -> Start:
+def _solved(problem: SynthesisProblem | bytes, start: tuple[int, list[float]]) -> Start:
     """Return the result of a start; in another process, of a problem whose arguments were pickled."""
-    own = _problem_of(problem) if isinstance(problem, bytes) else problem
-    return _solved_start(own, one[0], np.array(one[1]))
+    loaded = _problem_of(problem) if isinstance(problem, bytes) else problem
+    return _solved_start(loaded, start[0], np.array(start[1]))
 
 
 @lru_cache(maxsize=1)
@@ -228,7 +230,7 @@ def _solved_start(problem: SynthesisProblem, index: int, x: Array) -> Start:
         reached = scores.reached
         worst = int(np.argmax(reached.distance))
         missed = 0.0 if reached.is_reached[worst] else float(np.linalg.norm(reached.error[worst]))
-        found = problem.value(first, scores), problem.violation(scores), problem.violated(scores)
+        outcome = problem.value(first, scores), problem.violation(scores), problem.violated(scores)
     except (CinegenError, np.linalg.LinAlgError) as error:
         return Start(
             index, x.tolist(), -1e300, 1e300, "", problem.evaluations, problem.configurations, [], 0.0, [], str(error)
@@ -236,7 +238,7 @@ def _solved_start(problem: SynthesisProblem, index: int, x: Array) -> Start:
     return Start(
         index,
         x.tolist(),
-        *found,
+        *outcome,
         problem.evaluations,
         problem.configurations,
         problem.points.tolist(),
@@ -247,7 +249,7 @@ def _solved_start(problem: SynthesisProblem, index: int, x: Array) -> Start:
 
 def _impossible(problem: SynthesisProblem, finished: list[Start]) -> str:
     name, axes = problem.parameters.robot.name, problem.task.reach.axes
-    nearest = min(finished, key=lambda one: one.violation)
+    nearest = min(finished, key=lambda start: start.violation)
     if nearest.error:
         return f"{name}: all of {len(finished)} starts failed: {nearest.error}"
     if nearest.missed > 0.0 and nearest.violated == "singular_values":  # lost targets count there
@@ -289,7 +291,9 @@ def checked(problem: SynthesisProblem, x: Array) -> Check:
         int((scores.margins.values >= -1e-6).all(axis=1).sum()),
         (float(sigma), float(1.0 / inverse) if inverse > 0.0 else float("inf")),
         float(1.0 / condition) if condition > 0.0 else float("inf"),
-        tuple(written.scoring.shown(one, written.value(one, scores)) for one in problem.task.objectives),
+        tuple(
+            written.scoring.shown(objective, written.value(objective, scores)) for objective in problem.task.objectives
+        ),
         margins,
     )
 
@@ -336,7 +340,7 @@ class _State:
             values = json.loads(path.read_text(encoding="utf-8"))
             if values["task"] == self._fingerprint:
                 self.origins, self.front = values["origins"], values["front"]
-                self.starts = {one["index"]: Start(**one) for one in values["starts"]}
+                self.starts = {start["index"]: Start(**start) for start in values["starts"]}
                 return
         except (OSError, ValueError, KeyError, TypeError):
             raise DesignError(f"{path}: is no state of a synthesis: remove it, or name another") from None

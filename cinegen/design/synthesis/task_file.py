@@ -90,10 +90,10 @@ def _task(table: SceneTable, values: Mapping[str, Any]) -> SynthesisTask | Preci
     }
     kinds = [key for key in ("path", "guidance", "function") if key in table]
     if kinds:
-        own = {"points": lambda: _precision(table, kinds), "rest": lambda: None if kinds[1:] else table.finish()}
-        given = read_all({**common, "starts": lambda: _count(table, "starts", 200), **own}, SceneError)
-        points, rows, joints = given["points"]
-        return Precision(given["parameters"], points, given["ties"], given["node"], rows, joints, given["starts"])
+        of_kind = {"points": lambda: _precision(table, kinds), "rest": lambda: None if kinds[1:] else table.finish()}
+        read = read_all({**common, "starts": lambda: _count(table, "starts", 200), **of_kind}, SceneError)
+        points, rows, joints = read["points"]
+        return Precision(read["parameters"], points, read["ties"], read["node"], rows, joints, read["starts"])
     reads = {
         **common,
         "reach": lambda: _reach(table.table("reach")),
@@ -109,9 +109,9 @@ def _task(table: SceneTable, values: Mapping[str, Any]) -> SynthesisTask | Preci
     settings = read_all(reads, SceneError)
     del settings["rest"]
     settings |= settings.pop("searched") | settings.pop("constraints")
-    found = SynthesisTask(**settings, written=dict(values))
-    _check_needs(table, found)
-    return found
+    task = SynthesisTask(**settings, written=dict(values))
+    _check_needs(table, task)
+    return task
 
 
 def _parameters(table: SceneTable) -> dict[str, str]:
@@ -121,8 +121,8 @@ def _parameters(table: SceneTable) -> dict[str, str]:
 
 
 def _objectives(table: SceneTable) -> tuple[DesignObjective, ...]:
-    given = {str(i): partial(_objective, one) for i, one in enumerate(table.tables("objective"))}
-    objectives = tuple(read_all(given, SceneError).values())
+    reads = {str(i): partial(_objective, each) for i, each in enumerate(table.tables("objective"))}
+    objectives = tuple(read_all(reads, SceneError).values())
     if not objectives:
         raise table.error("objective", "is missing: write [[objective]], several of them for a Pareto front")
     if len(set(objectives)) < len(objectives):
@@ -147,16 +147,16 @@ def _check_needs(table: SceneTable, task: SynthesisTask) -> None:
 def _search(table: SceneTable) -> dict[str, Any]:
     if "search" not in table:
         return {}
-    own = table.table("search")
-    method = own.text("method")
+    inner = table.table("search")
+    method = inner.text("method")
     if method not in ("sobol", "evolution"):
         near = did_you_mean(method, ["sobol", "evolution"])
-        raise own.error("method", f"must be 'sobol' or 'evolution', not '{method}'{near}")
-    found: dict[str, Any] = {"search": method}
+        raise inner.error("method", f"must be 'sobol' or 'evolution', not '{method}'{near}")
+    settings: dict[str, Any] = {"search": method}
     if method == "evolution":
-        found |= {"population": _count(own, "population", 40, 4), "generations": _count(own, "generations", 25)}
-    own.finish()
-    return found
+        settings |= {"population": _count(inner, "population", 40, 4), "generations": _count(inner, "generations", 25)}
+    inner.finish()
+    return settings
 
 
 def _constraints(table: SceneTable) -> dict[str, Any]:
@@ -173,10 +173,10 @@ def _constraints(table: SceneTable) -> dict[str, Any]:
         "most": lambda: read_all(bounds, SceneError),
         "clearance": lambda: _clearance(table),
     }
-    given = {key: read for key, read in reads.items() if key in table or key in ("joint_limits", "most")}
-    found = read_all({**given, "rest": table.finish}, SceneError)
-    del found["rest"]
-    return found
+    present = {key: read for key, read in reads.items() if key in table or key in ("joint_limits", "most")}
+    values = read_all({**present, "rest": table.finish}, SceneError)
+    del values["rest"]
+    return values
 
 
 def _singular_values(table: SceneTable) -> tuple[float, float]:
@@ -187,28 +187,28 @@ def _singular_values(table: SceneTable) -> tuple[float, float]:
 
 
 def _bounded_size(table: SceneTable) -> tuple[tuple[str, ...], float]:
-    found = tuple(table.names("of")), table.size("most")
+    size = tuple(table.names("of")), table.size("most")
     table.finish()
-    return found
+    return size
 
 
 def _clearance(table: SceneTable) -> DesignClearance:
     if not table.has_table("clearance"):
         raise table.error("clearance", 'must be a table, such as { least = "20mm", radius = "15mm" }')
-    own = table.table("clearance")
-    least = own.size("least")
-    radius = own.size("radius") if "radius" in own else 0.0
+    inner = table.table("clearance")
+    least = inner.size("least")
+    radius = inner.size("radius") if "radius" in inner else 0.0
     obstacles = []
-    for one in own.tables("obstacle"):
-        ends = [tuple(one.vector(key, 3).tolist()) for key in ("from", "to" if "to" in one else "from")]
-        obstacles.append((ends[0], ends[1], one.size("radius")))
-        one.finish()
-    own.finish()
+    for obstacle in inner.tables("obstacle"):
+        ends = [tuple(obstacle.vector(key, 3).tolist()) for key in ("from", "to" if "to" in obstacle else "from")]
+        obstacles.append((ends[0], ends[1], obstacle.size("radius")))
+        obstacle.finish()
+    inner.finish()
     return DesignClearance(least, radius, tuple(obstacles))
 
 
 def _load(table: SceneTable) -> DesignLoad:
-    found = read_all(
+    values = read_all(
         {
             "payload": lambda: _positive(table, "payload", MASS) if "payload" in table else 0.0,
             "wrench": lambda: table.vector("wrench", 6, dimension=NUMBER) if "wrench" in table else np.zeros(6),
@@ -219,33 +219,33 @@ def _load(table: SceneTable) -> DesignLoad:
         },
         SceneError,
     )
-    return DesignLoad(found["payload"], tuple(found["wrench"].tolist()), tuple(found["gravity"].tolist()))
+    return DesignLoad(values["payload"], tuple(values["wrench"].tolist()), tuple(values["gravity"].tolist()))
 
 
 def _errors(table: SceneTable) -> DesignErrors:
-    found = {}
+    errors = {}
     for key in ("sigma", "play", "encoder"):
-        own = table.table(key) if key in table else SceneTable({}, table.where)
-        found[key] = tuple(read_all({name: partial(own.text, name) for name in own}, SceneError).items())
+        inner = table.table(key) if key in table else SceneTable({}, table.where)
+        errors[key] = tuple(read_all({name: partial(inner.text, name) for name in inner}, SceneError).items())
     table.finish()
-    if not any(found.values()):
+    if not any(errors.values()):
         raise table.error("sigma", 'is missing: write sigma = { "link*.d" = "0.05mm" }, play or encoder')
-    return DesignErrors(**found)
+    return DesignErrors(**errors)
 
 
 def _precision(table: SceneTable, kinds: list[str]) -> tuple[Array, tuple[int, ...], tuple[str, ...]]:
     """Return the precision points of `[path]`, `[guidance]` or `[function]`, their rows of a twist, and joints."""
     if len(kinds) > 1:
         raise table.error(kinds[1], f"cannot be combined with {kinds[0]}: remove one of them")
-    own = table.table(kinds[0])
+    inner = table.table(kinds[0])
     key = {"path": "points", "guidance": "poses", "function": "pairs"}[kinds[0]]
-    joints = tuple(own.text(name) for name in ("input", "output")) if kinds[0] == "function" else ()
+    joints = tuple(inner.text(name) for name in ("input", "output")) if kinds[0] == "function" else ()
     columns = {"path": (LENGTH,) * 2, "guidance": (LENGTH, LENGTH, ANGLE), "function": (ANGLE,) * 2}
-    given = own.rows(key, columns[kinds[0]])
-    own.finish()
-    if len(given) < 2:
-        raise own.error(key, "must be two or more")
-    return given, (0, 1, 5) if kinds[0] == "guidance" else (0, 1), joints
+    points = inner.rows(key, columns[kinds[0]])
+    inner.finish()
+    if len(points) < 2:
+        raise inner.error(key, "must be two or more")
+    return points, (0, 1, 5) if kinds[0] == "guidance" else (0, 1), joints
 
 
 # --- where the node must get to --------------------------------------------------------------------------------------
@@ -263,12 +263,12 @@ def _reach(table: SceneTable) -> Reach:
     if "poses" in table:
         if keeps:
             raise table.error("orientation", "cannot be combined with poses, which state theirs: remove it")
-        given = table.rows("poses", (LENGTH,) * 3 + (ANGLE,) * 3)
+        poses = table.rows("poses", (LENGTH,) * 3 + (ANGLE,) * 3)
         table.finish()
-        if not len(given):
+        if not len(poses):
             raise table.error("poses", "is empty")
-        targets = np.array([[*row[:3], *pin.log3(pin.rpy.rpyToMatrix(row[3:]))] for row in given])
-        return Reach(AXES, given[:, :3].min(0), given[:, :3].max(0), targets, 0.0, True, True)
+        targets = np.array([[*row[:3], *pin.log3(pin.rpy.rpyToMatrix(row[3:]))] for row in poses])
+        return Reach(AXES, poses[:, :3].min(0), poses[:, :3].max(0), targets, 0.0, True, True)
     table.know("axes")
     axes = tuple(axis for axis in AXES if axis in table)
     ends = list(read_all({axis: partial(_range, table, axis, LENGTH) for axis in axes}, SceneError).values())
@@ -295,8 +295,8 @@ def _points(table: SceneTable, keeps: bool) -> Reach:
     table.finish()
     order = [axes.index(axis) for axis in AXES if axis in axes]
     points = points[:, order]
-    given = np.hstack([points, np.zeros((len(points), 3))]) if keeps else points
-    return Reach(tuple(axes[i] for i in order), points.min(0), points.max(0), given, 0.0, keeps)
+    targets = np.hstack([points, np.zeros((len(points), 3))]) if keeps else points
+    return Reach(tuple(axes[i] for i in order), points.min(0), points.max(0), targets, 0.0, keeps)
 
 
 # --- values ----------------------------------------------------------------------------------------------------------
@@ -333,17 +333,17 @@ def _text_or_number(table: SceneTable, key: str) -> float | str:
 
 
 def _objective(table: SceneTable) -> DesignObjective:
-    given = [key for key in ("minimise", "maximise") if key in table]
-    if len(given) != 1:
+    goals = [key for key in ("minimise", "maximise") if key in table]
+    if len(goals) != 1:
         raise table.error("minimise or maximise", "must be given, and only one of them")
-    name = table.text(given[0])
+    name = table.text(goals[0])
     if name not in QUANTITIES:
         raise table.error(
-            given[0], f"'{name}' is none of {', '.join(QUANTITIES)}{did_you_mean(name, list(QUANTITIES))}"
+            goals[0], f"'{name}' is none of {', '.join(QUANTITIES)}{did_you_mean(name, list(QUANTITIES))}"
         )
     quantity = QUANTITIES[name]
-    if quantity.better != given[0]:
-        raise table.error(given[0], f"'{name}': a robot is better in the opposite direction: write {quantity.better}")
+    if quantity.better != goals[0]:
+        raise table.error(goals[0], f"'{name}': a robot is better in the opposite direction: write {quantity.better}")
     over = table.text("over") if "over" in table else "worst"
     if over not in ("worst", "mean"):
         raise table.error("over", f"must be 'worst' or 'mean', not '{over}'")

@@ -19,9 +19,7 @@ from cinegen.ik.objectives import Objective
 from cinegen.ik.setup import make_room_for_barriers
 from cinegen.ik.state import State
 from cinegen.ik.task import FrameTask
-from cinegen.ik.thresholds import (
-    STEP_CAP,
-)
+from cinegen.ik.thresholds import STEP_CAP
 
 _FASTEST = 1e100  # rad/s or m/s: no objective means more
 

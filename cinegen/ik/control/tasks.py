@@ -21,9 +21,7 @@ from cinegen.ik.step import Layout, Step
 from cinegen.ik.task import FrameTask
 from cinegen.ik.tasks.blend import Blend
 from cinegen.ik.tasks.values import is_count
-from cinegen.ik.thresholds import (
-    ERROR_CAP,
-)
+from cinegen.ik.thresholds import ERROR_CAP
 from cinegen.joints import kinematic_data
 from cinegen.model.plausible import FAR_TARGET, check_lengths
 from raff2urdf.residual import log

@@ -12,7 +12,7 @@ from cinegen.model.build import build
 from raff2urdf import closure
 from raff2urdf.conversion import describe
 from raff2urdf.errors import RaffWarning
-from raff2urdf.loops.analysis import Analysis, loop_kind
+from raff2urdf.loops.mobility import Analysis, loop_kind
 from raff2urdf.raff.document import Document, RaffRobot
 from raff2urdf.readers.urdf import joints, origin
 from raff2urdf.readers.urdf_file import parse

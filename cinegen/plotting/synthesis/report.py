@@ -33,7 +33,7 @@ _SAME = 1e-3  # of the ranges of the parameters
 _MOST = 50  # starts and points of a front that are listed
 
 
-def synthesis_report(found: Synthesis | LinkageSynthesis) -> str:
+def synthesis_report(result: Synthesis | LinkageSynthesis) -> str:
     """Return a report of a synthesis: one HTML file, with pictures inside and nothing to load.
 
     Args:
@@ -43,18 +43,18 @@ def synthesis_report(found: Synthesis | LinkageSynthesis) -> str:
         raff2urdf.RaffError: matplotlib is not installed.
     """
     with drawing():
-        if isinstance(found, LinkageSynthesis):
-            return write_linkage(found)
-        return _Report(found).written()
+        if isinstance(result, LinkageSynthesis):
+            return write_linkage(result)
+        return _Report(result).written()
 
 
 class _Report:
-    def __init__(self, found: Synthesis) -> None:
-        self.found, self.task, self.parameters = found, found.task, found.parameters
-        self.problem = found.problem
-        self.node = found.task.node or found.parameters.mechanism.end
-        self.name = found.parameters.robot.name
-        goal = " and ".join(objective_text(one) for one in found.task.objectives)
+    def __init__(self, result: Synthesis) -> None:
+        self.found, self.task, self.parameters = result, result.task, result.parameters
+        self.problem = result.problem
+        self.node = result.task.node or result.parameters.mechanism.end
+        self.name = result.parameters.robot.name
+        goal = " and ".join(objective_text(one) for one in result.task.objectives)
         self.page = ReportPage(f"{self.name}: {goal}")
 
     def written(self) -> str:
@@ -79,19 +79,19 @@ class _Report:
     # --- sections ------------------------------------------------------------------------------------------------
 
     def _summary(self) -> None:
-        found, check = self.found, self.found.check
+        result, check = self.found, self.found.check
         source = Path(self.parameters.document.source.name).name
         changes = []
-        for objective, old, new in zip(self.task.objectives, found.before, found.values, strict=True):
+        for objective, old, new in zip(self.task.objectives, result.before, result.values, strict=True):
             was = "" if np.isnan(old) else f", before {self._text(objective.quantity, old)}"
             changes.append(f"{name_of(objective.quantity)} {self._text(objective.quantity, new)}{was}")
         holds = (
             f"All constraints hold at {check.points} {self._unseen}."
-            if found.holds
+            if result.holds
             else f"Not all constraints hold at {check.points} {self._unseen}: the result does not do the whole task."
         )
         self.page.text(f"Dimensions of {self.name} ({source}) with which {self.node} does this task best.")
-        self.page.status(f"{'; '.join(changes)}. {holds}", good=found.holds)
+        self.page.status(f"{'; '.join(changes)}. {holds}", good=result.holds)
 
     @property
     def _unseen(self) -> str:
@@ -116,10 +116,10 @@ class _Report:
         )
 
     def _robots(self) -> None:
-        found, reach = self.found, self.task.reach
+        result, reach = self.found, self.task.reach
         self.page.section("Robot before and after")
         designs, notes = {}, []
-        for title, p in (("before", self.parameters.values), ("after", found.p)):
+        for title, p in (("before", self.parameters.values), ("after", result.p)):
             try:
                 designs[title] = self.parameters.mechanism_with(p)
             except CinegenError as error:
@@ -132,50 +132,50 @@ class _Report:
         self.page.text(*notes)
 
     def _parameters(self) -> None:
-        found, parameters = self.found, self.parameters
+        result, parameters = self.found, self.parameters
         self.page.section("Parameters")
         notes = [
-            f"at its {'lower' if p - low < high - p else 'upper'} bound" if name in found.bound else ""
-            for name, p, (low, high) in zip(parameters.names, found.p, parameters.bounds, strict=True)
+            f"at its {'lower' if p - low < high - p else 'upper'} bound" if name in result.bound else ""
+            for name, p, (low, high) in zip(parameters.names, result.p, parameters.bounds, strict=True)
         ]
-        self.page.parameters(parameters, found.p, parameters.names, notes)
-        if found.bound:
+        self.page.parameters(parameters, result.p, parameters.names, notes)
+        if result.bound:
             self.page.text("A wider range of the parameters that are at a bound may improve the objectives further.")
-        good = [self.problem.split(np.array(start.x))[0] for start in found.starts if start.is_feasible]
-        if len(found.p):
-            self.page.picture(draw_parameters(found, good), "Parameters within their ranges")
+        good = [self.problem.split(np.array(start.x))[0] for start in result.starts if start.is_feasible]
+        if len(result.p):
+            self.page.picture(draw_parameters(result, good), "Parameters within their ranges")
 
     def _objectives(self) -> None:
-        found = self.found
+        result = self.found
         self.page.section("Objectives")
-        unseen = "at the points" if len(self.task.reach.given) else f"at {found.check.points} unseen points"
-        each = zip(self.task.objectives, found.before, found.values, found.check.values, strict=True)
+        unseen = "at the points" if len(self.task.reach.given) else f"at {result.check.points} unseen points"
+        each = zip(self.task.objectives, result.before, result.values, result.check.values, strict=True)
         rows = [
             [
-                objective_text(one), self._text(one.quantity, old), self._text(one.quantity, new),
-                change_text(one, old, new), self._text(one.quantity, checked),
+                objective_text(objective), self._text(objective.quantity, old), self._text(objective.quantity, new),
+                change_text(objective, old, new), self._text(objective.quantity, checked),
             ]
-            for one, old, new, checked in each
+            for objective, old, new, checked in each
         ]  # fmt: skip
         self.page.table("Values", ["objective", "before", "after", "change", f"after, {unseen}"], rows)
 
     def _fields(self) -> None:
-        found, reach = self.found, self.task.reach
+        result, reach = self.found, self.task.reach
         targets = self.problem.targets(_density(reach, self.problem))
-        sides = [self.problem.quantities_at(p, targets, found.scale) for p in (self.parameters.values, found.p)]
+        sides = [self.problem.quantities_at(p, targets, result.scale) for p in (self.parameters.values, result.p)]
         known = [name for name in sides[1] if name in sides[0]]
-        wanted = [one.quantity for one in self.task.objectives if one.quantity in known]
+        wanted = [each.quantity for each in self.task.objectives if each.quantity in known]
         wanted = list(dict.fromkeys(wanted)) or [name for name in known if name in ("sigma_1", "sigma_max")]
-        better = {one.quantity: one.is_maximised for one in self.task.objectives}
+        better = {each.quantity: each.is_maximised for each in self.task.objectives}
         axes = len(reach.axes)
-        best = max((one for one in found.starts if one.is_feasible), key=lambda one: one.score)
-        grown, looked = (reach.scaled(np.array(one), found.scale) for one in (targets, best.targets))
+        best = max((each for each in result.starts if each.is_feasible), key=lambda each: each.score)
+        grown, looked = (reach.scaled(np.array(each), result.scale) for each in (targets, best.targets))
         for name in wanted:
             title = (
-                f"{heading_of(name, found.torque_unit)} {'at the points' if len(reach.given) else 'over the region'}"
+                f"{heading_of(name, result.torque_unit)} {'at the points' if len(reach.given) else 'over the region'}"
             )
             self.page.section(title[0].upper() + title[1:])
-            values = unit_of(name, found.torque_unit)[0] * np.array([side[name] for side in sides])
+            values = unit_of(name, result.torque_unit)[0] * np.array([side[name] for side in sides])
             maximised = better.get(name, name == "sigma_1")
             field = RegionField(name, reach.axes, grown[:, :axes], values, maximised, looked[:, :axes])
             reached = np.isfinite(values).sum(axis=1)
@@ -186,24 +186,24 @@ class _Report:
             )
 
     def _front(self) -> None:
-        found, objectives = self.found, self.task.objectives
+        result, objectives = self.found, self.task.objectives
         self.page.section("Pareto front")
-        chosen = [bool(np.array_equal(one.p, found.p)) for one in found.front]
+        chosen = [bool(np.array_equal(each.p, result.p)) for each in result.front]
         self.page.text(
-            f"{len(found.front)} robots, each better than any other in one objective and worse in another. The chosen "
+            f"{len(result.front)} robots, each better than any other in one objective and worse in another. The chosen "
             "one is nearest to the best of all objectives, each divided by its range."
         )
-        names = [name_of(one.quantity) for one in objectives]
+        names = [name_of(each.quantity) for each in objectives]
         for k, j in itertools.combinations(range(len(names)), 2):
-            self.page.picture(draw_front(found, k, j), f"{names[j]} over {names[k]}")
+            self.page.picture(draw_front(result, k, j), f"{names[j]} over {names[k]}")
         rows = [
             [
-                *(self._text(one.quantity, value) for one, value in zip(objectives, point.values, strict=True)),
+                *(self._text(each.quantity, value) for each, value in zip(objectives, point.values, strict=True)),
                 *(self.parameters.text(name, x) for name, x in zip(self.parameters.names, point.p, strict=True)),
                 "holds" if point.check.holds else "does not hold",
                 "chosen" if mark else "",
             ]
-            for point, mark in zip(found.front, chosen, strict=True)
+            for point, mark in zip(result.front, chosen, strict=True)
         ]  # fmt: skip
         headings = [*names, *self.parameters.names, "at other points", ""]
         self.page.table("Robots of the front", headings, rows[:_MOST])
@@ -211,38 +211,38 @@ class _Report:
             self.page.text(f"{len(rows) - _MOST} more are not listed.")
 
     def _starts(self) -> None:
-        found = self.found
+        result = self.found
         self.page.section("Starts")
-        good = [start for start in found.starts if start.is_feasible]
+        good = [start for start in result.starts if start.is_feasible]
         best = max(good, key=lambda start: start.score, default=None)
         same = [start for start in good if best is not None and self._is_same(start, best)]
         self.page.text(
-            f"{found.evaluations} designs were evaluated, with {found.configurations} configurations.",
-            f"{len(same)} of {len(found.starts)} starts ended at the best dimensions, to a thousandth of the ranges.",
+            f"{result.evaluations} designs were evaluated, with {result.configurations} configurations.",
+            f"{len(same)} of {len(result.starts)} starts ended at the best dimensions, to a thousandth of the ranges.",
         )
         objective = self.task.objectives[0]
         rows = []
-        for start in found.starts[:_MOST]:
+        for start in result.starts[:_MOST]:
             feasible = start.is_feasible
             value = self.problem.scoring.shown(objective, start.score) if feasible else None
-            result = "best" if start is best else "same dimensions" if start in same else "another optimum"
+            outcome = "best" if start is best else "same dimensions" if start in same else "another optimum"
             rows.append(
                 [
                     "the file's dimensions" if start.index == 0 else str(start.index + 1),
                     start.evaluations,
                     "" if value is None else self._text(objective.quantity, value),
                     "" if start.violation >= 1e300 else f"{max(start.violation, 0.0):.2g}",
-                    result if feasible else self._reason(start),
+                    outcome if feasible else self._reason(start),
                 ]
             )
         headings = ["start", "designs", name_of(objective.quantity), "violation", "result"]
         self.page.table("Violation: the largest of a constraint, dimensionless", headings, rows)
-        if len(found.starts) > _MOST:
-            self.page.text(f"{len(found.starts) - _MOST} more starts are not listed.")
+        if len(result.starts) > _MOST:
+            self.page.text(f"{len(result.starts) - _MOST} more starts are not listed.")
 
-    def _is_same(self, one: Start, other: Start) -> bool:
+    def _is_same(self, start: Start, other: Start) -> bool:
         width = self.problem.high - self.problem.low
-        return bool((np.abs(np.array(one.x) - other.x) <= _SAME * width).all())
+        return bool((np.abs(np.array(start.x) - other.x) <= _SAME * width).all())
 
     def _reason(self, start: Start) -> str:
         if not start.error and start.missed > 0.0:

@@ -158,18 +158,18 @@ class BoxConfigurations(Continuation):
         """(n,) whether each point is reached."""
         return np.isfinite(self.q[:, 0])
 
-    def end_at(self, one: int, other: int) -> Array | None:
+    def end_at(self, first: int, second: int) -> Array | None:
         """Return where the configuration of a point leads at a neighbour: to the known one there, unless the mechanism
         is redundant; None if that is on another branch."""
-        known: Array = self.q[other]
-        if self.linked(self.q[one], known):
+        known: Array = self.q[second]
+        if self.linked(self.q[first], known):
             return known
-        found = self.onward(self.values[one], self.values[other], self.q[one])
-        if found is None or self.redundant:
-            return found
-        gaps = self.mechanism.scaled_difference(found, known)
+        end = self.onward(self.values[first], self.values[second], self.q[first])
+        if end is None or self.redundant:
+            return end
+        gaps = self.mechanism.scaled_difference(end, known)
         gaps[self._free] = (gaps[self._free] + np.pi) % (2.0 * np.pi) - np.pi
-        return found if np.abs(gaps).max(initial=0.0) <= _SAME else None
+        return end if np.abs(gaps).max(initial=0.0) <= _SAME else None
 
     # --- continuation --------------------------------------------------------------------------------------------
 
@@ -183,8 +183,8 @@ class BoxConfigurations(Continuation):
         may[grid.middles] = reached | grid.cut
         for cell in np.flatnonzero(reached & grid.cut).tolist():
             point = int(grid.middles[cell])
-            found = self.onward(self.values[count + cell], self.values[point], configurations[cell])
-            known[point] = np.nan if found is None else found
+            q = self.onward(self.values[count + cell], self.values[point], configurations[cell])
+            known[point] = np.nan if q is None else q
         return known, may
 
     def _continue(self) -> None:
@@ -195,15 +195,15 @@ class BoxConfigurations(Continuation):
                 self.q[first] = self._known[first]
                 flood([first], near, self._reach)
 
-    def _reach(self, one: int, other: int) -> bool:
-        if not self._open[other] or np.isfinite(self.q[other, 0]):
+    def _reach(self, first: int, second: int) -> bool:
+        if not self._open[second] or np.isfinite(self.q[second, 0]):
             return False
-        q, found = self.q[one], self._known[other]
-        near = np.isfinite(found[0]) and self.same_branch(q, found)
-        found = found if near else self.onward(self.values[one], self.values[other], q)
-        if found is not None:
-            self.q[other] = found
-        return found is not None
+        q, end = self.q[first], self._known[second]
+        near = np.isfinite(end[0]) and self.same_branch(q, end)
+        end = end if near else self.onward(self.values[first], self.values[second], q)
+        if end is not None:
+            self.q[second] = end
+        return end is not None
 
 
 # --- regularity ------------------------------------------------------------------------------------------------------
@@ -237,20 +237,20 @@ def regularity(box: BoxConfigurations) -> Regularity:
     """Return whether a mechanism is regular in a box, as far as it is reached."""
     edges = box.grid.edges
     edges = edges[box.reached[edges].all(axis=1)]
-    joined, found = box.parts <= 1, {}
+    joined, passes = box.parts <= 1, {}
     for kind, rows in ((SingularityType.TYPE_1, box.end), (SingularityType.TYPE_2, box.passive)):
-        found[kind] = False
+        passes[kind] = False
         if rows is None:
             continue
-        for one, other in _candidates(box, rows, edges):
-            crossed, sure = _crossed(box, rows, one, other)
+        for first, second in _candidates(box, rows, edges):
+            crossed, sure = _crossed(box, rows, first, second)
             joined &= crossed or sure
             if crossed:
-                found[kind] = True
+                passes[kind] = True
                 break
     far = (edge for edge in edges.tolist() if not box.linked(*box.q[edge]))
     joined = joined and all(box.end_at(*edge) is not None for edge in far)
-    return Regularity(found[SingularityType.TYPE_1], found[SingularityType.TYPE_2], joined)
+    return Regularity(passes[SingularityType.TYPE_1], passes[SingularityType.TYPE_2], joined)
 
 
 def _candidates(box: BoxConfigurations, rows: Rows, edges: Indices) -> Iterator[tuple[int, int]]:
@@ -263,29 +263,29 @@ def _candidates(box: BoxConfigurations, rows: Rows, edges: Indices) -> Iterator[
     for k in range(layers):
         points = box.q[k * layer : (k + 1) * layer]
         matrices = np.array([rows.of(q) if np.isfinite(q[0]) else nothing for q in points])
-        here = matrices, rows.sigma(matrices)
-        matrices, sigma = (np.concatenate(pair) for pair in zip(before, here, strict=True))
+        of_layer = matrices, rows.sigma(matrices)
+        matrices, sigma = (np.concatenate(pair) for pair in zip(before, of_layer, strict=True))
         offset = max(k - 1, 0) * layer
-        one, other = (edges[edges[:, 1] // layer == k] - offset).T
-        change = np.linalg.norm(matrices[one] - matrices[other], axis=(1, 2))
-        least = np.minimum(sigma[one], sigma[other])
-        for edge in np.flatnonzero((sigma[one] + sigma[other] <= change) | (least <= SINGULAR)):
-            yield int(one[edge]) + offset, int(other[edge]) + offset
-        before = here
+        first, second = (edges[edges[:, 1] // layer == k] - offset).T
+        change = np.linalg.norm(matrices[first] - matrices[second], axis=(1, 2))
+        least = np.minimum(sigma[first], sigma[second])
+        for edge in np.flatnonzero((sigma[first] + sigma[second] <= change) | (least <= SINGULAR)):
+            yield int(first[edge]) + offset, int(second[edge]) + offset
+        before = of_layer
 
 
-def _crossed(box: BoxConfigurations, rows: Rows, one: int, other: int) -> tuple[bool, bool]:
+def _crossed(box: BoxConfigurations, rows: Rows, first: int, second: int) -> tuple[bool, bool]:
     """Return whether the singular value passes through 0 between two neighbours, or is 0 there; and, if not, whether
     that is certain."""
-    if rows.sigma(np.array([rows.of(q) for q in box.q[[one, other]]])).min() <= SINGULAR:
+    if rows.sigma(np.array([rows.of(q) for q in box.q[[first, second]]])).min() <= SINGULAR:
         return True, True
-    end = box.end_at(one, other)
+    end = box.end_at(first, second)
     if end is None:
         return False, False
-    ends = box.q[one], end
-    found = list(box.crossings(rows, box.values[one], box.values[other], ends))
-    crossed = any(box.is_singular(rows, crossing, ends) for crossing in found)
-    return crossed, box.redundant or not found
+    ends = box.q[first], end
+    crossings = list(box.crossings(rows, box.values[first], box.values[second], ends))
+    crossed = any(box.is_singular(rows, crossing, ends) for crossing in crossings)
+    return crossed, box.redundant or not crossings
 
 
 # --- dexterity -------------------------------------------------------------------------------------------------------
@@ -337,7 +337,7 @@ def dexterity(box: BoxConfigurations) -> Dexterity:
     with np.errstate(divide="ignore"):
         conditioning = np.nan_to_num(1.0 / QUANTITIES["condition"].of(cells).astype(float), nan=0.0)
     sigma_1 = QUANTITIES["sigma_1"].of(cells).astype(float)
-    sigma_2 = [box.passive.sigma(box.passive.of(one)[None])[0] for one in q] if box.passive is not None else []
+    sigma_2 = [box.passive.sigma(box.passive.of(each)[None])[0] for each in q] if box.passive is not None else []
 
     def summary(values: Array) -> WorstAndMean:
         if not len(values):

@@ -9,11 +9,7 @@ from typing import Any
 from raff2urdf.constraints import Constraints
 from raff2urdf.errors import RaffError
 from raff2urdf.files import note
-from raff2urdf.readers.loops import (
-    loop_closures,
-    robot_yaml,
-    sidecar,
-)
+from raff2urdf.readers.loops import loop_closures, robot_yaml, sidecar
 from raff2urdf.readers.loops.declaration import IgnoreList
 from raff2urdf.readers.urdf_file import parse
 from raff2urdf.readers.urdf_tree import UrdfTree

@@ -41,12 +41,12 @@ def with_joints_of_drake(root: Any, name: str) -> bool:
         root: the root element; changed.
         name: of the file, in errors.
     """
-    found = list(root.iterchildren("{*}joint", "drake:joint"))
-    found = [joint for joint in found if joint.tag != "joint"]
-    for joint in found:
+    drake_joints = list(root.iterchildren("{*}joint", "drake:joint"))
+    drake_joints = [joint for joint in drake_joints if joint.tag != "joint"]
+    for joint in drake_joints:
         joint.tag = "joint"
         joint.set("type", {"ball": "spherical"}.get(joint.get("type", ""), joint.get("type", "")))
-    return bool(found)
+    return bool(drake_joints)
 
 
 def without_links_of_gazebo(root: Any) -> list[str]:
@@ -59,12 +59,14 @@ def without_links_of_gazebo(root: Any) -> list[str]:
         a note on them, if there are any.
     """
     known = {link.get("name") for link in links(root)}
-    own = [link for link in root.iterfind("gazebo/link") if link.get("name") not in known]
-    names = {link.get("name") for link in own}
+    unknown = [link for link in root.iterfind("gazebo/link") if link.get("name") not in known]
+    names = {link.get("name") for link in unknown}
     joined = [joint for joint in root.iterfind("gazebo/joint") if not names.isdisjoint(joined_links(joint) or ())]
-    more = f" and {len(own) - 1} more" if len(own) > 1 else ""
-    notes = [f"not read: {label_of(link, 'gazebo')} (line {link.sourceline}){more}, and its joints" for link in own[:1]]
-    for element in (*own, *joined):
+    more = f" and {len(unknown) - 1} more" if len(unknown) > 1 else ""
+    notes = [
+        f"not read: {label_of(link, 'gazebo')} (line {link.sourceline}){more}, and its joints" for link in unknown[:1]
+    ]
+    for element in (*unknown, *joined):
         remove(element)
     return notes
 
@@ -87,41 +89,45 @@ def cut(root: Any, name: str, ignored: Callable[[str], bool]) -> list[Declaratio
     for joint in joints(root):
         if joint.get("type") == "universal":
             steps = (successive.ROTATIONS["X"], successive.ROTATIONS["Y"])
-            own = {*successive.replace(root, joint, steps, name)}
-            root[:0] = [link for link in links(root) if link.get("name") in own]  # no end of the robot
+            added = {*successive.replace(root, joint, steps, name)}
+            root[:0] = [link for link in links(root) if link.get("name") in added]  # no end of the robot
     return declared
 
 
 def _cut(root: Any, name: str, ignored: Callable[[str], bool]) -> list[Declaration]:
-    found = joints(root)
+    all_joints = joints(root)
     above: dict[str, list[Any]] = {}
-    for joint in found:
+    for joint in all_joints:
         above.setdefault(ends(joint)[1], []).append(joint)
     known = [str(link.get("name")) for link in links(root)]
     base = next((link for link in known if link not in above), known[0] if known else "")
     if base not in above and all(len(several) == 1 for several in above.values()):
         return []
-    by_name(found, name)
+    by_name(all_joints, name)
     mimicking = {str(mimic.get("joint")) for mimic in root.iter("mimic")}
-    mimicking |= {str(joint.get("name")) for joint in found if joint.find("mimic") is not None}
+    mimicking |= {str(joint.get("name")) for joint in all_joints if joint.find("mimic") is not None}
     best = {
         link: min(several, key=lambda joint: (joint.get("name") not in mimicking, limits(joint) is None))
         for link, several in above.items()
         if link != base
     }
-    kept = best if _reached(base, best) == set(best) | {base} else _first_reached(base, found)
-    removed = [joint for joint in found if kept.get(ends(joint)[1]) is not joint]
+    kept = best if _reached(base, best) == set(best) | {base} else _first_reached(base, all_joints)
+    removed = [joint for joint in all_joints if kept.get(ends(joint)[1]) is not joint]
     declared = []
     for joint in removed:
-        own = str(joint.get("name"))
-        if own in mimicking and not ignored("mimic"):
-            why = f"joint '{own}' closes a loop and mimics another joint, or leads one: give it a child of its own"
+        joint_name = str(joint.get("name"))
+        if joint_name in mimicking and not ignored("mimic"):
+            why = (
+                f"joint '{joint_name}' closes a loop and mimics another joint, or leads one: give it a child of its own"
+            )
             raise error_at(name, joint, f"{why}, or leave the coupling out with --ignore mimic")
-        text = f"joint '{own}' closes a loop: its child '{ends(joint)[1]}' has another parent"
-        label, low_high = f"joint '{own}'", limits(joint)
+        text = f"joint '{joint_name}' closes a loop: its child '{ends(joint)[1]}' has another parent"
+        label, low_high = f"joint '{joint_name}'", limits(joint)
         notes = (text,) if low_high is None else (f"{text}; its limits are not enforced",)
         declared.append(
-            Declaration(joint.sourceline, DIALECT, label, text, own, read=_of_joint(joint), element=joint, notes=notes)
+            Declaration(
+                joint.sourceline, DIALECT, label, text, joint_name, read=_of_joint(joint), element=joint, notes=notes
+            )
         )
         remove(joint)
     return declared
@@ -148,9 +154,15 @@ def find(root: Any, name: str) -> Iterator[Declaration]:
                     read=_of_sdf(element), element=element,
                 )  # fmt: skip
             elif _CLOSED_LOOP.search(f"{element.get('name', '')} {element.get('filename', '')}".lower()):
-                own = (element.findtext("joint") or "").strip() or element.get("name", "")
+                joint_name = (element.findtext("joint") or "").strip() or element.get("name", "")
                 yield Declaration(
-                    element.sourceline, "Gazebo plugins", label, text, own, read=_of_plugin(element), element=element
+                    element.sourceline,
+                    "Gazebo plugins",
+                    label,
+                    text,
+                    joint_name,
+                    read=_of_plugin(element),
+                    element=element,
                 )
 
 
@@ -167,15 +179,15 @@ def joined_links(element: Any) -> tuple[str, str] | None:
 
 def _of_joint(joint: Any) -> Any:
     def read(tree: UrdfTree) -> LoopJoint:
-        own = f"joint '{joint.get('name')}'"
-        parent, child = (tree.link(joint, link, own) for link in ends(joint))
+        label = f"joint '{joint.get('name')}'"
+        parent, child = (tree.link(joint, link, label) for link in ends(joint))
         kind, placed = kind_of(tree, joint, joint.get("type")), origin(joint, tree.name)
         if kind == "universal":  # Drake's: rotations about the joint's x, then y
-            one, other = along(placed, np.array([1.0, 0.0, 0.0])), along(np.eye(4), np.array([0.0, 1.0, 0.0]))
+            first, second = along(placed, np.array([1.0, 0.0, 0.0])), along(np.eye(4), np.array([0.0, 1.0, 0.0]))
         else:
             axis = np.array([0.0, 0.0, 1.0]) if kind in ("rigid", "ball") else tree.vector(joint.find("axis"))
-            one, other = along(placed, axis), along(np.eye(4), axis)
-        return LoopJoint(kind, parent, child, (one, other))
+            first, second = along(placed, axis), along(np.eye(4), axis)
+        return LoopJoint(kind, parent, child, (first, second))
 
     return read
 
@@ -196,8 +208,8 @@ def _of_sdf(element: Any) -> Any:
         directions = [_sdf_axis(tree, element, word, placed) for word in ("axis", "axis2")]
         first = along(placed, directions[0])
         second = along(placed, directions[1]) if kind == "universal" else first
-        found = inverse(tree.zero[parent]) @ first, inverse(tree.zero[child]) @ second
-        return LoopJoint(kind, parent, child, found, _lead(tree, element) if is_screw else 0.0)
+        placements = inverse(tree.zero[parent]) @ first, inverse(tree.zero[child]) @ second
+        return LoopJoint(kind, parent, child, placements, _lead(tree, element) if is_screw else 0.0)
 
     return read
 
@@ -206,18 +218,18 @@ def _lead(tree: UrdfTree, element: Any) -> float:
     """Return the translation of a screw of SDF by its rotation, m/rad."""
     pitches = list[float | None]()
     for word in ("screw_thread_pitch", "thread_pitch"):
-        found = element.find(word)
-        values = [0.0] if found is None else numbers(found.text or "")
-        if values is None or len(values) != 1 or (found is not None and values == [0.0] and word == "thread_pitch"):
-            raise tree.error(found, f"the {word} of {label_of(element)} must be a number other than 0")
-        pitches.append(None if found is None else values[0])
+        pitch = element.find(word)
+        values = [0.0] if pitch is None else numbers(pitch.text or "")
+        if values is None or len(values) != 1 or (pitch is not None and values == [0.0] and word == "thread_pitch"):
+            raise tree.error(pitch, f"the {word} of {label_of(element)} must be a number other than 0")
+        pitches.append(None if pitch is None else values[0])
     return lead(*pitches)
 
 
 def _sdf_axis(tree: UrdfTree, element: Any, word: str, placed: Array) -> Array:
     """Return an axis (3,) of a joint of SDF, in the joint's frame, which has a placement (4, 4) in the base."""
-    found = element.find(word)
-    xyz = None if found is None else found.find("xyz")
+    axis = element.find(word)
+    xyz = None if axis is None else axis.find("xyz")
     text = "0 0 1" if xyz is None else xyz.text or ""
     values = numbers(text) or []
     if len(values) != 3 or not any(values):
@@ -226,7 +238,7 @@ def _sdf_axis(tree: UrdfTree, element: Any, word: str, placed: Array) -> Array:
         )
     direction = np.array(values) / np.linalg.norm(values)
     around = "" if xyz is None else (xyz.get("expressed_in") or "").strip()
-    if found is not None and (found.findtext("use_parent_model_frame") or "").strip() in ("1", "true"):
+    if axis is not None and (axis.findtext("use_parent_model_frame") or "").strip() in ("1", "true"):
         around = "__model__"
     if not around:
         return np.asarray(direction)
@@ -243,9 +255,12 @@ def _of_plugin(element: Any) -> Any:
         words = [element.findtext(word) or "0 0 0" for word in ("position", "rotation")]
         placed = tree.zero[child] @ _pose(tree, element, " ".join(words))
         axis = placed[:3, :3].T @ np.array([0.0, 1.0, 0.0])  # ClosedLoopPlugin::Load: y of the model
-        found = along(placed, axis)
+        placed_axis = along(placed, axis)
         return LoopJoint(
-            "revolute", parent, child, (inverse(tree.zero[parent]) @ found, inverse(tree.zero[child]) @ found)
+            "revolute",
+            parent,
+            child,
+            (inverse(tree.zero[parent]) @ placed_axis, inverse(tree.zero[child]) @ placed_axis),
         )
 
     return read
@@ -269,16 +284,16 @@ def _reached(base: str, above: dict[str, Any]) -> set[str]:
     return set(reached)
 
 
-def _first_reached(base: str, found: list[Any]) -> dict[str, Any]:
+def _first_reached(base: str, all_joints: list[Any]) -> dict[str, Any]:
     """Return the joint above each link if joints are added in file order, as soon as their parent is connected."""
     above: dict[str, Any] = {}
     connected = {base}
-    pending = list(found)
+    pending = list(all_joints)
     while True:
-        joint = next((one for one in pending if ends(one)[0] in connected and ends(one)[1] not in connected), None)
+        joint = next((each for each in pending if ends(each)[0] in connected and ends(each)[1] not in connected), None)
         if joint is None:  # joints that are connected to nothing are left to the check of the tree
-            loose = [one for one in pending if ends(one)[1] not in connected]
-            return above | {ends(one)[1]: one for one in reversed(loose)}
+            loose = [each for each in pending if ends(each)[1] not in connected]
+            return above | {ends(each)[1]: each for each in reversed(loose)}
         above[ends(joint)[1]] = joint
         connected.add(ends(joint)[1])
         pending.remove(joint)

@@ -115,50 +115,50 @@ class SdfModelReader:
 
     def model(self, element: Any) -> SdfModel:
         """Return a model with its nested models."""
-        found = SdfModel(str(element.get("name") or "model"))
+        model = SdfModel(str(element.get("name") or "model"))
         around = element.getparent()
         poses = SdfPoses(self.name, element, pose(element, self.name), "")
         if around.tag == "world":
             poses = SdfPoses(self.name, around, np.eye(4), "").nested(element)
             poses.prefix = ""
-            found.gravity = around.find("gravity")
-        self._gather(poses, found)
-        if not found.links:
-            raise self._error(element, f"the model '{found.name}' has no link: add one")
+            model.gravity = around.find("gravity")
+        self._gather(poses, model)
+        if not model.links:
+            raise self._error(element, f"the model '{model.name}' has no link: add one")
         if element.get("canonical_link") is not None:
-            found.root = poses.canonical()
-        found.static = element.findtext("static", "").strip() in ("1", "true")
-        found.own = own_element(element, self.name)
-        return found
+            model.root = poses.canonical()
+        model.static = element.findtext("static", "").strip() in ("1", "true")
+        model.own = own_element(element, self.name)
+        return model
 
     def _error(self, element: Any, message: str) -> RaffError:
         return error_at(self.name, element, message)
 
-    def _gather(self, poses: SdfPoses, found: SdfModel) -> None:
+    def _gather(self, poses: SdfPoses, model: SdfModel) -> None:
         for nested in by_name(list(poses.model.iterchildren("model")), self.name, poses.prefix).values():
-            self._gather(poses.nested(nested), found)
+            self._gather(poses.nested(nested), model)
         links, joints, frames = (list(poses.model.iterchildren(tag)) for tag in ("link", "joint", "frame"))
-        for own, link in by_name(links, self.name, poses.prefix).items():
-            if own == WORLD:
+        for name, link in by_name(links, self.name, poses.prefix).items():
+            if name == WORLD:
                 if next(link.iterchildren("inertial", "visual", "collision"), None) is not None:
                     raise self._error(link, f"a link can't be called '{WORLD}', which is the world itself: rename it")
-                found.notes.append(f"the empty link '{WORLD}' is taken for the world itself")
+                model.notes.append(f"the empty link '{WORLD}' is taken for the world itself")
                 continue
-            found.links[poses.prefix + own] = link
-            found.placements[poses.prefix + own] = poses.of_element(link)
-        for own, frame in by_name(frames, self.name, poses.prefix).items():
-            if poses.prefix + own not in found.links and not frame.get(PROXY):
-                found.frames[poses.prefix + own] = poses.link(own, frame)
-                found.placements[poses.prefix + own] = poses.of_element(frame)
+            model.links[poses.prefix + name] = link
+            model.placements[poses.prefix + name] = poses.of_element(link)
+        for name, frame in by_name(frames, self.name, poses.prefix).items():
+            if poses.prefix + name not in model.links and not frame.get(PROXY):
+                model.frames[poses.prefix + name] = poses.link(name, frame)
+                model.placements[poses.prefix + name] = poses.of_element(frame)
         named = by_name(joints, self.name, poses.prefix)
 
         def read(joint: Any) -> None:
-            found.joints.append(self._joint(joint, poses, found.notes))
+            model.joints.append(self._joint(joint, poses, model.notes))
 
         run_all(partial(read, joint) for joint in named.values())
-        found.driven |= {(poses.prefix + joint, axis) for joint, axis, _ in drives.of_plugins(poses.model)}
+        model.driven |= {(poses.prefix + joint, axis) for joint, axis, _ in drives.of_plugins(poses.model)}
         if poses.prefix and poses.model.findtext("static", "").strip() in ("1", "true"):
-            found.notes.append(f"<static> of the nested model '{poses.prefix[:-2]}' is not read")
+            model.notes.append(f"<static> of the nested model '{poses.prefix[:-2]}' is not read")
 
     def _joint(self, element: Any, poses: SdfPoses, notes: list[str]) -> SdfJoint:
         name, kind = poses.prefix + str(element.get("name", "")), str(element.get("type", ""))
@@ -183,17 +183,17 @@ class SdfModelReader:
         axes = [self._axis(axis, label, placement, poses) for axis in written]
         if len(axes) < _AXES.get(kind, 0):
             raise self._error(element, f"{label} has {len(axes)} of {_AXES[kind]} axes: add <axis> or <axis2>")
-        found = SdfJoint(element, name, kind, ends[0], ends[1], placement, axes)
+        joint = SdfJoint(element, name, kind, ends[0], ends[1], placement, axes)
         if kind == "screw":
-            found.lead = self._lead(element, label)
+            joint.lead = self._lead(element, label)
         if kind == GEARBOX:
             body = element.find("gearbox_reference_body")
             if body is None:
                 raise self._error(element, f"{label} has no <gearbox_reference_body>: add it")
             text = (body.text or "").strip()
-            found.reference = poses.link(text, body, f"{label} counts its angles from '{text}', which is not a link")
-            found.ratio = self._parameter(element, "gearbox_ratio", label, 1.0)
-        return found
+            joint.reference = poses.link(text, body, f"{label} counts its angles from '{text}', which is not a link")
+            joint.ratio = self._parameter(element, "gearbox_ratio", label, 1.0)
+        return joint
 
     def _lead(self, element: Any, label: str) -> float:
         """Return the translation of a screw by its rotation, m/rad."""
@@ -205,22 +205,22 @@ class SdfModelReader:
 
     def _parameter(self, element: Any, word: str, label: str, default: float) -> float:
         """Return the number in an element of a joint or a mimic."""
-        found = element.find(word)
-        if found is None:
+        child = element.find(word)
+        if child is None:
             return default
-        value = numbers(found.text or "")
+        value = numbers(child.text or "")
         if value is None or len(value) != 1:
-            raise self._error(found, f"the {word} '{(found.text or '').strip()}' of {label} must be a number{SIZE}")
+            raise self._error(child, f"the {word} '{(child.text or '').strip()}' of {label} must be a number{SIZE}")
         return value[0]
 
     def _mimic(self, element: Any, label: str, poses: SdfPoses) -> SdfMimic:
         axis = element.get("axis", "axis")
         if axis not in ("axis", "axis2"):
             raise self._error(element, f"{label} mimics the axis '{axis}', which must be axis or axis2")
-        owner, own = poses.owner(element.get("joint", ""))
+        owner, joint_name = poses.owner(element.get("joint", ""))
         words = (("multiplier", 1.0), ("offset", 0.0), ("reference", 0.0))
         values = [self._parameter(element, word, label, default) for word, default in words]
-        return SdfMimic(element, owner.prefix + own, int(axis == "axis2"), *values)
+        return SdfMimic(element, owner.prefix + joint_name, int(axis == "axis2"), *values)
 
     def _axis(self, element: Any, label: str, frame: Array, poses: SdfPoses) -> SdfAxis:
         xyz = element.find("xyz")

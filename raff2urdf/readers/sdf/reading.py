@@ -72,14 +72,14 @@ def _close_frames(name: str, urdf: str, values: Constraints, ignore: Collection[
         return []
     tree, ignored = UrdfTree(root, name), []
     joined = [{tree.body(loop[end]["node"])[0] for end in ("first", "second")} for loop in values["loops"]]
-    for one in declared:
-        if one.read is None or {*one.words} & {*ignore}:
-            ignored.append(f"'{one.name}' (frames)")
+    for declaration in declared:
+        if declaration.read is None or {*declaration.words} & {*ignore}:
+            ignored.append(f"'{declaration.name}' (frames)")
             continue
-        joint = one.read(tree)
+        joint = declaration.read(tree)
         assert isinstance(joint, LoopJoint)
         if {tree.body(joint.first)[0], tree.body(joint.second)[0]} not in joined:
-            values["loops"].append(joint.add_to(tree, one.name)[0])
+            values["loops"].append(joint.add_to(tree, declaration.name)[0])
     return ignored
 
 
@@ -91,28 +91,34 @@ def _unread(name: str, element: Any, model: SdfModel, ignore: Collection[str]) -
     """
     names = {*model.links, *(joint.name for joint in model.joints)}
     names |= {own.rpartition("::")[2] for own in names}
-    found = []
+    left_out = []
     pending = [element]
     if element.getparent().tag == "world":
         pending += [own for own in element.getparent().iterchildren("*") if own.tag not in ("model", "actor", "light")]
     while pending:
-        one = pending.pop()
-        word, parent = local(one), one.getparent().tag
-        likely, plugin = bool(LOOP_LIKE.search(word)), word == "plugin" and LOOP_LIKE.search(own_words(one))
-        in_place = parent in ("model", "world", "joint") or one is element
-        elsewhere = word == "joint" and parent != "model" and len(one) > 0
-        two_ends = one.tag != "joint" and one.find("parent") is not None and one.find("child") is not None
+        candidate = pending.pop()
+        word, parent = local(candidate), candidate.getparent().tag
+        likely, plugin = bool(LOOP_LIKE.search(word)), word == "plugin" and LOOP_LIKE.search(own_words(candidate))
+        in_place = parent in ("model", "world", "joint") or candidate is element
+        elsewhere = word == "joint" and parent != "model" and len(candidate) > 0
+        two_ends = (
+            candidate.tag != "joint" and candidate.find("parent") is not None and candidate.find("child") is not None
+        )
         likely, in_place = likely or two_ends, in_place or two_ends
-        read = parent in _READ.get(word, ()) or NAMESPACE in str(one.tag)
-        if not read and (likely or plugin or elsewhere) and ((likely and in_place) or len(named_in(one, names)) > 1):
-            label, own = label_of(one), one.get("name") or tag_of(one)
+        read = parent in _READ.get(word, ()) or NAMESPACE in str(candidate.tag)
+        if (
+            not read
+            and (likely or plugin or elsewhere)
+            and ((likely and in_place) or len(named_in(candidate, names)) > 1)
+        ):
+            label, own = label_of(candidate), candidate.get("name") or tag_of(candidate)
             if own not in ignore:
                 what = f"{label} seems to declare a loop or a coupling, which can't be read"
-                raise error_at(name, one, f"{what}: {leave_out(own)}")
-            found.append(f"'{own}' (line {one.sourceline})")
+                raise error_at(name, candidate, f"{what}: {leave_out(own)}")
+            left_out.append(f"'{own}' (line {candidate.sourceline})")
         elif not read and word not in _SOLID:
-            pending += one.iterchildren("*")
-    return found
+            pending += candidate.iterchildren("*")
+    return left_out
 
 
 _READ = {

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from raff2urdf.arrays import Array
-from raff2urdf.loops.analysis import loop_kind
+from raff2urdf.loops.mobility import loop_kind
 from raff2urdf.loops.slips import DrawnLoop, DrawnPart, Fault, slips
 from raff2urdf.placement import from_origin, joint_motion
 from raff2urdf.raff.document import LoopKind

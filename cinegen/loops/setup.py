@@ -83,57 +83,60 @@ def set_up(memory: AnyMemory, system: ClosedLoops, ranks: Sequence[int], fixed: 
 
 
 def _set_up_clusters(memory: LoopMemory, system: ClosedLoops, ranks: Sequence[int]) -> None:
-    found = []
+    memories = []
     for cluster, rank in zip(clusters(system), ranks, strict=True):
         members = [*cluster.loops, *(len(system.loops) + i for i in cluster.couplings)]
         columns = {i: system.columns[i][system.columns[i] >= memory.fixed] - memory.fixed for i in members}
         dof = np.unique(np.concatenate(list(columns.values())))
-        one = ClusterMemory(n=len(dof), rows=len(cluster.rows), rank=rank, mobility=max(len(dof) - rank, 0))
+        cluster_memory = ClusterMemory(n=len(dof), rows=len(cluster.rows), rank=rank, mobility=max(len(dof) - rank, 0))
         if len(dof) <= LARGE:
             owner = np.repeat(np.arange(len(system.loops)), system.cut_dof)
             cut = np.flatnonzero(np.isin(owner, cluster.loops))
             if len(cut):
-                one.cut_first = int(cut[0])
-            one.resize(basis=one.mobility, cut=int(cut[-1] + 1 - cut[0]) if len(cut) else 0)
-            one.dof[:], one.row[:] = dof, cluster.rows
+                cluster_memory.cut_first = int(cut[0])
+            cluster_memory.resize(basis=cluster_memory.mobility, cut=int(cut[-1] + 1 - cut[0]) if len(cut) else 0)
+            cluster_memory.dof[:], cluster_memory.row[:] = dof, cluster.rows
         else:
-            _set_up_blocks(one, columns, system.constraint_rows)
-        found.append(one)
-    memory.cluster_memories = found
-    memory.cluster_handles[:] = [one.handle for one in found]
-    busy = np.concatenate([system.held - memory.fixed, *(one.dof for one in found)])
+            _set_up_blocks(cluster_memory, columns, system.constraint_rows)
+        memories.append(cluster_memory)
+    memory.cluster_memories = memories
+    memory.cluster_handles[:] = [cluster_memory.handle for cluster_memory in memories]
+    busy = np.concatenate([system.held - memory.fixed, *(cluster_memory.dof for cluster_memory in memories)])
     idle = np.setdiff1d(np.arange(memory.n), busy)
     memory.resize(idle=len(idle))
     memory.idle_dof[:] = idle
 
 
-def _set_up_blocks(one: ClusterMemory, columns: Mapping[int, Indices], rows: Sequence[Indices]) -> None:
+def _set_up_blocks(cluster_memory: ClusterMemory, columns: Mapping[int, Indices], rows: Sequence[Indices]) -> None:
     """Order a large cluster so that loops that share joints are neighbours, and joints as they first occur."""
     members = _chained(columns)
     dof = np.array(list(dict.fromkeys(k for i in members for k in columns[i].tolist())), dtype=int)
     place = {k: j for j, k in enumerate(dof.tolist())}
     reached = [[place[k] for k in columns[i].tolist()] or [0] for i in members]
     heights = [len(rows[i]) for i in members]
-    one.resize(blocks=len(members), block_ends=len(members) + 1, kept=one.rank)
-    one.dof[:], one.row[:] = dof, np.concatenate([rows[i] for i in members])
-    one.block_row[:], one.block_end[:] = np.cumsum([0, *heights]), [max(places) + 1 for places in reached]
-    one.row_first[:] = np.repeat([min(places) for places in reached], heights)
+    cluster_memory.resize(blocks=len(members), block_ends=len(members) + 1, kept=cluster_memory.rank)
+    cluster_memory.dof[:], cluster_memory.row[:] = dof, np.concatenate([rows[i] for i in members])
+    cluster_memory.block_row[:], cluster_memory.block_end[:] = (
+        np.cumsum([0, *heights]),
+        [max(places) + 1 for places in reached],
+    )
+    cluster_memory.row_first[:] = np.repeat([min(places) for places in reached], heights)
 
 
 def _chained(columns: Mapping[int, Indices]) -> list[int]:
     """Return the keys so that those that share columns are near each other: breadth first, from one as far out as
     possible (E. Cuthill and J. McKee, "Reducing the bandwidth of sparse symmetric matrices", 1969)."""
     users: dict[int, list[int]] = {}
-    for key, own in columns.items():
-        for k in own.tolist():
+    for key, dof in columns.items():
+        for k in dof.tolist():
             users.setdefault(k, []).append(key)
 
     def outwards(start: int) -> list[int]:
-        found, queue = {start}, [start]
+        reached, queue = {start}, [start]
         for key in queue:
             for other in [other for k in columns[key].tolist() for other in users[k]]:
-                if other not in found:
-                    found.add(other)
+                if other not in reached:
+                    reached.add(other)
                     queue.append(other)
         return queue
 
@@ -148,7 +151,7 @@ def set_up_screws(memory: LoopMemory, screws: LoopScrews, couplings: int) -> Non
         screws: of the mechanism.
         couplings: their number.
     """
-    points = [(c, point) for c, own in enumerate(screws.points) for point in own]
+    points = [(c, point) for c, of_cluster in enumerate(screws.points) for point in of_cluster]
     memory.resize(
         screwed=memory.loops, screw_rows=6 * memory.loops + couplings, screw_columns=memory.n + screws.cut,
         screw_clusters=len(screws.lengths), axis_points=len(points),
@@ -164,18 +167,18 @@ def null_space(memory: LoopMemory) -> NDArray[np.float64]:
     """Return a basis of motions that keep all loops closed, dimensionless: (mobility, n + cut), orthonormal together
     with those of the joints that were cut, the last columns, which are 0 for large clusters. First those of the
     clusters, then the joints that are in none."""
-    found: list[NDArray[np.float64]] = []
-    for one in memory.cluster_memories:
-        own = one.null_space if not one.blocks else np.eye(one.n)[one.rank :]
-        for t in range(one.kept - 1, -1, -1):
-            at = slice(t, one.kept_reach[t])
-            h = one.kept_reflectors[t, at]
-            own[:, at] -= one.kept_tau[t] * np.outer(own[:, at] @ h, h)
-        found.append(np.zeros((one.mobility, memory.n + memory.cut)))
-        found[-1][:, one.dof] = own
-        cut = slice(one.cut_first, one.cut_first + one.cut)
-        found[-1][:, memory.n :][:, cut] = own @ memory.cut_rates[one.dof, cut]
-    return np.vstack([*found, np.eye(memory.n + memory.cut)[memory.idle_dof]])
+    parts: list[NDArray[np.float64]] = []
+    for cluster in memory.cluster_memories:
+        basis = cluster.null_space if not cluster.blocks else np.eye(cluster.n)[cluster.rank :]
+        for t in range(cluster.kept - 1, -1, -1):
+            at = slice(t, cluster.kept_reach[t])
+            h = cluster.kept_reflectors[t, at]
+            basis[:, at] -= cluster.kept_tau[t] * np.outer(basis[:, at] @ h, h)
+        parts.append(np.zeros((cluster.mobility, memory.n + memory.cut)))
+        parts[-1][:, cluster.dof] = basis
+        cut = slice(cluster.cut_first, cluster.cut_first + cluster.cut)
+        parts[-1][:, memory.n :][:, cut] = basis @ memory.cut_rates[cluster.dof, cut]
+    return np.vstack([*parts, np.eye(memory.n + memory.cut)[memory.idle_dof]])
 
 
 def _set_up_couplings(memory: LoopMemory, system: ClosedLoops) -> None:
@@ -221,15 +224,15 @@ def _set_up_pinocchio(memory: LoopMemory, model: pin.Model) -> None:
     memory.model_address, memory.data_address = tree.model_address, tree.data_address
     memory.evaluate_address, memory.integrate_address = native.evaluate, native.integrate
     memory.difference_address = native.difference
-    units, found = list[tuple[int, ...]](), list[tuple[int, ...]]()
+    units, left_to_pinocchio = list[tuple[int, ...]](), list[tuple[int, ...]]()
     for joint in list(model.joints)[1:]:
         if (kind := _kind_of(joint)) in _UNITS:
             at, size = _UNITS[kind]
             units.append((joint.idx_q + at, size))
         if kind not in _KINDS:
-            found.append((joint.idx_q, joint.nq, joint.idx_v - memory.fixed, joint.nv))
-    memory.resize(units=len(units), others=len(found))
-    memory.unit[:], memory.other[:] = np.reshape(units, (-1, 2)), np.reshape(found, (-1, 4))
+            left_to_pinocchio.append((joint.idx_q, joint.nq, joint.idx_v - memory.fixed, joint.nv))
+    memory.resize(units=len(units), others=len(left_to_pinocchio))
+    memory.unit[:], memory.other[:] = np.reshape(units, (-1, 2)), np.reshape(left_to_pinocchio, (-1, 4))
 
 
 def _set_up_joint(memory: LoopMemory, model: pin.Model, j: int, fixed: int) -> None:

@@ -10,7 +10,7 @@ from cinegen.dynamics import plain
 from cinegen.dynamics._kernels.memory import DynamicsMemory
 from cinegen.dynamics.loads import LoadedTree
 from cinegen.jit.foreign import frame_of
-from cinegen.loops.arrays import set_up
+from cinegen.loops.setup import set_up
 
 
 def memory_of(tree: LoadedTree) -> DynamicsMemory:

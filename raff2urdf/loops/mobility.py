@@ -20,9 +20,9 @@ from raff2urdf.loops.play import text as play_text
 from raff2urdf.loops.selection import Candidate, determined
 from raff2urdf.loops.slips import Fault
 from raff2urdf.raff import texts
+from raff2urdf.raff.closing_edits import slips_of
 from raff2urdf.raff.compound import expanded
 from raff2urdf.raff.document import Document, JointType, LoopKind, RaffLink, RaffRobot
-from raff2urdf.raff.drawn import slips_of
 from raff2urdf.raff.sizes import check_sizes
 from raff2urdf.tree import Cluster, clusters, coupling_of, edges, effort, length_of, limits, velocity
 from raff2urdf.tree import home as home_of

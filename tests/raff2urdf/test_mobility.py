@@ -15,7 +15,7 @@ from strategies import examples
 
 from raff2urdf import RaffError, loads
 from raff2urdf.closure import gaps
-from raff2urdf.loops.analysis import Analysis, analyse, loop_kinds
+from raff2urdf.loops.mobility import Analysis, analyse, loop_kinds
 from raff2urdf.raff.document import UNITS_PER_METRE, Document, LoopKind, RaffParameters
 from raff2urdf.tree import clusters, placements
 
