@@ -47,6 +47,8 @@ MISTAKES: list[tuple[str, int, str]] = [
     ("cinegen plan dsic", 1, "did you mean 'disc'?"),
     ("cinegen replay runn.jsonl", 1, "runn.jsonl: can't be read: No such file or directory: did you mean 'run.jsonl'?"),
     ("cinegen replay /dev/zero", 1, "/dev/zero: can't be read: this is a device, not a file"),
+    ("cinegen check-proof /dev/zero", 1, "/dev/zero: can't be read: this is a device, not a file"),
+    ("cinegen map four_bar.raff --grid 0", 2, "--grid"),
     ("cinegen export mine.csv --to csv", 1, "mine.csv: not a mission: record one with"),
     ("cinegen export '' --to csv", 1, "can't be read: Is a directory"),
     ("cinegen close four_bar.raff --start mine.txt", 1, "--start mine.txt: invalid JSON"),
