@@ -4,6 +4,7 @@ Streams that are closed, broken or full, and signals, are in test_streams.py; de
 test_outputs.py.
 """
 
+import errno
 import io
 import os
 import shlex
@@ -47,6 +48,8 @@ MISTAKES: list[tuple[str, int, str]] = [
     ("cinegen plan dsic", 1, "did you mean 'disc'?"),
     ("cinegen replay runn.jsonl", 1, "runn.jsonl: can't be read: No such file or directory: did you mean 'run.jsonl'?"),
     ("cinegen replay /dev/zero", 1, "/dev/zero: can't be read: this is a device, not a file"),
+    ("cinegen check-proof /dev/zero", 1, "/dev/zero: can't be read: this is a device, not a file"),
+    ("cinegen map four_bar.raff --grid 0", 2, "--grid"),
     ("cinegen export mine.csv --to csv", 1, "mine.csv: not a mission: record one with"),
     ("cinegen export '' --to csv", 1, "can't be read: Is a directory"),
     ("cinegen close four_bar.raff --start mine.txt", 1, "--start mine.txt: invalid JSON"),
@@ -161,3 +164,12 @@ def test_a_mistake_is_answered_in_three_lines(folder, monkeypatch, capsys, typed
     assert "Traceback" not in said
     assert code == 1 or f"Try '{program}" in said
     assert all(path.read_bytes() == content for path, content in before.items())
+
+
+def test_a_full_disk_for_kernels_is_told_with_a_remedy(monkeypatch, capsys):
+    def compile_kernels():
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("cinegen.kernels.compile_kernels", compile_kernels)
+    assert cinegen.cli.main(["compile"]) == 1
+    assert "can't be written: No space left on device: free some space, or name" in capsys.readouterr().err

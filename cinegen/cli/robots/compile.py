@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from cinegen.cli.progress import Progress
+from cinegen.errors import CinegenError
 
 
 def run() -> int:
@@ -13,8 +14,14 @@ def run() -> int:
     """
     from cinegen.kernels import compile_kernels
 
-    with Progress() as progress:
-        for name, done, count in compile_kernels():
-            progress.steps(f"compiling '{name}'", done, count)
+    try:
+        with Progress() as progress:
+            for name, done, count in compile_kernels():
+                progress.steps(f"compiling '{name}'", done, count)
+    except OSError as error:
+        raise CinegenError(
+            f"the compiled kernels can't be written: {error.strerror}: free some space, or name another folder by the "
+            "environment variable NUMBA_CACHE_DIR"
+        ) from None
     print("all kernels are compiled")
     return 0

@@ -62,7 +62,7 @@ class MapOptions:
     )  # fmt: skip
     centre: str | None = option("X,Y,Z", "centre of azimuth, elevation and radius, m (default: 0,0,0)", unless="--line")
     node: str | None = option("NAME", "node to reach with (default: the last of the file)")
-    grid: int | None = option("N", "cells along each axis without a count (80 for two axes)")
+    grid: int | None = option("N", "cells along each axis without a count (80 for two axes)", min=1)
     quantity: list[str] = option(
         "NAMES", f"quantities of each cell: {', '.join(QUANTITIES)}; or all, without {', '.join(_SLOW)} and "
         f"those of loads, stiffness and tolerances: {', '.join(_LOADED)} "

@@ -28,7 +28,7 @@ def run(
     over: str | None = option(
         "AXES", f"two coordinates, such as x,y or x=-0.3..0.3,rz=-90..90, or two actuated joints ({UNITS})"
     ),
-    grid: int = option("N", "points along each axis", 61, needs="--over"),
+    grid: int = option("N", "points along each axis", 61, needs="--over", min=2),
     plot: Path | None = option(
         "FILE", "picture of the scan: .png, .svg or .pdf (ROBOT-singular.png)", needs="--over", endings=PICTURES
     ),
