@@ -617,6 +617,10 @@ OF_FILES: list[tuple[dict[str, Any], Values, str, Act]] = [
      "this is not text in utf-8: (save) the file as UTF-8", recoded("latin-1")),
     ({"r.urdf": b'<?xml version="1.0" encoding="x-own"?><robot name="r"><link name="a"/></robot>'}, {},
      "unknown encoding '(x-own)': save the file as UTF-8", recoded("ascii", "x-own", "utf-8")),
+    # MJCF
+    ({"r.xml": '<mujoco><asset><model name="m" file="r.xml"/></asset><worldbody><body><joint/><geom size="1"/></body>'
+     "</worldbody></mujoco>"}, {}, "r.xml names r.xml, which names it in turn, also through others: (leave one out)",
+     put('<model name="m" file="r.xml"/>', "")),
     # xacro
     ({"r.urdf.xacro": XACRO.format('<xacro:include filename="$(find ghost)/arm.xacro"/>'),
      "own/arm.xacro": XACRO.format(PART).replace('<link name="a"/></robot>', "</robot>")}, {},
