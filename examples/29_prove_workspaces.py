@@ -10,8 +10,7 @@ import cinegen
 from cinegen.plotting.proof import draw_proof
 from cinegen.proof import load_proof
 
-folder = Path(tempfile.mkdtemp())
-turn = math.radians(5.0)
+folder, turn = Path(tempfile.mkdtemp()), math.radians(5.0)
 questions = {
     "five_bar": {"over": {"x": (-0.08, 0.08), "y": (0.4, 0.55)}},  # a rectangle, m
     "delta4": {"over": {"x": (-0.15, 0.15), "y": (-0.15, 0.15), "z": (-2.6, -2.4)}, "shape": "cylinder"},
