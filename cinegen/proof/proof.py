@@ -25,6 +25,8 @@ from cinegen.proof.spread import Checker, Report
 from cinegen.proof.tolerances import Robots, with_tolerances
 from cinegen.proof.velocities import VelocityExporter
 from cinegen.singularities.slice import POSE, Coordinates
+from raff2urdf.errors import RaffError
+from raff2urdf.files import read_bytes
 
 _FORMAT = "cinegen proof 1"
 
@@ -320,8 +322,10 @@ def load_proof(
         ProofError: the file can't be read, or is no certificate; or a claim is not confirmed.
     """
     try:
-        certificate = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
+        certificate = json.loads(read_bytes(path))
+    except RaffError as error:
+        raise ProofError(str(error)) from None
+    except (ValueError, RecursionError) as error:
         raise ProofError(f"{path}: can't be read ({error})") from None
     if not isinstance(certificate, dict) or certificate.get("format") != _FORMAT:
         raise ProofError(f"{path}: is no certificate of cinegen prove ({_FORMAT})")

@@ -75,7 +75,6 @@ REPLACED = (
     "cinegen.cli.study.forces._along", "cinegen.cli.motion.ik.pose_task", "cinegen.cli.study.modes.pose_task",
     "cinegen.cli.motion.ik._lines", "cinegen.cli.robots.demo.replace", "cinegen.cli.motion.drive.replace",
     "cinegen.cli.motion.plan_recording.replace", "cinegen.cli.served_page.replace", "cinegen.cli.robots.heal.signed",
-    "cinegen.cli.study.check_proof.read_bytes",
 )  # fmt: skip
 """What is called in no library, or needs more than anything."""
 PROGRAMS = {"cinegen": cinegen.cli, "raff2urdf": raff2urdf.cli, "urdf2raff": raff2urdf.urdf2raff.cli}

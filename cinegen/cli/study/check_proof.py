@@ -10,7 +10,6 @@ from cinegen.cli.files import print_result
 from cinegen.cli.options import JSON, SCHEDULER, WORKERS
 from cinegen.cli.progress import Progress
 from cinegen.cli.study.prove import lines
-from raff2urdf.files import read_bytes
 
 _CERTIFICATE = typer.Argument(..., metavar="FILE", help="certificate that cinegen prove wrote, .json")
 
@@ -24,7 +23,6 @@ def run(
     """
     from cinegen.proof.proof import load_proof
 
-    read_bytes(file, most=0)  # refuses devices: /dev/zero never ends
     with Progress() as progress:
         proof = load_proof(file, workers, scheduler, progress.steps)
     print_result(proof.as_dict(), lines(str(proof.certificate["robot"]), proof), json)
