@@ -18,6 +18,7 @@ from cinegen.jit.compiled import prepare
 from cinegen.proof._kernels.boxes import evaluate_boxes
 from cinegen.proof._kernels.memory import (
     NO_RATES,
+    PLACEMENT,
     SLIDE_RATE,
     SLIDES,
     TURN_RATES,
@@ -26,7 +27,12 @@ from cinegen.proof._kernels.memory import (
     BoxMemory,
 )
 
-_RATES = {None: (NO_RATES, 0), "slide": (SLIDE_RATE, 1), "turn": (TURN_RATES, 3)}  # and numbers of rows
+_RATES = {
+    None: (NO_RATES, 0),
+    "slide": (SLIDE_RATE, 1),
+    "turn": (TURN_RATES, 3),
+    "placement": (PLACEMENT, 12),
+}  # and numbers of rows
 _ORIGIN = np.diag([0.0, 0.0, 0.0, 1.0])
 _SHORT = 1e-9  # part of a box: as good as its centre
 _ONE = np.stack([np.eye(4), np.zeros((4, 4))])
