@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,6 @@ import numpy as np
 from cinegen.arrays import Array, ArrayLike
 from cinegen.cluster import check_workers
 from cinegen.model import Mechanism
-from cinegen.proof.checker import BoxResult
 from cinegen.proof.clearance import Clearances, bodies_of, shapes_of
 from cinegen.proof.document import Exporter, ProofError
 from cinegen.proof.equations import Equations
@@ -19,7 +19,7 @@ from cinegen.proof.prover import BOXES, ROUND, Prover
 from cinegen.proof.reach import ReachTest
 from cinegen.proof.result import FORMAT, Proof, leaves, proof_of
 from cinegen.proof.singular import SingularValues
-from cinegen.proof.spread import Checker, Report
+from cinegen.proof.spread import Checker, Report, examined
 from cinegen.proof.tolerances import Robots, with_tolerances
 from cinegen.proof.velocities import VelocityExporter
 from cinegen.singularities.slice import POSE, Coordinates
@@ -37,6 +37,7 @@ def prove(
     node: str | None = None, q: ArrayLike | None = None, limits: bool = False, sigma: float | None = None,
     boxes: int = BOXES, shape: str = "box", grow: bool = False, tolerances: Robots | None = None,
     clearance: float | None = None, workers: int | None = 1, scheduler: str | None = None, report: Report | None = None,
+    unfinished: Path | None = None,
 ) -> Proof:  # fmt: skip
     """Prove that each pose of a region has exactly one configuration on a branch, and that none is singular.
 
@@ -56,10 +57,12 @@ def prove(
         workers: processes on this machine that check the certificate; None for one for each core, for many boxes.
         scheduler: address of a Dask scheduler whose workers check it instead.
         report: is called with what is done, and how much of how much.
+        unfinished: a file that keeps the boxes that were examined, if they are many, until all are: the same proof goes
+            on there after it was interrupted.
 
     Raises:
         ProofError: there is no range, or an empty one; no such shape; tolerances of another robot, or that loops can't
-            follow; sigma or the clearance is negative, or given with tolerances.
+            follow; sigma or the clearance is negative; a clearance is given with tolerances.
         SliceError: coordinates that don't exist, or that can't be given independently.
         UnknownNameError: no such node.
         ClusterError: workers can't be started.
@@ -78,8 +81,6 @@ def prove(
     start = whole.q_home if q is None else whole.structure.checked(q)
     if sigma is not None and not sigma >= 0.0:
         raise ProofError(f"sigma is {sigma:g}: give a bound that is not negative")
-    if sigma is not None and tolerances is not None:
-        raise ProofError("singular values are bounded without tolerances only: leave out sigma or the tolerances")
     if clearance is not None and not 0.0 <= clearance < np.inf:
         raise ProofError(f"the clearance is {clearance:g} m: give one that is not negative")
     if clearance is not None and tolerances is not None:
@@ -107,7 +108,8 @@ def prove(
         document = with_tolerances(document, tolerances, export)
     with np.errstate(all="ignore"):
         ends, known_pose = np.array(list(over.values()), dtype=float), np.array([known[name] for name in POSE])
-        question = _Question(whole, document, known_pose, pose, boxes, Checker(workers, scheduler, report), report)
+        checker = Checker(workers, scheduler, report)
+        question = _Question(whole, document, known_pose, pose, boxes, checker, report, unfinished)
         return question.largest(ends) if grow else question.answer(ends)
 
 
@@ -122,14 +124,15 @@ class _Question:
         boxes: number of boxes that are tested.
         checker: of certificates.
         report: see `prove`.
+        unfinished: likewise.
     """
 
     def __init__(
         self, mechanism: Mechanism, document: Mapping[str, Any], known: Array, pose: Array, boxes: int,
-        checker: Checker, report: Report | None,
+        checker: Checker, report: Report | None, unfinished: Path | None,
     ) -> None:  # fmt: skip
         self._document, self._known, self._pose, self._boxes = document, known, pose, boxes
-        self._checker, self._report = checker, report
+        self._checker, self._report, self._unfinished = checker, report, unfinished
         self._equations = Equations(document)
         self._over = [POSE.index(document["variables"][k]["name"]) for k in self._equations.over]
         self._equations.select(self._equations.start, known[self._over])
@@ -217,17 +220,18 @@ class _Question:
             "tree": tree,
         }
         claims, dropped = [node for node in tree if isinstance(node, dict)], set[int]()
-        findings = dict[int, BoxResult]()
-        while True:
-            document["start"] = _start(ends, pose, np.nan_to_num(x) * self._equations.units, tree)
-            result = self._checker.result(document, dropped, findings)
-            if not dropped:
-                return proof_of(document, result)
-            for box in dropped:
-                findings.pop(box, None)
-                claims[box].clear()
-                claims[box] |= {"claim": "open", "reason": "the checker does not confirm it"}
-            dropped.clear()
+        with examined(self._unfinished, document) as findings:
+            while True:
+                document["start"] = _start(ends, pose, np.nan_to_num(x) * self._equations.units, tree)
+                result = self._checker.result(document, dropped, findings)
+                if not dropped:
+                    break
+                for box in dropped:
+                    findings.pop(box, None)
+                    claims[box].clear()
+                    claims[box] |= {"claim": "open", "reason": "the checker does not confirm it"}
+                dropped.clear()
+        return proof_of(document, result)
 
 
 def _start(ends: Array, pose: Array, x: Array, tree: Sequence[Any]) -> dict[str, list[float]]:

@@ -15,6 +15,7 @@ from flint import arb, ctx
 from matplotlib.colors import to_rgba
 from scipy.spatial.transform import Rotation
 
+import cinegen.proof.checker
 import cinegen.proof.proof
 import cinegen.proof.spread
 from cinegen.collision.body import geometry_model
@@ -267,6 +268,22 @@ def test_all_robots_within_tolerances(name, over, tolerances):
             assert (np.abs(numbers - values) <= radii + 1e-12).all()
 
 
+def test_singular_values_of_all_robots_within_tolerances(robot):
+    parameters, rng = Parameters("five_bar"), np.random.default_rng(4)
+    over, within = {"x": (-0.02, 0.02), "y": (0.45, 0.47)}, WithinTolerances(parameters, {"link*.d": "0.1mm"})
+    lengths = [error.name for error in within.errors]
+
+    def sigma():
+        values = {name: parameters.values[parameters.index(name)] + rng.choice([-1e-4, 1e-4]) for name in lengths}
+        other = parameters.mechanism_with(parameters.with_changed(values))
+        pose = {key: rng.uniform(*ends) for key, ends in over.items()}
+        return min(singularity(other, Coordinates(other, list(over)).from_home(pose, steps=10)).sigma)
+
+    least = min(sigma() for _ in range(30))
+    assert prove(parameters.mechanism, over, sigma=0.9 * least, tolerances=within, boxes=60)
+    assert not prove(parameters.mechanism, over, sigma=1.02 * least, tolerances=within, boxes=60)
+
+
 def tolerated(document):
     """Placements in the order of the chains, with their radii."""
     used = [c[side] + [[c[f"{side}_end"], -1]] for c in document["closures"] for side in ("first", "second")]
@@ -343,6 +360,37 @@ def test_boxes_may_be_examined_by_other_processes_in_any_order(rectangle):
     again = read_proof(rectangle.certificate, workers=2, report=lambda *step: seen.append(step))
     assert again.as_dict() == rectangle.as_dict()
     assert seen[-1] == ("checking", rectangle.boxes, rectangle.boxes)
+
+
+def test_an_interrupted_proof_goes_on_where_it_was(robot, tmp_path, monkeypatch):
+    monkeypatch.setattr(cinegen.proof.spread, "_WORTH", 1)
+    monkeypatch.setattr(cinegen.proof.checker, "_TASK", 1)
+    examine, numbers = cinegen.proof.checker.examine, []
+    monkeypatch.setattr(
+        cinegen.proof.checker, "examine", lambda data, boxes: numbers.append(boxes[0].number) or examine(data, boxes)
+    )
+
+    def interrupt(stage, done, total):
+        if (stage, done) == ("checking", 6):
+            raise KeyboardInterrupt
+
+    part, whole = tmp_path / "proof.json.part", prove(robot("five_bar"), RECTANGLE)
+    with pytest.raises(KeyboardInterrupt):
+        prove(robot("five_bar"), RECTANGLE, report=interrupt, unfinished=part)
+    part.write_text(part.read_text() + '\n[11, "", "prov')  # and a line that was not written to its end
+    numbers.clear()
+    assert prove(robot("five_bar"), RECTANGLE, unfinished=part).certificate == whole.certificate
+    assert len(numbers) == whole.boxes - 5
+    assert not part.exists()
+    with pytest.raises(KeyboardInterrupt):
+        prove(robot("five_bar"), RECTANGLE, limits=True, report=interrupt, unfinished=part)
+    numbers.clear()
+    prove(robot("five_bar"), RECTANGLE, unfinished=part)  # something else is asked
+    assert len(numbers) == whole.boxes
+    part.write_text("a file of somebody")
+    with pytest.raises(ProofError, match="move it away, or give another output"):
+        prove(robot("five_bar"), RECTANGLE, unfinished=part)
+    assert part.read_text() == "a file of somebody"
 
 
 def test_a_picture_shows_each_box(robot):

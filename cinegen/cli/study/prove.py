@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from json import dumps
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -14,7 +17,7 @@ from cinegen.cli.options import FILE, JSON, PLOT, SCHEDULER, WORKERS, RobotOptio
 from cinegen.cli.progress import Progress
 from raff2urdf.command.command_line import flag, option
 from raff2urdf.escape import one_line
-from raff2urdf.files import GENERATED, output_path
+from raff2urdf.files import GENERATED, is_stream, output_path
 from raff2urdf.quantities import LENGTH
 
 if TYPE_CHECKING:
@@ -75,11 +78,11 @@ def run(
         key: interval_of(mechanism, key, ends, "--over") for key, ends in named(over, "--over", "x=-100..100mm").items()
     }
     least = None if clearance is None else quantity(clearance, "--clearance", LENGTH)
-    with Progress() as progress:
+    with Progress() as progress, _resumable(target) as unfinished:
         proof = prove(
             mechanism, ranges, values(at, "--at", "z=-0.9, z=-900mm or rz=15", mechanism), node, limits=limits,
             sigma=sigma, boxes=boxes or BOXES, shape=shape, grow=grow, tolerances=within, clearance=least,
-            workers=workers, scheduler=scheduler, report=progress.steps,
+            workers=workers, scheduler=scheduler, report=progress.steps, unfinished=unfinished,
         )  # fmt: skip
     write(target, dumps({"origin": GENERATED, **proof.certificate}))
     print_result({"certificate": str(target), **proof.as_dict()}, f"{lines(name, proof)}\ncertificate: {target}", json)
@@ -88,6 +91,18 @@ def run(
 
         write_figure(plot, draw_proof(proof, name=name), quiet=json)
     return 0 if proof else 1
+
+
+@contextmanager
+def _resumable(target: Path) -> Iterator[Path | None]:
+    """Yield the file that keeps an interrupted proof, if its certificate is a file."""
+    unfinished = None if is_stream(target) else target.with_name(f"{target.name}.part")
+    try:
+        yield unfinished
+    except KeyboardInterrupt:
+        if unfinished is not None and unfinished.exists():
+            print(f"{unfinished}: examined boxes are kept; the same command continues", file=sys.stderr)
+        raise
 
 
 def lines(name: str, proof: Proof) -> str:

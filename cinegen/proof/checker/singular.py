@@ -8,7 +8,7 @@ from typing import Any
 
 from flint import arb, arb_mat
 
-from cinegen.proof.checker.balls import CertificateError, absolute, frobenius, identity, norms, pick
+from cinegen.proof.checker.balls import CertificateError, absolute, added_sizes, frobenius, identity, norms, pick
 from cinegen.proof.checker.forms import Form
 from cinegen.proof.checker.tube import Tube
 
@@ -39,7 +39,9 @@ def _form(tube: Tube, rows: Sequence[int], columns: Sequence[int]) -> Form:
     first, *by, bend, apart = (pick(m, rows, columns) for m in tube.parts)
     *more, bend = (pick(m, rows, columns) for m in tube.sharper)
     n = len(tube.low)
-    return Form(first, by[:n] + [a + b for a, b in zip(by[n:], more, strict=True)], absolute(bend + apart))
+    parts = [first, *by[:n], *(a + b for a, b in zip(by[n:], more, strict=True))]
+    c, *g = (m.mid() for m in parts)
+    return Form(c, g, absolute(bend + apart) + added_sizes([m - m.mid() for m in parts]))
 
 
 def _size(tube: Tube, columns: list[int], single: list[int], twist: list[int], by: arb_mat) -> tuple[arb, arb]:
