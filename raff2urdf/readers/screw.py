@@ -21,7 +21,7 @@ def lead(element: Any, label: str, name: str) -> float:
         name: of the file, in errors.
 
     Raises:
-        RaffError: a pitch is no number, or 0 rad/m.
+        RaffError: a pitch is not a number, or 0 rad/m.
     """
     if element.find("screw_thread_pitch") is not None or element.find("thread_pitch") is None:
         return parameter(element, "screw_thread_pitch", label, name, 1.0) / (2.0 * math.pi)
@@ -35,7 +35,7 @@ def parameter(element: Any, word: str, label: str, name: str, default: float) ->
     """Return the number in an element of a joint or a mimic; the arguments are those of `lead`.
 
     Raises:
-        RaffError: it is no number.
+        RaffError: it is not a number.
     """
     child = element.find(word)
     if child is None:
