@@ -258,18 +258,8 @@ def _sweep(name: str, spec: MapSpecification, file: Path, robots: ShownRobotOpti
     from raff2urdf.raff.reader import load as load_document
     from raff2urdf.shipped import find_robot
 
-    for other, value in {
-        "loop": robots.loop,
-        "ignore_loops": robots.ignore_loops,
-        "ignore": robots.ignore,
-        "fixed_base": robots.fixed_base,
-        "actuated": robots.actuated,
-        "view": options.view,
-        "sigma": options.sigma,
-        "play": options.play,
-        "encoder": options.encoder,
-    }.items():
-        exclude(vary=True, **{other: value})
+    for other in ("loop", "ignore_loops", "ignore", "fixed_base", "actuated", "view", "sigma", "play", "encoder"):
+        exclude(vary=True, **{other: getattr(robots, other, None) or getattr(options, other, None)})
     document = load_document(find_robot(file))
     variations = [Variation.typed(text, document, robots.robot) for text in options.vary]
     if options.plot:
