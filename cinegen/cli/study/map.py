@@ -253,7 +253,6 @@ def _obstacles(mechanism: Mechanism, file: Path, robots: ShownRobotOptions) -> d
 
 def _sweep(name: str, spec: MapSpecification, file: Path, robots: ShownRobotOptions, options: MapOptions) -> int:
     """Map all variants and print their table."""
-    from cinegen.plotting.sweep import check_drawable, draw_sweep
     from cinegen.workspace.sweep import Variation, WantedBox, sweep
     from raff2urdf.raff.reader import load as load_document
     from raff2urdf.shipped import find_robot
@@ -263,6 +262,8 @@ def _sweep(name: str, spec: MapSpecification, file: Path, robots: ShownRobotOpti
     document = load_document(find_robot(file))
     variations = [Variation.typed(text, document, robots.robot) for text in options.vary]
     if options.plot:
+        from cinegen.plotting.sweep import check_drawable, draw_sweep
+
         check_drawable(variations)
     folder = _folder(options.output, f"{name}-sweep")
     if not options.yes and not folder.exists():
