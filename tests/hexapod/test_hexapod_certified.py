@@ -1,7 +1,5 @@
 """Certificates of a platform's placements, against Newton's method at 50 digits."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import mpmath
