@@ -4,8 +4,6 @@
 nobody says, so that all tests together stay within minutes.
 """
 
-from __future__ import annotations
-
 import contextlib
 import gc
 import os

@@ -1,7 +1,5 @@
 """What is imported is declared, what is declared is imported and pinned, and modules of one system are optional."""
 
-from __future__ import annotations
-
 import re
 import sys
 import tomllib

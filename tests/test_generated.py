@@ -1,7 +1,5 @@
 """`generated/` holds what the converter makes of `robots/` today (`make generated` renews it)."""
 
-from __future__ import annotations
-
 import zlib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Krawczyk's test on equations of one and two unknowns, judged by mpmath at 50 digits."""
 
-from __future__ import annotations
-
 import mpmath
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """A test that leaves something behind is found."""
 
-from __future__ import annotations
-
 import resource
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """What a user gets back prints as words, never as a dump of arrays."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -3,8 +3,6 @@
 Complexity is bounded by ruff (C901, `tool.ruff.lint.mccabe` in pyproject.toml).
 """
 
-from __future__ import annotations
-
 import ast
 from collections import Counter
 

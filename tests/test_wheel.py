@@ -1,7 +1,5 @@
 """The wheel and the source distribution are complete; the installed wheel drives a robot without the clone."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

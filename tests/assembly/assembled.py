@@ -1,7 +1,5 @@
 """What is asked of assembly modes whatever the mechanism, and what random closings find."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

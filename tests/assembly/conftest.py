@@ -1,7 +1,5 @@
 """Mechanisms are made as the tests of robots make theirs; and what is asserted of them shares its words."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

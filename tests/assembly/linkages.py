@@ -3,8 +3,6 @@
 Each is assembled first and described then: its home is one of its modes.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

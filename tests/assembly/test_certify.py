@@ -1,7 +1,5 @@
 """Certificates of assembly modes: against closed forms, and against Newton's method at 50 digits."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Self-motions that the literature knows: each is found, is the one that is known, and nothing is called complete."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Assembly modes of mechanisms of no known family, at special values of the motors, and what is refused."""
 
-from __future__ import annotations
-
 import gc
 import pickle
 import weakref

@@ -1,7 +1,5 @@
 """Assembly modes of mechanisms that are well known, against what is known of each: circles, spheres, polynomials."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from assembled import alike, apart, home, nothing_beside, places, sound, traced

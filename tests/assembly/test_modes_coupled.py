@@ -1,7 +1,5 @@
 """Assembly modes of mechanisms with couplings."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

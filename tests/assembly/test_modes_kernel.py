@@ -1,8 +1,6 @@
 """What assembly modes are solved with: loops in complex numbers against finite differences and the model, least squares
 against numpy, the trace test against what is taken away from it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

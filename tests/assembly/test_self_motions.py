@@ -1,7 +1,5 @@
 """Mechanisms that move with their actuated joints locked: the components are found, and nothing is called complete."""
 
-from __future__ import annotations
-
 import math
 
 import making

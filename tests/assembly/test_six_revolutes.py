@@ -1,7 +1,5 @@
 """Closures of six revolute joints by elimination: against the loop itself, and where there is nothing to count."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

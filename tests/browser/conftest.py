@@ -1,7 +1,5 @@
 """One chromium, tabs and cockpits for each test."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A chromium, and what people do at the page of a cockpit."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import time

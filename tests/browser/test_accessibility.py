@@ -1,7 +1,5 @@
 """Accessibility of every page: axe-core finds no violation."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from axe import needs_axe, violations

@@ -1,7 +1,5 @@
 """A person at the real page: a mouse and keys in a real browser drive real sessions."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

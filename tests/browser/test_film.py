@@ -1,7 +1,5 @@
 """Films, and pictures for one: drawn by a real browser, picture by picture."""
 
-from __future__ import annotations
-
 import shutil
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The first pictures of a page, and what it shows where there is nothing to show."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The first screen: the robot, and next to nothing else. Everything else is a few clicks away."""
 
-from __future__ import annotations
-
 import pytest
 from tabs import IN_BROWSER, becomes, picture
 

@@ -1,7 +1,5 @@
 """A person with a headset at the real page: an emulated one in a real browser drives real sessions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from headset import Headset, needs_emulator

@@ -1,7 +1,5 @@
 """The home page of the site: its weight, its first picture, and the live robot, in a real browser from a server."""
 
-from __future__ import annotations
-
 import functools
 import http.server
 import importlib.util

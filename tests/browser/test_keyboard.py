@@ -1,7 +1,5 @@
 """A person without a pointer: keys select, move and rotate parts, and what happens is announced."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 from tabs import IN_BROWSER, becomes, held, place

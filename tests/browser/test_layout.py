@@ -1,7 +1,5 @@
 """What stands over the scene, in windows of all sizes: nothing covers the part's toolbar, and no text is cut off."""
 
-from __future__ import annotations
-
 import pytest
 from tabs import IN_BROWSER, becomes
 

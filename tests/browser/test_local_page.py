@@ -1,7 +1,5 @@
 """A person at a page without a server, from a file, with the network off: a real browser, a mouse and keys."""
 
-from __future__ import annotations
-
 import io
 
 import numpy as np

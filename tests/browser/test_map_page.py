@@ -1,7 +1,5 @@
 """A map in the real page: cells are seen, pointed at and clicked, and the robot goes there."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A person who measures: points of parts by keys and by the pointer, in a page without a server."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A newcomer without docs: each task takes three clicks at most, and hints come when they help."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from tabs import IN_BROWSER, READY, becomes, find, grab, held, picture, rests

@@ -1,7 +1,5 @@
 """Waypoints, links and other users in the real page."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The page with six sliders: what it shows is Kleinfinger's transform, as Python computes it; keys alone suffice."""
 
-from __future__ import annotations
-
 import importlib.util
 import math
 import re

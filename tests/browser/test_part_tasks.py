@@ -1,7 +1,5 @@
 """Tasks that a hand gives at the real page: a part stays upright, looks at another, or is pinned to another."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

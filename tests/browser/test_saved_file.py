@@ -1,7 +1,5 @@
 """A person edits the file of a robot in an editor while the page is open."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

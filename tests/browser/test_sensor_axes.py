@@ -1,7 +1,5 @@
 """A user inverts, swaps and scales the axes of a sensor in the panel."""
 
-from __future__ import annotations
-
 from tabs import IN_BROWSER, READY, becomes, picture, tools
 
 import cinegen

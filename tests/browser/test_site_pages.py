@@ -1,8 +1,6 @@
 """Pages of the built site: names lead to the reference, the reference to its source; code can be copied; nothing is
 wider than the window."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

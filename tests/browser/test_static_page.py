@@ -1,7 +1,5 @@
 """A real browser draws the page."""
 
-from __future__ import annotations
-
 import io
 
 import ezdxf

@@ -1,7 +1,5 @@
 """What goes wrong is told in one sentence, with what to do."""
 
-from __future__ import annotations
-
 import pytest
 from tabs import IN_BROWSER, becomes, picture, tools
 

@@ -1,7 +1,5 @@
 """What is seen of robots: how much of the view they fill, in which colours, and what is drawn when nothing changes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from tabs import IN_BROWSER, becomes, find, grab

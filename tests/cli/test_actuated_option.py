@@ -1,7 +1,5 @@
 """`--actuated` of all commands that load robots: the actuated joints, whatever the file states."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """Generated files that somebody changed are kept, in every writer; those that nobody changed are replaced."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

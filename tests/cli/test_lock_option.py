@@ -1,7 +1,5 @@
 """`--lock` of `cinegen plan`, `drive` and `ik`: joints that do not move."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

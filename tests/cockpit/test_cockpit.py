@@ -1,7 +1,5 @@
 """The whole cockpit over real sockets: many browsers, hostile ones, ones that come late."""
 
-from __future__ import annotations
-
 import http.client
 import socket
 from urllib.parse import urlsplit

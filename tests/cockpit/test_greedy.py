@@ -1,7 +1,5 @@
 """Clients that ask for scenes without end, and one that only watches: it still sees the robot move."""
 
-from __future__ import annotations
-
 import asyncio
 import http.client
 import socket

@@ -1,7 +1,5 @@
 """Clients that say nonsense or vanish, over real sockets: they are answered, or forgotten, and nothing is logged."""
 
-from __future__ import annotations
-
 import base64
 import contextlib
 import gc

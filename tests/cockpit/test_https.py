@@ -1,7 +1,5 @@
 """A page by HTTPS: its own certificate, and everything encrypted."""
 
-from __future__ import annotations
-
 import asyncio
 import hashlib
 import json

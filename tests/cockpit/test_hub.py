@@ -1,7 +1,5 @@
 """Which client sees what, has control, or is dropped: the hub, without a network."""
 
-from __future__ import annotations
-
 import json
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Cells of maps, as they are shown beside a robot."""
 
-from __future__ import annotations
-
 import json
 import shutil
 

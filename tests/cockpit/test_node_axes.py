@@ -1,7 +1,5 @@
 """The axes of joints that the page is told of are those about or along which the nodes move."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

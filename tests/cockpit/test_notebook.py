@@ -1,7 +1,5 @@
 """`cinegen.show`: a live page in a cell."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

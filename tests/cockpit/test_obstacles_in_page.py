@@ -1,7 +1,5 @@
 """Obstacles in the page: what is drawn of them, and what the page is told."""
 
-from __future__ import annotations
-
 import coal
 import numpy as np
 import pinocchio as pin

@@ -1,7 +1,5 @@
 """What is drawn is kept, handed to whoever looks, and written whole into one file."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

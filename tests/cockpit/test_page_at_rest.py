@@ -1,7 +1,5 @@
 """What pages are sent: nothing while nothing moves, and little while something does."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from browsers import Browser, becomes

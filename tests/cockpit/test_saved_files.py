@@ -1,7 +1,5 @@
 """Files are read again when they are saved, in every format and with all that is read for them."""
 
-from __future__ import annotations
-
 import os
 import threading
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Meshes in the page: in the colour that the URDF says, or in their own, base_poses_at_start on the floor."""
 
-from __future__ import annotations
-
 import sysconfig
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What the page is told of a map that is shown beside a robot."""
 
-from __future__ import annotations
-
 import json
 import shutil
 

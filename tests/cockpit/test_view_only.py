@@ -1,7 +1,5 @@
 """An address that only shows the session: the server refuses commands from there, whatever the page does."""
 
-from __future__ import annotations
-
 from urllib.parse import parse_qs, urlsplit
 
 import pytest

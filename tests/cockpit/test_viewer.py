@@ -1,7 +1,5 @@
 """`cinegen.Viewer` shows configurations in meshcat's viewer, from a server that only this user reaches."""
 
-from __future__ import annotations
-
 import base64
 import re
 import threading

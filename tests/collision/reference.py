@@ -1,7 +1,5 @@
 """Robots of example-robot-data, each loaded once, without their warnings."""
 
-from __future__ import annotations
-
 import sysconfig
 import warnings
 from functools import cache

@@ -1,7 +1,5 @@
 """Scenes that tests read, and distances between bodies."""
 
-from __future__ import annotations
-
 import coal
 import numpy as np
 import pinocchio as pin

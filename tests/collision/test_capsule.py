@@ -1,7 +1,5 @@
 """The tightest capsule around points: it holds them all, and finds capsules again that are known."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

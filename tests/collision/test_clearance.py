@@ -1,7 +1,5 @@
 """Distances to what is around a mechanism: here, how joints shorten them, and all along a motion."""
 
-from __future__ import annotations
-
 import coal
 import numpy as np
 import pinocchio as pin

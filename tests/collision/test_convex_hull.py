@@ -1,7 +1,5 @@
 """Convex hulls: of points however flat, and with fewer corners around them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

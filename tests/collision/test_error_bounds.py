@@ -1,7 +1,5 @@
 """Errors of distances, and what `cinegen info --collision` reports of them: by closed forms and brute force."""
 
-from __future__ import annotations
-
 import coal
 import numpy as np
 import pinocchio as pin

@@ -1,7 +1,5 @@
 """Distances of links are those of their meshes, judged by coal's trees over meshes that trimesh reads."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import trimesh

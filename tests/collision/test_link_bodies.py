@@ -1,7 +1,5 @@
 """Links as convex bodies: nothing that is drawn is outside of them, whatever it is drawn with."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 

@@ -1,7 +1,5 @@
 """No path is reported as reached on which the meshes touch, whatever the convex solids around them say."""
 
-from __future__ import annotations
-
 from functools import cache
 from itertools import pairwise
 

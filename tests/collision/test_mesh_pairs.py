@@ -1,7 +1,5 @@
 """Pairs that are checked by their meshes: found apart from those of `Clearance`, with which they must agree."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from reference import PANDA, load

@@ -1,7 +1,5 @@
 """Obstacles of all kinds: where they stand and how far points are from them, by formulas."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

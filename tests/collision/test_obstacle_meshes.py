@@ -1,7 +1,5 @@
 """Obstacles of triangles and of points: distances against brute force over all triangles and all points."""
 
-from __future__ import annotations
-
 import json
 import math
 

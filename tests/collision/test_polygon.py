@@ -1,7 +1,5 @@
 """Polygons and the convex pieces they are cut into, against exact fractions, ray casting and areas."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from itertools import combinations
 

@@ -1,7 +1,5 @@
 """Scenes as files: those of the repository, what is wrong with others, and starts and goals of all robots."""
 
-from __future__ import annotations
-
 import json
 import math
 

@@ -1,7 +1,5 @@
 """Whatever stands in a scene: it is read, or refused with a SceneError that names a place."""
 
-from __future__ import annotations
-
 import copy
 import json
 

@@ -1,7 +1,5 @@
 """Which bodies may collide: neighbours never, and nothing is left out without a reason."""
 
-from __future__ import annotations
-
 from functools import cache
 from itertools import combinations
 

@@ -1,7 +1,5 @@
 """Pairs of links that an SRDF disables."""
 
-from __future__ import annotations
-
 import json
 import pickle
 from itertools import combinations, pairwise

@@ -1,7 +1,5 @@
 """What serial 3D mice send, made by hand from the description of their languages: encoders for the tests."""
 
-from __future__ import annotations
-
 import itertools
 import struct
 from collections.abc import Sequence

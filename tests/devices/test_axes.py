@@ -1,7 +1,5 @@
 """The axes of a sensor, inverted, swapped and scaled by one text: in RAFF, Python, `--sensor` and a session."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The gamepad of a browser: what is put is said, what makes no sense is not; a browser that is gone moves nothing."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Sensors by their URLs, and the command that lists and monitors them."""
 
-from __future__ import annotations
-
 import json
 import re
 import threading

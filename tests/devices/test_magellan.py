@@ -1,7 +1,5 @@
 """The Magellan's language: every packet that is whole is used, and nothing else."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

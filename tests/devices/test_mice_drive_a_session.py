@@ -1,7 +1,5 @@
 """A 3D mouse on a serial line moves a robot of a session; unplugged it comes to rest, plugged in again it goes on."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from mouse_streams import magellan_motion

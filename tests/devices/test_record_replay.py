@@ -1,7 +1,5 @@
 """Readings in a file: written as they come, read back as they were, whole lines whatever happens."""
 
-from __future__ import annotations
-
 import errno
 import json
 import math

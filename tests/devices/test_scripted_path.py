@@ -1,7 +1,5 @@
 """ScriptedSensor paths: inside the workspace, without a jump."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Serial 3D mice on a real pseudo-terminal, with all that happens to them."""
 
-from __future__ import annotations
-
 import random
 
 import pytest

@@ -1,7 +1,5 @@
 """The Spaceball's language: without a checksum, so what gets through wrongly is counted."""
 
-from __future__ import annotations
-
 import math
 import random
 

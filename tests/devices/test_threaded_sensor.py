@@ -1,7 +1,5 @@
 """What the sensors with a thread share: the newest reading without waiting, no press lost, and no end by an error."""
 
-from __future__ import annotations
-
 import threading
 import time
 

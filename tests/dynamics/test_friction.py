@@ -1,7 +1,5 @@
 """Rotors and friction in torques: closed forms, and MuJoCo's inverse dynamics."""
 
-from __future__ import annotations
-
 import json
 
 import mujoco

@@ -1,7 +1,5 @@
 """Accessibility of a page that is open in a browser, as axe-core judges it: WCAG 2.2 A and AA, and best practices."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Browsers that draw nothing: what they say and are told, in one thread."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import http.client

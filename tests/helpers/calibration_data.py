@@ -1,7 +1,5 @@
 """Synthetic measurements of robots whose parameters differ from their description."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

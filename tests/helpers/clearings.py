@@ -1,7 +1,5 @@
 """Robots among obstacles, as tests of clearance and of what is held clear need them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

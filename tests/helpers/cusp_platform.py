@@ -1,8 +1,6 @@
 """The planar 3-RPR of `robots/cusp_3rpr.raff` in closed form, from the numbers that its papers print: the yardstick of
 its assembly modes and singularities."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

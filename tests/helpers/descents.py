@@ -1,7 +1,5 @@
 """Scenes to descend a potential in, and derivatives by differences."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Drag a mechanism about and measure how well its constraints hold."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 

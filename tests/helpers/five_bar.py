@@ -4,8 +4,6 @@ The base joints are at (-half, 0) and (half, 0). Each leg has an inner bar on it
 meet at the tool. Elbows point outward.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A headset that is emulated in a browser (iwer): its head, its controllers and its hands, for tests of pages."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A robot whose names are code, commands and keys in the languages into which they are written."""
 
-from __future__ import annotations
-
 import re
 from xml.sax.saxutils import escape, quoteattr
 

@@ -1,7 +1,5 @@
 """The screw matrix of a mechanism's loops, in numpy: in closed form, and by differences of Pinocchio's placements."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@ Nothing of `cinegen.collision` is used. Poses are Pinocchio's. Pairs of links th
 way of links without shapes, are not judged, nor those that are fixed to each other.
 """
 
-from __future__ import annotations
-
 from itertools import combinations
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Node, and the package `three` that the page's session imports there; a page has its own copy."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The Orthoglide, a translational robot with three orthogonal prismatic joints (Wenger and Chablat), as RAFF."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

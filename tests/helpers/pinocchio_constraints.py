@@ -1,7 +1,5 @@
 """Forward dynamics of closed mechanisms by Pinocchio's constraintDynamics."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Polygons in the plane z = 0, and the distance to them by its definition: the smallest to any of their edges."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull

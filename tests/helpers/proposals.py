@@ -1,7 +1,5 @@
 """The templates of messages that propose something, found in the sources."""
 
-from __future__ import annotations
-
 import ast
 import re
 import string

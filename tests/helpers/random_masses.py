@@ -1,7 +1,5 @@
 """Mechanisms whose links have random masses, and their motions, without the code that computes with them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Parameters that repeat a code path with other numbers or robots: `@parametrize("seed", [0, *slow(1, 2, 3)])`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """RAFF text with errors, and where they are."""
 
-from __future__ import annotations
-
 # Figure 5, as printed, of L. Flückiger, L. Piguet, C. Baur: "Generic robotic kinematic generator for virtual
 # environment interfaces". Two slips of the printer are in it: `alphah`, and a brace that closes link 2 too early.
 FIGURE_5 = """\

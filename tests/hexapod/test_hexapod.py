@@ -1,7 +1,5 @@
 """Assembly modes of a Gough platform: legs are as long as asked, all modes are there, and the account is true."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

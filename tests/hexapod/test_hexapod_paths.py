@@ -1,7 +1,5 @@
 """What hexapods are solved by: their equations, and paths of solutions, against plain numpy and closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

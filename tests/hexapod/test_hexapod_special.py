@@ -1,7 +1,5 @@
 """Platforms on six legs of special geometry: what is called complete leaves nothing to Newton's method."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.random import Generator

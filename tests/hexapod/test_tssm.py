@@ -1,7 +1,5 @@
 """`TSSM`: its modes, what is said of them, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -9,8 +9,6 @@ turn, as modes hide from one walk where two of its branches end.
 compares so many platforms of each kind.
 """
 
-from __future__ import annotations
-
 import os
 
 import numpy as np

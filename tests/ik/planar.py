@@ -1,7 +1,5 @@
 """Planar mechanisms and their closed forms."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,8 +1,6 @@
 """The linear algebra of one tick in plain numpy, lexicographic: loops exactly, joint limits exactly, tasks as well as
 possible. Everything is dimensionless. The compiled kernels are tested against it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

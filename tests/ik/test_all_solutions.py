@@ -1,7 +1,5 @@
 """All inverse solutions: against published closed forms, and against Newton's method from thousands of starts."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Attributes that are set between two ticks: they take effect at the next one, and misspelt ones are errors."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

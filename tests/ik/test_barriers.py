@@ -1,7 +1,5 @@
 """Barriers: bounds of velocity that no task and no objective breaks."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,8 +1,6 @@
 """A flat parallelogram: two branches of closed configurations meet, and most velocities that its Jacobian allows belong
 to neither."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

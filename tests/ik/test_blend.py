@@ -1,7 +1,5 @@
 """Blending: from one target or weight to another without a jerk, and nobody is held who takes over."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

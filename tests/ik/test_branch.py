@@ -1,7 +1,5 @@
 """Toggles of the actuated joints: reported by the step that passes one, and not passed if the branch is kept."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """Exceptions of objectives and barriers: the loop goes on, the step has them, the log has each of them once."""
 
-from __future__ import annotations
-
 import gc
 import logging
 import traceback

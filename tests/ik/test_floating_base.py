@@ -1,7 +1,5 @@
 """A floating base moves with every task on a node that it carries, in all formats, unless it is loaded as fixed."""
 
-from __future__ import annotations
-
 import bipeds
 import numpy as np
 import pinocchio as pin

@@ -1,7 +1,5 @@
 """What lies ahead against closed forms, and against what then happens."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

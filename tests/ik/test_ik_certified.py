@@ -1,7 +1,5 @@
 """Certificates of inverse solutions: what is certified is reached, and what is not a solution is not certified."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The kernels against what they must compute: plain numpy, `cinegen.ik.equations`, `reference_tick`, scipy."""
 
-from __future__ import annotations
-
 import gc
 import sys
 

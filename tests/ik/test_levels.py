@@ -1,7 +1,5 @@
 """Levels of priority: against the plain statement, against optima of SLSQP, and the promises that ticks keep."""
 
-from __future__ import annotations
-
 import math
 
 import bipeds

@@ -1,7 +1,5 @@
 """Limits of position, velocity and acceleration: never crossed, rested at without trembling, left again at once."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

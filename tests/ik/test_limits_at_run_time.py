@@ -1,7 +1,5 @@
 """Limits that a program sets while a solver runs: obeyed from the next tick on, and restored."""
 
-from __future__ import annotations
-
 import bipeds
 import numpy as np
 import pinocchio as pin

@@ -1,7 +1,5 @@
 """Locked joints in inverse kinematics and plans: they stay, and the others reach the target."""
 
-from __future__ import annotations
-
 import bipeds
 import numpy as np
 import pinocchio as pin

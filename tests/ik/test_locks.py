@@ -1,7 +1,5 @@
 """Locked joints: the motion is that of the model in which they are fixed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import bipeds

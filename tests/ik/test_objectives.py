@@ -1,7 +1,5 @@
 """What redundancy does: it serves its objectives, and neither tasks nor loops feel it."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

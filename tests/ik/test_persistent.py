@@ -1,7 +1,5 @@
 """A dead end whose way out is known: a planar arm whose first joint is limited, and the other of its two postures."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

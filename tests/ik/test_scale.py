@@ -1,7 +1,5 @@
 """Sizes do not matter: micro and giant robots move alike, and so do screws of any pitch."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Gain, damping and period, set while a robot moves."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Singularities against closed forms: which direction is lost, which motion is gained."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

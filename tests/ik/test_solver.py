@@ -1,7 +1,5 @@
 """The solver as one who tasks on a robot meets it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

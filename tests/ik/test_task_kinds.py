@@ -1,7 +1,5 @@
 """Kinds of tasks in Python, ranges, and tasks of a program's own."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

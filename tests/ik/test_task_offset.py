@@ -1,7 +1,5 @@
 """A part may be pulled anywhere: `at` is as good as a frame of the file that stands there."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path

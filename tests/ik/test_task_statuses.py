@@ -1,7 +1,5 @@
 """What a tick reports of each task: which value is wrong, and how the others fare."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

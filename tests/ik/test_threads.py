@@ -1,7 +1,5 @@
 """One solver in several threads: the second is refused, the first goes on as if it were alone."""
 
-from __future__ import annotations
-
 import inspect
 import threading
 from concurrent.futures import ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """Tasks by a speed, and tasks that are another thing in every tick."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Numbers that a program can't mean: degrees for radians, mm for m, a rate for a period, a flag for a number."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

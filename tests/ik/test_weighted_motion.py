@@ -1,7 +1,5 @@
 """Weights of joints: the least weighted motion of those that do the same for the tasks, and nothing else changes."""
 
-from __future__ import annotations
-
 import bipeds
 import numpy as np
 import pinocchio as pin

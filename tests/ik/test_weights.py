@@ -1,7 +1,5 @@
 """Weights of a task's axes: 0 frees an axis, others say what counts more where not all can be met."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

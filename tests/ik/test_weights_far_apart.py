@@ -1,7 +1,5 @@
 """Weights of tasks, however far apart: what can be met together is met; what can't is in weighted least squares."""
 
-from __future__ import annotations
-
 import bipeds
 import numpy as np
 import pinocchio as pin

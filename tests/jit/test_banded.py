@@ -1,7 +1,5 @@
 """Factors of large matrices block by block, against numpy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

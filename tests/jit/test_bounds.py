@@ -1,7 +1,5 @@
 """Kernels with bounds checking: run by `make bounds`, which runs the kernels' tests first."""
 
-from __future__ import annotations
-
 import os
 import re
 from pathlib import Path

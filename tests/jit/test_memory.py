@@ -1,7 +1,5 @@
 """Memory of kernels: the same fields in Python and in compiled functions, and memory of others."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """Objects with memory of kernels in several threads: the second is refused, the first goes on as if it were alone."""
 
-from __future__ import annotations
-
 import threading
 from concurrent.futures import ThreadPoolExecutor
 

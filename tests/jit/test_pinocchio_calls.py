@@ -1,7 +1,5 @@
 """Kernels call Pinocchio's compiled functions: they do, what they get, and what happens where they can't."""
 
-from __future__ import annotations
-
 import ctypes
 import re
 from concurrent.futures import ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """Machine code is not loaded from where other users may write it; the error's command mends that."""
 
-from __future__ import annotations
-
 import grp
 import os
 import pwd

@@ -1,7 +1,5 @@
 """Entries are compiled without machine code for their helpers, and do the same; helpers can still be called."""
 
-from __future__ import annotations
-
 import threading
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Clusters of loops that share no joint: found, closed and solved each by itself; a hundred on a thousand joints."""
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 

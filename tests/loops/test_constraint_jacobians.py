@@ -1,7 +1,5 @@
 """Jacobians of loops that the kernels form, against Pinocchio's own constraint Jacobians: every robot, every kind."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

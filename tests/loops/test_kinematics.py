@@ -3,8 +3,6 @@
 Kernels call Pinocchio, or compute these themselves, where it is not. Both are tested.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

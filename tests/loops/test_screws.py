@@ -1,7 +1,5 @@
 """Characteristic length and singular values belong to the mechanism: not to frames, cuts, order, or format."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Missions that are recorded for tests."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What is handed on reads back as the motion that was recorded; what must not be sent is not written."""
 
-from __future__ import annotations
-
 import csv
 import io
 import re

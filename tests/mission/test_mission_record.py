@@ -1,7 +1,5 @@
 """A mission in a file: what was handed over is read back bit for bit, whatever happens to program, disk and file."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

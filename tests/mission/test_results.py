@@ -1,7 +1,5 @@
 """Planned ways as recordings."""
 
-from __future__ import annotations
-
 import pytest
 
 from cinegen.collision import load_scene, scene_of

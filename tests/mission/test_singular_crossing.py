@@ -1,7 +1,5 @@
 """Motions through singularities of type 2, and over points at which torques do not hold a mechanism at rest."""
 
-from __future__ import annotations
-
 import math
 import re
 from functools import partial

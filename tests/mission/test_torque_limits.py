@@ -1,7 +1,5 @@
 """The fastest motion along a recorded path within limits of torque: closed forms, and Pinocchio's dynamics."""
 
-from __future__ import annotations
-
 import math
 from functools import partial
 from pathlib import Path

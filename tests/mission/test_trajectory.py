@@ -1,7 +1,5 @@
 """Recorded motion sampled anew: on the recorded way, on its branch, no faster than any joint may be; and its check."""
 
-from __future__ import annotations
-
 import math
 from functools import partial
 

@@ -1,7 +1,5 @@
 """A mechanism that its limits keep from moving says so when it is loaded."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

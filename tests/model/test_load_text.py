@@ -1,7 +1,5 @@
 """`cinegen.load` takes the text of a RAFF file, URDF, SDF or MJCF: the mechanism is that of the file."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

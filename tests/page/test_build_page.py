@@ -1,7 +1,5 @@
 """The file of a page without a server: all that it needs is in it, and nothing in it is code but what should be."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re

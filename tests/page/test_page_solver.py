@@ -1,7 +1,5 @@
 """The solver of the page does what Python's does, for tasks that change while it runs."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 

@@ -4,8 +4,6 @@ Commands are carried out by both, at the same rate. After each, everything that 
 configurations are equal where motions have ended; during motions that no task causes, at each moment.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 

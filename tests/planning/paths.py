@@ -1,7 +1,5 @@
 """Configurations all along a path."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from itertools import pairwise

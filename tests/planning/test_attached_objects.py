@@ -1,7 +1,5 @@
 """Objects that a robot holds: their clearance, by coal and Pinocchio alone, and their scenes."""
 
-from __future__ import annotations
-
 import json
 
 import coal

@@ -1,7 +1,5 @@
 """Accelerations of joints that brake before limits of position, next to others that take longer."""
 
-from __future__ import annotations
-
 import sysconfig
 from pathlib import Path
 

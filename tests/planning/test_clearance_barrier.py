@@ -1,7 +1,5 @@
 """What is held clear stays clear, on all of its way; and moves as freely as that allows."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

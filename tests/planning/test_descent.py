@@ -1,7 +1,5 @@
 """Down a potential: its gradient, that it ends in minima where the paper says so, and that nothing is ever hit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

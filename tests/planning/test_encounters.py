@@ -1,7 +1,5 @@
 """Predicted distances from obstacles that move, against coal at instants that are 1 ms apart."""
 
-from __future__ import annotations
-
 import coal
 import numpy as np
 import pinocchio as pin

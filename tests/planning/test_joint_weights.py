@@ -1,7 +1,5 @@
 """Weights of joints in the length of paths."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Plans that keep tasks of any kind, and ranges, all along the path."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Manoeuvres: against plain integration; and their checks against what is at rest, by coal in fine steps."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from repository import load

@@ -1,8 +1,6 @@
 """Changes of assembly mode, judged by the closed form of a planar 3-RPR: poses, leg lengths, and the determinant of the
 legs' lines, whose sign distinguishes the two sides of its singularities."""
 
-from __future__ import annotations
-
 import itertools
 import re
 

@@ -1,7 +1,5 @@
 """Problems in the format of MotionBenchMaker, a bookshelf, and the benchmark that reads and judges them."""
 
-from __future__ import annotations
-
 import importlib.util
 import itertools
 import sys

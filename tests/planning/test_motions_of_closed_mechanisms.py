@@ -1,8 +1,6 @@
 """Motions between configurations of a closed mechanism, judged by the closed form of a planar 3-RPR: the determinant of
 its legs' lines changes its sign where a motion passes a singularity of type 2, and only there."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

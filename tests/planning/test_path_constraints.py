@@ -1,7 +1,5 @@
 """Goals that are regions, and constraints of the node all along a path; judged by Pinocchio's placements."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

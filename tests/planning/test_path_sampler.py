@@ -1,7 +1,5 @@
 """RRT-Connect: ways that are clear all along, where vortices find none too, and over what loops leave."""
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import math

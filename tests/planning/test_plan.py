@@ -1,7 +1,5 @@
 """`plan`: one entry with one time limit; goals of joints, locked joints, and paths that are shortened."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import sysconfig

@@ -1,7 +1,5 @@
 """`plan(mechanism, goal)`: scenes without a file."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

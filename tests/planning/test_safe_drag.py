@@ -1,7 +1,5 @@
 """`AvoidingSolver`: never too near while it is pulled about, and round what is in the way."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """`AvoidingSolver` among obstacles that move: accelerations by finite differences, distances by coal."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import coal

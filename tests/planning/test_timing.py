@@ -1,7 +1,5 @@
 """Time-optimal motions along paths: no finite difference of their samples exceeds a limit, and they are fast."""
 
-from __future__ import annotations
-
 import math
 from functools import partial
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """The kernel that turns links around what is in their way, against the fields of the paper in plain numpy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """Pictures on paper: what a skeleton is, how it is seen, and what stands on the sheet."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import cache

@@ -1,7 +1,5 @@
 """Pictures of joints over time."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

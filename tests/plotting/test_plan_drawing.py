@@ -1,7 +1,5 @@
 """Pictures of ways: outlines of what is drawn, and what stands in them."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import coal

@@ -1,7 +1,5 @@
 """The report of a synthesis: complete, escaped, without anything to load, and readable in a browser and on paper."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,7 +1,5 @@
 """The inertia of rotors, and the friction of joints, in RAFF, URDF, SDF and MJCF: no format loses a digit."""
 
-from __future__ import annotations
-
 import json
 import math
 import warnings

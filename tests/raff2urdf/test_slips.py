@@ -1,7 +1,5 @@
 """A slip of the pen in a robot that is drawn closed is named, and a robot without any is not doubted."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The clock: deadlines, skipped ticks, errors and records. No test asks how punctual this machine is."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import gc

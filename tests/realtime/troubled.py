@@ -1,7 +1,5 @@
 """What goes wrong in a clock's process: a module of its own, so that such a process imports little."""
 
-from __future__ import annotations
-
 import os
 import time
 

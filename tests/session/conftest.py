@@ -1,7 +1,5 @@
 """What tests of sessions share."""
 
-from __future__ import annotations
-
 import pytest
 
 from cinegen.session import Session, arrange

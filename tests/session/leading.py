@@ -1,7 +1,5 @@
 """Leading a session by commands, as people at its page do."""
 
-from __future__ import annotations
-
 from cinegen.session import Session
 from cinegen.session.commands import Command
 from cinegen.session.state import SessionState

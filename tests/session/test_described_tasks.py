@@ -1,7 +1,5 @@
 """Tasks of all kinds in a session: they come as plain data, hold while parts are dragged, and are undone."""
 
-from __future__ import annotations
-
 import json
 
 import bipeds

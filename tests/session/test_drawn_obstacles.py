@@ -1,7 +1,5 @@
 """Obstacles of a session: their shapes, how they move, and how recordings keep them."""
 
-from __future__ import annotations
-
 import coal
 import numpy as np
 import pinocchio as pin

@@ -1,7 +1,5 @@
 """A session goes on with robots whose file has changed: by joint and node names, within loops and limits."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """A robot with a floating base in a session: drags move it as a whole, pins hold what they pin."""
 
-from __future__ import annotations
-
 import bipeds
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """What holds a driven robot at rest: payloads, bases that tilt, singularities, robots without masses."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """Robots go to configurations as a person would drag them."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

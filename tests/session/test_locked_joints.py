@@ -1,7 +1,5 @@
 """Locked joints in a session: nothing but an undo moves them, and a saved file or an undo does not unlock them."""
 
-from __future__ import annotations
-
 import bipeds
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Motions of robots that wait for what is in their path, those that go back as they came, and their trace."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What is told of a robot that moves, against closed forms, random motions, and what then happens."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

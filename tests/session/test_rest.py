@@ -1,7 +1,5 @@
 """A session at rest: few ticks, which cost next to nothing, until something is to be done."""
 
-from __future__ import annotations
-
 import json
 import re
 import socket

@@ -1,7 +1,5 @@
 """A session that runs at its rate: how it is scheduled, and while its kernels are compiled."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

@@ -1,7 +1,5 @@
 """A session as people at it meet it: taking, leading, pinning, undoing, motors, home, sensors, robots on robots."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

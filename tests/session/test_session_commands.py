@@ -1,7 +1,5 @@
 """Commands: valid ones are decoded, everything else is refused with a message that names the field."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import math

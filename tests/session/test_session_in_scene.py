@@ -1,7 +1,5 @@
 """A robot among obstacles, in the hand: it keeps clear, obstacles push it, what goes by itself hits nothing."""
 
-from __future__ import annotations
-
 import itertools
 import pickle
 

@@ -1,7 +1,5 @@
 """What a session is made of: sensors by file, stands, robots side by side, and where robots start."""
 
-from __future__ import annotations
-
 import re
 import sysconfig
 import warnings

@@ -1,7 +1,5 @@
 """Two hands at one session: two pointers drag two parts, or two points of one part; each begins and ends by itself."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

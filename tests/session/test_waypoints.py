@@ -1,7 +1,5 @@
 """Waypoints: they are saved, renamed, reordered, removed, moved to and played, and what was played is a mission."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

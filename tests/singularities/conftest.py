@@ -1,7 +1,5 @@
 """Platforms on legs are built as the tests of assembly modes build theirs."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Grassmann's varieties: lines made to lie in one are recognised, and no others."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Pluecker lines and screws against points and motions: what they are made of, computed without moments."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

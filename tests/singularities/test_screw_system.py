@@ -1,7 +1,5 @@
 """Linear systems of screws: made from axes, points and planes, moved and scaled, and recognised."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

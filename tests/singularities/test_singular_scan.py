@@ -1,7 +1,5 @@
 """Singular curves on slices, against closed forms; and the command that draws and writes them."""
 
-from __future__ import annotations
-
 import json
 import math
 

@@ -1,7 +1,5 @@
 """Singularities of whole mechanisms, against closed forms, screw theory and what then moves."""
 
-from __future__ import annotations
-
 import math
 
 import linkages

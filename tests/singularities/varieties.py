@@ -1,7 +1,5 @@
 """Lines made to lie in a variety, from its definition by points, planes and motions: no Pluecker coordinates."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

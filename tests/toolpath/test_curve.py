@@ -1,7 +1,5 @@
 """Curves through points by arc length, and speed profiles from rest to rest."""
 
-from __future__ import annotations
-
 import math
 import pickle
 

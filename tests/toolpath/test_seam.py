@@ -1,7 +1,5 @@
 """Along a seam: distances and angles measured back from where the tool stands are those that were asked for."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """A seam by its URL: the file, the options, and what is wrong with them, with the line."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -4,8 +4,6 @@ Each function counts solutions cell by cell, within joint limits or without; tho
 joint lies count once.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy import cos, pi, radians, sin
 

@@ -1,7 +1,5 @@
 """Folders of maps: what is in them, and small maps to fill them with."""
 
-from __future__ import annotations
-
 import hashlib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A map's values without a file: those of all its chunks."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Maps of the accuracy: single configurations, and what they take."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

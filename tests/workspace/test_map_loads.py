@@ -1,7 +1,5 @@
 """Maps of reactions, stiffness and frequencies: closed forms, and single configurations."""
 
-from __future__ import annotations
-
 import math
 import re
 

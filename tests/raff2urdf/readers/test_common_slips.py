@@ -1,7 +1,5 @@
 """Slips in URDFs that have one meaning are read so, with a note."""
 
-from __future__ import annotations
-
 import pytest
 
 import cinegen
