@@ -198,6 +198,38 @@ def test_ten_million_poses_of_a_proved_region_have_legs_of_allowed_length_and_ar
         assert (sign * determinants > 0.0).all()
 
 
+def arms_of_the_delta(poses):
+    """Of each arm and pose of delta4, by plane geometry: shoulders (., 3), both elbow angles, and forearms (., 3, 3)."""
+    angles = np.radians([0.0, 120.0, 240.0])
+    x = poses[:, :1] * np.cos(angles) + poses[:, 1:2] * np.sin(angles) + 0.50654 - 1.5  # a wrist from its shoulder
+    y, z = poses[:, 1:2] * np.cos(angles) - poses[:, :1] * np.sin(angles), poses[:, 2:]
+    shoulder = np.arctan2(z, x) + np.arccos((x**2 + y**2 + z**2 + 2.0**2 - 3.5**2) / (4.0 * np.hypot(x, z)))
+    forearm = np.stack([x - 2.0 * np.cos(shoulder), y, z - 2.0 * np.sin(shoulder)], axis=2)
+    first = (np.arctan2(forearm[..., 2], forearm[..., 0]) - shoulder) % (2.0 * math.pi)
+    turned = [
+        forearm[..., 0] * np.cos(angles) - y * np.sin(angles),
+        forearm[..., 0] * np.sin(angles) + y * np.cos(angles),
+    ]
+    return shoulder, first, np.arcsin(y / 3.5), np.stack([*turned, forearm[..., 2]], axis=2)
+
+
+@pytest.mark.slow
+def test_ten_million_poses_of_a_proved_region_of_a_delta(robot):
+    over, _ = INSIDE["delta4"]
+    assert prove(robot("delta4"), over, limits=True)
+    rng = np.random.default_rng(1)
+    sign = np.sign(np.linalg.det(arms_of_the_delta(np.array([[0.0, 0.0, -2.5]]))[3])[0])
+    for _ in range(100):
+        shoulder, first, second, forearms = arms_of_the_delta(
+            rng.uniform(*np.array(list(over.values())).T, (100_000, 3))
+        )
+        assert (np.abs(shoulder - math.radians(-2.5)) < math.radians(82.5)).all()  # there is one, within its limits
+        assert (np.abs(first - math.radians(270.0)) < math.radians(85.0)).all()
+        assert np.abs(second).max() < math.radians(60.0)
+        assert (sign * np.linalg.det(forearms) > 0.0).all()
+        assert (np.sin(first) * np.cos(second) < 0.0).all()  # no forearm is along its upper arm: type 1
+
+
 def test_mechanisms_whose_pose_is_not_enough_are_undecided(robot):
     for name, over in (("arm7", {"x": 0.01}), ("planar_hybrid", {"x": 0.01})):
         home = Coordinates(robot(name), ["x"]).home
@@ -442,8 +474,11 @@ def test_derivatives_over_a_box_contain_those_at_its_points(robot, name, over):
             ],
         )
         point = [value._replace(g=[], r=arb(0)) for value in wide]
-        parts = checker.change(wide, checker.second(point, False), checker.second(wide, True))
-        numbers = [np.array([[float(v.mid()) for v in row] for row in m]) for m in (checker.jacobian(point), *parts)]
+        here = checker.parts(point, 2)
+        parts = checker.change(wide, here, checker.parts(wide, 2, True))
+        numbers = [
+            np.array([[float(v.mid()) for v in row] for row in m]) for m in (checker.jacobian(point, here), *parts)
+        ]
     for theirs, ours in zip(numbers, (at.jacobian[0, 0], *change.by[0], change.bent[0], change.apart[0]), strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=1e-5, atol=1e-10)
 

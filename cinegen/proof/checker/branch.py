@@ -45,7 +45,8 @@ class Link:
         """Return whether the configuration of this box at a pose is that of the other."""
         for _ in range(_STEPS):
             x = [a.mid() for a in x]
-            residual = self.robot.residual(self.robot.point(x, p))
+            point = self.robot.point(x, p)
+            residual = self.robot.residual(point, self.robot.parts(point, 0))
             step = (self._inverse * column([residual[i] for i in self.robot.data["rows"]])).entries()
             size = column([abs(a).upper() for a in step])
             away = upper(self._resolvent * column([a * _UP + _LEAST for a in size.entries()]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import combinations_with_replacement
+from itertools import combinations_with_replacement, product
 from typing import Any, NamedTuple
 
 from flint import arb, arb_mat, arb_poly
@@ -46,15 +46,27 @@ class Slot(NamedTuple):
     varies: bool
 
 
-def rotation(x: arb, n: int) -> arb_mat:
-    """Return the n-th derivative of the rotation by x about z: equation 2."""
-    (s, c), r = x.mid().sin_cos(), x.rad()
+class Parts(NamedTuple):
+    """Rows of a closure: slots, values, derivatives (slots, rows), second ones (slots, slots that vary) of each row, and
+    third ones by their slots."""
+
+    slots: list[Slot]
+    values: list[arb]
+    first: list[list[arb]]
+    second: list[arb_mat]
+    third: dict[Any, list[arb]]
+
+
+def rotations(x: arb, order: int) -> list[arb_mat]:
+    """Return the rotation by x about z, and its derivatives up to an order: equation 2."""
+    (s, c), r, powers = x.mid().sin_cos(), x.rad(), list[arb_mat]()
     wide = [abs(b) * r + abs(a) * r * r / 2 + r**3 / 6 for a, b in ((s, c), (c, s))]
     s, c = s + arb(0, wide[0].upper()), c + arb(0, wide[1].upper())
-    for _ in range(n):
+    for n in range(order + 1):
+        rest = int(n == 0)
+        powers.append(arb_mat(4, 4, [c, -s, 0, 0, s, c, 0, 0, 0, 0, rest, 0, 0, 0, 0, rest]))
         s, c = c, -s
-    rest = int(n == 0)
-    return arb_mat(4, 4, [c, -s, 0, 0, s, c, 0, 0, 0, 0, rest, 0, 0, 0, 0, rest])
+    return powers
 
 
 class Robot:
@@ -113,7 +125,7 @@ class Robot:
                 names, value, before = [*last.variables, k], last.value.plus(value), ONE
                 turned = moved * _AXES + POINT
             q = arb(value.c.mid(), (value.c.rad() + value.spread() + value.r).upper()) if wide else value.c
-            powers = [ONE + ALONG * q, ALONG, _ZERO, _ZERO] if slides else [rotation(q, n) for n in range(order + 1)]
+            powers = [ONE + ALONG * q, ALONG, _ZERO, _ZERO] if slides else rotations(q, order)
             slots.append(Slot(names, value, before, powers, not slides, not self.virtual.issuperset(names)))
             is_turn = not slides
         factors = [[slot.before * slot.powers[n] for slot in slots] for n in range(order + 1)]
@@ -140,9 +152,9 @@ class Robot:
                 second[key] = third
         return slots, after[0], first, second, axes
 
-    def closure(self, closure: Mapping[str, Any], values: Sequence[Value], order: int, wide: bool = False) -> Any:
-        """Return slots and derivatives of an order of the residuals, of what is positive, with rotations, and of rates:
-        of column s, or of column s by t.
+    def closure(self, closure: Mapping[str, Any], values: Sequence[Value], order: int, wide: bool) -> Parts:
+        """Return the residuals, what is positive, with rotations, and rates, with derivatives up to an order: of column
+        s, or of column s by t.
 
         They are of V = B - A and of E = A^T V, with the placements A and B of both ends; or the relative angular
         velocity, a sum of axes a_s, whose derivatives by t before s are a_t x a_s."""
@@ -151,6 +163,7 @@ class Robot:
             order = 3  # of V alone
         (slots, a, a1, a2, on_a), (others, b, b1, b2, on_b) = (self.family(*end, values, order, wide) for end in ends)
         turns, linear, n, rates = closure["rotations"], closure["translations"], len(slots), closure.get("rates")
+        slots = slots + others
 
         def back(m: arb_mat) -> arb_mat:
             return (m * _AXES).transpose()
@@ -177,67 +190,68 @@ class Robot:
             return [(x[i - 2] * y[i - 1] - x[i - 1] * y[i - 2]) * sign for i in range(3)]
 
         u, v = back(a), b - a * POINT
+        value = residuals(v, (u, v)) + [arb(0)] * (3 * (rates == "turn"))
         if order == 0:
-            return [*slots, *others], residuals(v, (u, v)) + [arb(0)] * (3 * (rates == "turn"))
+            return Parts(slots, value, [], [], {})
         us, vs = [back(x) for x in a1], [-(x * POINT) for x in a1]
-        if order == 1:
-            first = [residuals(y, (x, v), (u, y)) for x, y in zip(us, vs, strict=True)]
-            first += [residuals(y, (u, y)) for y in b1]
-            return [*slots, *others], [row + turn(s) for s, row in enumerate(first)]
-        second = {}
-        third = {key: [-x[i, 3] / self.length for i in range(3)] for key, x in a2.items() if len(key) == 3}
-        for key, x in b2.items():
-            if len(key) == 3:
-                third[tuple(n + s for s in key)] = [x[i, 3] / self.length for i in range(3)]
-        a2, b2 = ({key: x for key, x in m.items() if len(key) == 2} for m in (a2, b2))
-        for (s, t), x in a2.items():
-            y = -(x * POINT)
-            second[s, t] = residuals(y, (back(x), v), (us[s], vs[t]), (us[t], vs[s]), (u, y))
-        second |= {(s, t): residuals(_ZERO, (x, y)) for s, x in enumerate(us) for t, y in enumerate(b1, n)}
-        second |= {(n + s, n + t): residuals(y, (u, y)) for (s, t), y in b2.items()}
-        both = {(t, s): row for (s, t), row in second.items()} | second
-        return [*slots, *others], third | {pair: row + turn(*pair) for pair, row in both.items()}
+        first = [residuals(y, (x, v), (u, y)) for x, y in zip(us, vs, strict=True)] if not wide else []
+        first = [row + turn(s) for s, row in enumerate(first + [residuals(y, (u, y)) for y in b1 if not wide])]
+        second, third = dict[Any, list[arb]](), dict[Any, list[arb]]()
+        for start, side, sign in ((0, a2, -1), (n, b2, 1)):
+            for key, x in side.items():
+                if len(key) == 3:
+                    third[tuple(start + s for s in key)] = [sign * x[i, 3] / self.length for i in range(3)]
+                elif sign > 0:
+                    second[start + key[0], start + key[1]] = residuals(x, (u, x))
+                else:
+                    (s, t), y = key, -(x * POINT)
+                    second[key] = residuals(y, (back(x), v), (us[s], vs[t]), (us[t], vs[s]), (u, y))
+        if order > 1:
+            second |= {(s, t): residuals(_ZERO, (x, y)) for s, x in enumerate(us) for t, y in enumerate(b1, n)}
+        both = {pair: row + turn(*pair) for (s, t), row in second.items() for pair in {(s, t), (t, s)}}
+        varying = [t for t, slot in enumerate(slots) if slot.varies]
+        none, pairs = [arb(0)] * len(value), list(product(range(len(slots)), varying))
+        parts = [both.get(pair, none) for pair in pairs]
+        bends = [arb_mat(len(slots), len(varying), [part[i] for part in parts]) for i in range(len(value))]
+        return Parts(slots, value, first, bends, third)
 
-    def residual(self, values: Sequence[Value]) -> list[arb]:
+    def parts(self, values: Sequence[Value], order: int, wide: bool = False) -> list[Parts]:
+        """Return the rows of all closures, with derivatives up to an order, at a point or over all values."""
+        return [self.closure(closure, values, order, wide) for closure in self.data["closures"]]
+
+    def residual(self, values: Sequence[Value], parts: Sequence[Parts]) -> list[arb]:
         """Return the left sides of all equations, and what is positive among them."""
-        out = [x for closure in self.data["closures"] for x in self.closure(closure, values, 0)[1]]
+        out = [x for part in parts for x in part.values]
         for coupling in self.data["couplings"]:
             terms = [arb_poly([0, *c])(values[k].c) for k, c in coupling["terms"]]
             out.append((sum(terms, arb(0)) - coupling["constant"]) / coupling["size"])
         return out
 
-    def jacobian(self, values: Sequence[Value]) -> list[list[arb]]:
+    def jacobian(self, values: Sequence[Value], parts: Sequence[Parts]) -> list[list[arb]]:
         """Return the derivative by all columns at a point."""
-        parts = [self.closure(closure, values, 1) for closure in self.data["closures"]]
-        whole = [(slots, [[[x] for x in row] for row in rows]) for slots, rows in parts]
+        closures = [[[column([row[i] for row in part.first])] for i in range(len(part.values))] for part in parts]
         terms = [coupling["terms"] for coupling in self.data["couplings"]]
         bends = [[(k, [arb_poly([0, *c]).derivative()(values[k].c)]) for k, c in term] for term in terms]
-        return self._by_columns(whole, bends, 1)[0]
+        return self._by_columns(parts, closures, bends, 1)[0]
 
-    def second(self, values: Sequence[Value], wide: bool) -> list[Any]:
-        """Return second derivatives of the closures at a point, or over all values."""
-        return [self.closure(closure, values, 2, wide)[1] for closure in self.data["closures"]]
-
-    def change(self, values: Sequence[Value], here: list[Any], wide: list[Any]) -> list[list[list[arb]]]:
+    def change(self, values: Sequence[Value], at: Sequence[Parts], wide: Sequence[Parts]) -> list[list[list[arb]]]:
         """Return G_1 ... G_n, R_1 and R_2 (n + 2, rows, columns) of J + sum_j G_j eta_j + [-R_1 - R_2, R_1 + R_2]."""
-        whole, n = list[Any](), len(values[0].g)
+        closures, n = list[list[list[arb_mat]]](), len(values[0].g)
         more = self.products + 1 if self.virtual and n > len(self.over) else 0
-        for closure, at, over in zip(self.data["closures"], here, wide, strict=True):
-            slots, parts = self.closure(closure, values, 0)[0], list[Any]()
-            varying = [t for t, slot in enumerate(slots) if slot.varies]
-            by, spread = arb_mat([slots[t].value.g for t in varying]), [slots[t].value.spread() for t in varying]
-            away = [slots[t].value.r for t in varying]
-            for s in range(len(slots)) if wide is not here else varying:
-                pairs = [(s, t) for t in varying]
-                rows = list(zip(*(at[pair] for pair in pairs), strict=True))
-                along = (arb_mat([list(row) for row in rows]) * by).tolist()
-                for i, row in enumerate(rows):
-                    half = [over[pair][i].rad() * _UP / 2 for pair in pairs]
-                    along[i].append(sum((r * d for r, d in zip(half, spread, strict=True)), arb(0)))
-                    along[i].append(sum(((abs(m) + r) * d for m, r, d in zip(row, half, away, strict=True)), arb(0)))
-                    along[i] += self._sharper(at, over, s, i, slots, varying, along[i][n])
-                parts.append(along)
-            whole.append((slots if wide is not here else [slots[t] for t in varying], parts))
+        for here, over in zip(at, wide, strict=True):
+            along = [_sum([values[k] for k in slot.variables]) for slot in here.slots if slot.varies]
+            by, spread, away = (
+                arb_mat(len(along), n, [g for v in along for g in v.g]),
+                column([v.spread() for v in along]),
+                column([v.r for v in along]),
+            )
+            closures.append([])
+            for i, (m, r) in enumerate(zip(here.second, over.second, strict=True)):
+                half = arb_mat(m.nrows(), m.ncols(), [x.rad() * _UP / 2 for x in r.entries()])
+                bent = half * spread
+                closures[-1].append([m * by, bent, (absolute(m) + half) * away])
+                if more:
+                    closures[-1][-1] += self._sharper(here, over, i, along, bent)
         bends = list[Any]()
         for coupling in self.data["couplings"]:
             bends.append([])
@@ -246,41 +260,51 @@ class Robot:
                 r = bend(arb(v.c, (v.spread() + v.r).upper())).rad()
                 parts = [*(bend(v.c) * g for g in v.g), r * v.spread(), (abs(bend(v.c)) + r) * v.r]
                 bends[-1].append((k, parts + ([arb(0)] * (more - 1) + [parts[n]]) * (more > 0)))
-        return self._by_columns(whole, bends, n + 2 + more)
+        return self._by_columns(at, closures, bends, n + 2 + more)
 
-    def _sharper(
-        self, at: Any, over: Any, s: int, i: int, slots: Sequence[Slot], varying: Sequence[int], least: arb
-    ) -> list[arb]:
+    def _sharper(self, at: Parts, over: Parts, i: int, along: Sequence[Value], bent: arb_mat) -> list[arb_mat]:
         """Return what third derivatives, where they are known, add to G for products of eps, and R_1 without that."""
-        n, pairs = len(self.over), self.products if len(slots[0].value.g) > len(self.over) else 0
-        near = [t for t in varying if tuple(sorted((s, t, t))) in at] if pairs and i < 3 else []  # not of rates
-        if not near:
-            return [arb(0)] * pairs + [least] * (pairs > 0)
-        keys = [[tuple(sorted((s, t, u))) for u in near] for t in near]
-        middle = arb_mat([[at[key][i] / 2 for key in row] for row in keys])
-        radius = arb_mat([[over[key][i].rad() * _UP / 6 for key in row] for row in keys])
-        value = [slots[t].value for t in near]
-        linear = arb_mat([list(v.g[:n]) for v in value])
-        size, rest = row_sums(linear), column([sum(map(abs, v.g[n:]), v.r) for v in value])
-        by = linear.transpose() * middle * linear
-        quads = [by[j, k] + (by[k, j] if j != k else 0) for j in range(n) for k in range(j, n)]
-        far = (size * 2 + rest).transpose() * absolute(middle) * rest + (size + rest).transpose() * radius * (
-            size + rest
-        )
-        return [*quads, far[0, 0]]
+        n, by, least = len(self.over), [[arb(0)] * self.products for _ in at.slots], bent.entries()
+        varying = [t for t, slot in enumerate(at.slots) if slot.varies]
+        for s in varying if i < 3 and at.third else []:  # not of rates
+            near = [k for k, t in enumerate(varying) if tuple(sorted((s, t, t))) in at.third]
+            keys = [[tuple(sorted((s, varying[k], varying[u]))) for u in near] for k in near]
+            middle = arb_mat([[at.third[key][i] / 2 for key in row] for row in keys])
+            radius = arb_mat([[over.third[key][i].rad() * _UP / 6 for key in row] for row in keys])
+            linear = arb_mat([list(along[t].g[:n]) for t in near])
+            size, rest = row_sums(linear), column([sum(map(abs, along[t].g[n:]), along[t].r) for t in near])
+            quads = linear.transpose() * middle * linear
+            by[s] = [quads[j, k] + (quads[k, j] if j != k else 0) for j in range(n) for k in range(j, n)]
+            far = (size * 2 + rest).transpose() * absolute(middle) * rest
+            least[s] = (far + (size + rest).transpose() * radius * (size + rest))[0, 0]
+        return [arb_mat(by), column(least)]
 
-    def _by_columns(self, closures: Sequence[Any], couplings: Sequence[Any], n: int) -> list[list[list[arb]]]:
-        """Return (n, rows, columns) from what belongs to slots (slots, rows, n) and to the variables of couplings."""
-        out = [[[arb(0)] * len(self.columns) for _ in self.kinds] for _ in range(n)]
-        at = {k: j for j, k in enumerate(self.columns)}
-        for row, (slots, parts) in zip(self.starts, closures, strict=False):
-            for slot, part in zip(slots, parts, strict=True):
-                for j in (at[k] for k in slot.variables if k in at):
-                    for i, numbers in enumerate(part, row):
-                        for whole, x in zip(out, numbers, strict=True):
-                            whole[i][j] += x * self.units[j]
-        for i, (coupling, terms) in enumerate(zip(self.data["couplings"], couplings, strict=True), self.starts[-1]):
+    def _by_columns(
+        self, parts: Sequence[Parts], closures: Sequence[Any], couplings: Sequence[Any], n: int
+    ) -> list[list[list[arb]]]:
+        """Return (n, rows, columns) from the matrices (slots, .), beside each other, of each row of closures, and from
+        what belongs to the variables of couplings."""
+        out, at = [list[list[arb]]() for _ in range(n)], {k: j for j, k in enumerate(self.columns)}
+        for part, rows in zip(parts, closures, strict=True):
+            moving = sorted({at[k] for slot in part.slots for k in slot.variables if k in at})
+            units = [self.units[j] if self.columns[j] in s.variables else 0 for j in moving for s in part.slots]
+            by = arb_mat(len(moving), len(part.slots), units)
+            for row in rows:
+                for whole, numbers in zip(out, (x for m in row for x in (by * m).transpose().tolist()), strict=True):
+                    whole.append([arb(0)] * len(self.columns))
+                    for j, x in zip(moving, numbers, strict=True):
+                        whole[-1][j] = x
+        for coupling, terms in zip(self.data["couplings"], couplings, strict=True):
+            for whole in out:
+                whole.append([arb(0)] * len(self.columns))
             for j, numbers in ((at[k], numbers) for k, numbers in terms if k in at):
                 for whole, x in zip(out, numbers, strict=True):
-                    whole[i][j] = x * self.units[j] / coupling["size"]
+                    whole[-1][j] = x * self.units[j] / coupling["size"]
         return out
+
+
+def _sum(values: Sequence[Value]) -> Value:
+    total, *rest = values
+    for value in rest:
+        total = total.plus(value)
+    return total

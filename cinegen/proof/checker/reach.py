@@ -8,7 +8,7 @@ from typing import Any
 
 from flint import arb, arb_mat
 
-from cinegen.proof.checker.equations import ALONG, ONE, POINT, Robot, Value, rotation
+from cinegen.proof.checker.equations import ALONG, ONE, POINT, Robot, Value, rotations
 
 
 def excludes(robot: Robot, low: Sequence[float], high: Sequence[float]) -> bool:
@@ -40,7 +40,7 @@ def _is_open(robot: Robot, closure: Mapping[str, Any], values: Sequence[Value], 
             elif robot.variables[k]["prismatic"]:
                 along = along * (ONE + ALONG * values[k].c)
             else:
-                along = along * rotation(values[k].c, 0)
+                along = along * rotations(values[k].c, 0)[0]
         sides.append(rods)
     (a, *first), (b, *second) = sides
     vectors = [[m[i, 3] for i in range(3)] for m in (a - b, *first, *second)]

@@ -50,7 +50,8 @@ class Tube:
             raise CertificateError("the equations are not as many as the unknowns, or a radius is none")
         self.centre, self.radius = middle(low, high)
         point = robot.point(self.x, self.centre)
-        residual, jacobian, here = robot.residual(point), robot.jacobian(point), robot.second(point, False)
+        here = robot.parts(point, 2)
+        residual, jacobian = robot.residual(point, here), robot.jacobian(point, here)
         self.inverse = c = inverse(arb_mat([jacobian[i][:k] for i in rows]))
         box = arb_mat(width, n)
         for j, r in enumerate(self.radius):
@@ -66,7 +67,7 @@ class Tube:
         curved, rest = -doubles(second), arb_mat(width - k, len(pairs)).tolist()
         self.along = arb_mat([x + y for x, y in zip(straight.tolist(), curved.tolist() + rest, strict=True)])
         wide = self.wide(self.along, 1)
-        change = robot.change(wide, here, robot.second(wide, True))
+        change = robot.change(wide, here, robot.parts(wide, 2, True))
         self.parts, self.sharper = [jacobian, *change[: len(wide[0].g) + 2]], change[len(wide[0].g) + 2 :]
         self._check_rest(residual)
         # equation 3: |C F(X(eps), P(eps))| <= z
