@@ -199,7 +199,7 @@ def test_ten_million_poses_of_a_proved_region_have_legs_of_allowed_length_and_ar
 
 
 def arms_of_the_delta(poses):
-    """Of each arm and pose of delta4, by plane geometry: shoulders (., 3), both elbow angles, and forearms (., 3, 3)."""
+    """Of each arm and pose of delta4, by plane geometry: shoulders (., 3), both elbow angles, forearms (., 3, 3)."""
     angles = np.radians([0.0, 120.0, 240.0])
     x = poses[:, :1] * np.cos(angles) + poses[:, 1:2] * np.sin(angles) + 0.50654 - 1.5  # a wrist from its shoulder
     y, z = poses[:, 1:2] * np.cos(angles) - poses[:, :1] * np.sin(angles), poses[:, 2:]
