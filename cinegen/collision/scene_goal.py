@@ -18,6 +18,7 @@ from cinegen.errors import ClosureError, read_all
 from cinegen.model import Mechanism
 from cinegen.model.plausible import FAR, ImplausibleError, check_joint, check_lengths
 from cinegen.tolerances import AT_LIMIT
+from raff2urdf.errors import raised_as
 from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, shown
 
 _STEP = 0.1  # rad or characteristic lengths: largest step of the actuated joints from home to the start
@@ -25,10 +26,8 @@ _STEP = 0.1  # rad or characteristic lengths: largest step of the actuated joint
 
 def check_length(table: SceneTable, robot: Mechanism, name: str, values: list[float], far: float = FAR) -> None:
     """Refuse lengths of a table that would fit in mm only."""
-    try:
+    with raised_as(SceneError, ImplausibleError, f"{table.where}: "):
         check_lengths(robot, name, values, far)
-    except ImplausibleError as error:
-        raise SceneError(f"{table.where}: {error}") from None
 
 
 def read_start(table: SceneTable, mechanism: Mechanism, radius: float | None) -> Array:
@@ -95,10 +94,8 @@ def _joint_values(table: SceneTable, mechanism: Mechanism) -> dict[str, float | 
         if name in mechanism.balls:
             return table.vector(name, 4, dimension=NUMBER)
         number = table.number(name, LENGTH if mechanism.is_prismatic(name) else ANGLE)
-        try:
+        with raised_as(SceneError, ImplausibleError, f"{table.where}: "):
             check_joint(mechanism, name, [number])
-        except ImplausibleError as error:
-            raise SceneError(f"{table.where}: {error}") from None
         return number
 
     return read_all({name: partial(value, name) for name in table}, SceneError)

@@ -47,7 +47,7 @@ from cinegen.design.synthesis.task import (
     SynthesisTask,
 )
 from cinegen.errors import read_all
-from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.errors import RaffError, did_you_mean, raised_as
 from raff2urdf.files import read_bytes
 from raff2urdf.quantities import ANGLE, LENGTH, MASS, NUMBER, Dimension, QuantityError, parse, parse_range
 
@@ -76,10 +76,8 @@ def task_of(values: Mapping[str, Any], where: str = "task") -> SynthesisTask | P
     Raises:
         DesignError: a value is invalid; the message names the key.
     """
-    try:
+    with raised_as(DesignError, SceneError):
         return _task(SceneTable(values, where, "deg"), values)
-    except SceneError as error:
-        raise DesignError(str(error)) from None
 
 
 def _task(table: SceneTable, values: Mapping[str, Any]) -> SynthesisTask | Precision:
