@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ class QuantityError(ValueError):
     """A text that is no quantity of the dimension that is wanted; the message quotes it, with the remedy."""
 
 
-def refused_as(kind: type[Exception], what: str) -> AbstractContextManager[None]:
+def refused_as(kind: Callable[[str], Exception], what: str) -> AbstractContextManager[None]:
     """Raise a `QuantityError` as another kind of error, which states what the quantity is."""
     return raised_as(kind, QuantityError, f"{what}: ")
 

@@ -58,10 +58,8 @@ def _configuration(table: SceneTable, mechanism: Mechanism, home: Array) -> Arra
         home[:7] = pin.SE3ToXYZQUAT(placement)
     q = mechanism.configuration(values, home)
     if mechanism.is_constrained:
-        try:
+        with raised_as(partial(table.error, "joints"), ClosureError, "do not allow closed loops: "):
             q = _closed(mechanism, home, q, any(name not in mechanism.actuated for name in values))
-        except ClosureError as error:
-            raise table.error("joints", f"do not allow closed loops: {error}") from None
         unwound = mechanism.limits.unwound(q)  # a guess far away may have added revolutions to passive joints
         for name in mechanism.limits.exceeded(q, AT_LIMIT):
             if name not in mechanism.actuated:
