@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from cinegen.errors import CinegenError, read_all
-from raff2urdf.errors import RaffError
+from raff2urdf.errors import RaffError, raised_as
 from raff2urdf.files import is_stream, open_stream, read_bytes, write_all
 
 _LARGEST = 4_000_000_000  # bytes of a recording that is read
@@ -99,14 +99,10 @@ def read_lines(
     Raises:
         failure: the file can't be read, or lines are wrong; names all of them.
     """
-    try:
+    with raised_as(failure, RaffError):
         first, *lines = read_bytes(path, largest=_LARGEST).split(b"\n")
-    except RaffError as error:
-        raise failure(str(error)) from None
-    try:
+    with raised_as(failure, CinegenError, f"{path}: "):
         header = decode_header(first)
-    except CinegenError as error:
-        raise failure(f"{path}: {error}") from None
     found: list[_L] = []
 
     def read(number: int, line: bytes) -> None:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from raff2urdf.constraints import Constraints, check_values, constraints, for_urdf
 from raff2urdf.errors import NearlyRedundantError, RaffError, RaffWarning
-from raff2urdf.files import GENERATED, check_new, has_digest, is_stream, read_bytes, stem_of, write_all
+from raff2urdf.files import GENERATED, check_new, has_digest, is_stream, read_bytes, stem_of, write_all, writing
 from raff2urdf.graphics.meshes import Graphics
 from raff2urdf.loops.mobility import Analysis, analyse, loop_kinds
 from raff2urdf.raff.check import check
@@ -291,10 +291,8 @@ def convert(
             older = conversion.file.exists() and not has_digest(conversion.file)
             for target in conversion.files:
                 check_new(target, is_companion=older and target != conversion.file)
-    try:
+    with writing(RaffError):
         write_all(contents)
-    except OSError as error:
-        raise RaffError(f"{error.filename}: can't be written: {error.strerror}") from None
     return conversions
 
 

@@ -6,6 +6,7 @@ import difflib
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -75,6 +76,18 @@ class RaffError(Exception):
 
     def __reduce__(self) -> tuple[type[RaffError], tuple[tuple[Problem, ...]]]:
         return type(self), (self.problems,)
+
+
+Caught = type[Exception] | tuple[type[Exception], ...]
+
+
+@contextmanager
+def raised_as(kind: Callable[[str], Exception], caught: Caught, before: str = "", after: str = "") -> Iterator[None]:
+    """Raise errors as another kind of error, with the same text between texts before and after it."""
+    try:
+        yield
+    except caught as error:
+        raise kind(f"{before}{error}{after}") from None
 
 
 def run_all(checks: Iterable[Callable[[], object]]) -> None:

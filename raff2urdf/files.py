@@ -19,7 +19,7 @@ import sys
 import tempfile
 import time
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from functools import cache
@@ -158,12 +158,10 @@ def check_new(
     Raises:
         RaffError: the file exists, and is not to be replaced.
     """
-    try:
+    with writing(RaffError):
         if is_stream(path) or not os.path.isfile(path) or os.path.getsize(path) == 0:
             return
         there = Path(path).read_bytes() if remakeable or content is not None else b""
-    except OSError as error:
-        raise RaffError(f"{path}: can't be written: {error.strerror}") from None
     if content is not None and there == signed(content):
         return
     if remakeable and _is_changed(there):
@@ -263,6 +261,15 @@ def write_all(contents: Mapping[Path, bytes]) -> None:
             with suppress(OSError):  # somebody else's file is in it by now
                 folder.rmdir()
         raise
+
+
+@contextmanager
+def writing(kind: Callable[[str], Exception]) -> Iterator[None]:
+    """Raise errors of files that can't be written, or replaced, as another kind of error, which names the file."""
+    try:
+        yield
+    except OSError as error:
+        raise kind(f"{error.filename}: can't be written: {error.strerror}") from None
 
 
 def _filled(content: bytes) -> bytes:

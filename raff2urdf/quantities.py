@@ -12,24 +12,22 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from decimal import Decimal
+
+from raff2urdf.errors import raised_as
 
 
 class QuantityError(ValueError):
     """A text that is no quantity of the dimension that is wanted; the message quotes it, with the remedy."""
 
 
-@contextmanager
-def refused_as(kind: type[Exception], what: str) -> Iterator[None]:
+def refused_as(kind: Callable[[str], Exception], what: str) -> AbstractContextManager[None]:
     """Raise a `QuantityError` as another kind of error, which states what the quantity is."""
-    try:
-        yield
-    except QuantityError as error:
-        raise kind(f"{what}: {error}") from None
+    return raised_as(kind, QuantityError, f"{what}: ")
 
 
 @dataclass(frozen=True, eq=False)

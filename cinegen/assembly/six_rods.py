@@ -17,6 +17,7 @@ from cinegen.assembly.results import AssemblyModes, NearestConfiguration, SelfMo
 from cinegen.assembly.self_motions import SelfMotions
 from cinegen.hexapod import TSSM, Hexapod, HexapodError, NearestPlacement, PlatformModes, SolutionCounts
 from raff2urdf.closure import CLOSED
+from raff2urdf.errors import raised_as
 
 _SAME = 1e-9  # characteristic lengths: points that coincide
 _SMALL = 1e-9  # ... and a length error of no importance
@@ -61,10 +62,8 @@ class SixRods:
         """
         linkage, mechanism, locked = self._linkage, self._linkage.mechanism, self._linkage.locked_values(asked)
         legs = self._family.legs(self._groups, locked)
-        try:
+        with raised_as(ModesError, HexapodError, f"{mechanism.name}: "):
             found = self._platform_modes(legs, legs.lengths * mechanism.length)
-        except HexapodError as error:
-            raise ModesError(f"{mechanism.name}: {error}") from None
         placements = found.placements.copy()
         placements[:, :3, 3] /= mechanism.length
         if self._assembly is None:
@@ -137,10 +136,8 @@ class SixRods:
             known, solver = self._platform
             if np.array_equal(known.base, legs.base) and np.array_equal(known.platform, legs.platform):
                 return solver
-        try:
+        with raised_as(ModesError, HexapodError, f"{self._linkage.mechanism.name}: "):
             solver = _solver_of(legs, self._linkage.mechanism.length)
-        except HexapodError as error:
-            raise ModesError(f"{self._linkage.mechanism.name}: {error}") from None
         self._platform = legs, solver
         return solver
 

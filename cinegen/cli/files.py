@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 from cinegen.errors import CinegenError
 from raff2urdf.command.command_line import UsageError
-from raff2urdf.errors import first_of
+from raff2urdf.errors import first_of, raised_as
 from raff2urdf.escape import terminal
-from raff2urdf.files import GENERATED, STANDARD, check_new, read_bytes, write_all
+from raff2urdf.files import GENERATED, STANDARD, check_new, read_bytes, write_all, writing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -69,10 +69,8 @@ def write(path: Path, content: str | bytes) -> None:
     Raises:
         CinegenError: it can't be written.
     """
-    try:
+    with writing(CinegenError):
         write_all({path: content.encode(errors="backslashreplace") if isinstance(content, str) else content})
-    except OSError as error:
-        raise CinegenError(f"{path}: can't be written: {error.strerror}") from None
 
 
 def write_figure(path: Path, figure: Figure, quiet: bool = False) -> None:
@@ -86,12 +84,10 @@ def write_figure(path: Path, figure: Figure, quiet: bool = False) -> None:
     from matplotlib import rc_context
 
     picture = io.BytesIO()
-    try:
+    with raised_as(CinegenError, ValueError, f"{path}: can't be written: "):  # matplotlib lists the formats
         form = path.suffix[1:].lower() or "png"
         with rc_context(_REPRODUCIBLE):
             figure.savefig(picture, format=form, dpi=150, metadata=_METADATA.get(form))
-    except ValueError as error:  # matplotlib lists the formats
-        raise CinegenError(f"{path}: can't be written: {error}") from None
     content = picture.getvalue()
     write(path, terminal(content.decode()) if form == "svg" else content)  # comments quote all texts
     if not quiet:

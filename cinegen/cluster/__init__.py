@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from cinegen.errors import CinegenError, warn
 from raff2urdf.command.extras import install, needs
+from raff2urdf.errors import raised_as
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -108,10 +109,8 @@ def connected(scheduler: str | None, workers: int) -> Iterator[Client]:
                 f"{scheduler}: TLS needs certificates: name them in Dask's configuration (distributed.comm.tls), "
                 "see docs/cluster.md"
             )
-        try:
+        with raised_as(ClusterError, (OSError, ValueError), f"no Dask scheduler answers at {scheduler}: "):
             client = TidyClient(scheduler, timeout=_PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
-        except (OSError, ValueError) as error:
-            raise ClusterError(f"no Dask scheduler answers at {scheduler}: {error}") from None
         with client:
             yield client
 

@@ -25,7 +25,7 @@ from cinegen.cockpit.server import Server
 from cinegen.errors import CinegenError
 from cinegen.session import Reporter, RobotReport, SessionRunner, SessionState, Setup
 from raff2urdf.command.extras import install, needs
-from raff2urdf.files import write_all
+from raff2urdf.files import write_all, writing
 
 FPS = 30
 """Frames per second."""
@@ -179,10 +179,8 @@ def _encoded(source: Sequence[str], folder: Path, path: Path, ffmpeg: str) -> by
 
 
 def _write(path: Path, content: bytes) -> None:
-    try:
+    with writing(FilmError):
         write_all({path: content})
-    except OSError as error:
-        raise FilmError(f"{path}: can't be written: {error.strerror}") from None
 
 
 def _ffmpeg() -> str:

@@ -25,7 +25,7 @@ from cinegen.collision.scene_table import FURTHEST, LEAST, SceneTable, read_each
 from cinegen.errors import CinegenError, ClosureError, read_all
 from cinegen.joints import kinematic_data
 from cinegen.model import load
-from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.errors import RaffError, did_you_mean, raised_as
 from raff2urdf.graphics.meshes import CONVERTED, SHOWN, converted
 from raff2urdf.graphics.names import is_pointer
 from raff2urdf.quantities import ANGLE, LENGTH
@@ -162,11 +162,9 @@ def _robot(table: SceneTable, folder: Path) -> list[Piece]:
     loops, the named joints keep their values, and the others follow."""
     table.know("joints")
     path = table.robot_file("file", folder)
-    try:
+    with raised_as(partial(table.error, "file"), (CinegenError, RaffError, OSError), "can't be loaded: "):
         mechanism = load(path)
         bodies = link_bodies(mechanism)
-    except (CinegenError, RaffError, OSError) as error:
-        raise table.error("file", f"can't be loaded: {error}") from None
     q = np.array(mechanism.q_home)
     if "joints" in table:
         joints = table.table("joints")
@@ -178,10 +176,8 @@ def _robot(table: SceneTable, folder: Path) -> list[Piece]:
         }
         values = read_all(reads | {"": joints.finish}, SceneError)
         del values[""]
-        try:
+        with raised_as(partial(table.error, "joints"), ClosureError, "do not allow closed loops: "):
             q = mechanism.close(mechanism.configuration(values), locked=values)
-        except ClosureError as error:
-            raise table.error("joints", f"do not allow closed loops: {error}") from None
     data = kinematic_data(mechanism.model)
     pin.forwardKinematics(mechanism.model, data, q)
     return [Piece(data.oMi[body.joint] * body.placement, body.shape, body.exact) for body in bodies]

@@ -20,7 +20,7 @@ from cinegen.collision.scene_table import SceneTable, read_each
 from cinegen.errors import read_all
 from cinegen.model import Mechanism
 from cinegen.model.plausible import FAR
-from raff2urdf.errors import RaffError
+from raff2urdf.errors import RaffError, raised_as
 from raff2urdf.files import STANDARD, stem_of
 from raff2urdf.quantities import NUMBER
 from raff2urdf.readers.options import ReadOptions
@@ -59,17 +59,13 @@ def load_scene(
     Raises:
         SceneError: the file can't be read, or a value is invalid; the message names the file and the key.
     """
-    try:
+    with raised_as(SceneError, RaffError):
         path = find_scene(path)
-    except RaffError as error:
-        raise SceneError(str(error)) from None
     parse = {".toml": _toml, ".json": _json}.get(path.suffix.lower())
     if parse is None and path != STANDARD:
         raise SceneError(f"{path}: a scene is a .toml or a .json file")
-    try:
+    with raised_as(SceneError, RaffError):
         text = read_text(path)
-    except RaffError as error:
-        raise SceneError(str(error)) from None
     if parse is None:
         parse = _json if text.lstrip().startswith("{") else _toml
     values, where, unit = _angles(parse(text, path), str(path), "deg")

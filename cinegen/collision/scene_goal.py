@@ -18,6 +18,7 @@ from cinegen.errors import ClosureError, read_all
 from cinegen.model import Mechanism
 from cinegen.model.plausible import FAR, ImplausibleError, check_joint, check_lengths
 from cinegen.tolerances import AT_LIMIT
+from raff2urdf.errors import raised_as
 from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, shown
 
 _STEP = 0.1  # rad or characteristic lengths: largest step of the actuated joints from home to the start
@@ -25,10 +26,8 @@ _STEP = 0.1  # rad or characteristic lengths: largest step of the actuated joint
 
 def check_length(table: SceneTable, robot: Mechanism, name: str, values: list[float], far: float = FAR) -> None:
     """Refuse lengths of a table that would fit in mm only."""
-    try:
+    with raised_as(SceneError, ImplausibleError, f"{table.where}: "):
         check_lengths(robot, name, values, far)
-    except ImplausibleError as error:
-        raise SceneError(f"{table.where}: {error}") from None
 
 
 def read_start(table: SceneTable, mechanism: Mechanism, radius: float | None) -> Array:
@@ -59,10 +58,8 @@ def _configuration(table: SceneTable, mechanism: Mechanism, home: Array) -> Arra
         home[:7] = pin.SE3ToXYZQUAT(placement)
     q = mechanism.configuration(values, home)
     if mechanism.is_constrained:
-        try:
+        with raised_as(partial(table.error, "joints"), ClosureError, "do not allow closed loops: "):
             q = _closed(mechanism, home, q, any(name not in mechanism.actuated for name in values))
-        except ClosureError as error:
-            raise table.error("joints", f"do not allow closed loops: {error}") from None
         unwound = mechanism.limits.unwound(q)  # a guess far away may have added revolutions to passive joints
         for name in mechanism.limits.exceeded(q, AT_LIMIT):
             if name not in mechanism.actuated:
@@ -95,10 +92,8 @@ def _joint_values(table: SceneTable, mechanism: Mechanism) -> dict[str, float | 
         if name in mechanism.balls:
             return table.vector(name, 4, dimension=NUMBER)
         number = table.number(name, LENGTH if mechanism.is_prismatic(name) else ANGLE)
-        try:
+        with raised_as(SceneError, ImplausibleError, f"{table.where}: "):
             check_joint(mechanism, name, [number])
-        except ImplausibleError as error:
-            raise SceneError(f"{table.where}: {error}") from None
         return number
 
     return read_all({name: partial(value, name) for name in table}, SceneError)

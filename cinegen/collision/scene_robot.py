@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,7 +12,7 @@ from cinegen.collision.scene_table import SceneTable
 from cinegen.errors import CinegenError
 from cinegen.model import Mechanism
 from cinegen.model.load import load_with
-from raff2urdf.errors import RaffError
+from raff2urdf.errors import RaffError, raised_as
 from raff2urdf.readers.options import ReadOptions
 
 LoadArguments = Mapping[str, Any]
@@ -62,7 +63,5 @@ def read_robot(table: SceneTable, folder: Path, mechanism: Mechanism | None, set
 
 def _load(table: SceneTable, key: str, folder: Path, settings: LoadArguments) -> Mechanism:
     path = table.robot_file(key, folder)
-    try:
+    with raised_as(partial(table.error, key), (CinegenError, RaffError, OSError), "can't be loaded: "):
         return load_with(path=path, **{"options": ReadOptions(), **settings})
-    except (CinegenError, RaffError, OSError) as error:
-        raise table.error(key, f"can't be loaded: {error}") from None

@@ -18,7 +18,7 @@ from cinegen.errors import read_all
 from cinegen.model import Mechanism
 from raff2urdf.errors import did_you_mean, near_names
 from raff2urdf.files import note
-from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, Dimension, QuantityError, parse
+from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, Dimension, parse, refused_as
 from raff2urdf.shipped import robots, similar_file
 
 _Value = TypeVar("_Value")
@@ -266,10 +266,8 @@ class SceneTable:
     def _number(self, key: str, value: Any, dimension: Dimension = LENGTH) -> float:
         unit = self._angle if dimension is ANGLE else None
         if isinstance(value, str) and dimension is not NUMBER:
-            try:
+            with refused_as(partial(self.error, key), "is wrong"):
                 value, unit = parse(value, dimension, unit), None
-            except QuantityError as error:
-                raise self.error(key, f"is wrong: {error}") from None
         if isinstance(value, bool) or not isinstance(value, Real):
             raise self.error(key, f"must be a number, not {_shown(value)}")
         try:

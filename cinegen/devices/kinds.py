@@ -24,7 +24,7 @@ from cinegen.model import Mechanism
 from cinegen.sensor import Sensor, SensorError
 from cinegen.toolpath.seam_file import open_seam
 from raff2urdf.axes import UNCHANGED, parse_axes
-from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.errors import RaffError, did_you_mean, raised_as
 
 
 def _serial(url: str, *_: object) -> Sensor:
@@ -41,10 +41,8 @@ def split_axes(url: str) -> tuple[str, str | None]:
         SensorError: no such axes.
     """
     own, mark, axes = url.partition(_AXES)
-    try:
+    with raised_as(SensorError, RaffError, f"'{url}': "):
         parse_axes(axes if mark else UNCHANGED)
-    except RaffError as error:
-        raise SensorError(f"'{url}': {error}") from None
     return own, axes if mark else None
 
 

@@ -11,6 +11,7 @@ from cinegen.errors import CinegenError, warn
 from cinegen.model import ForwardKinematics, Mechanism
 from cinegen.model.plausible import ImplausibleError, check_joint
 from cinegen.tolerances import CLOSURE
+from raff2urdf.errors import raised_as
 
 _CHUNK = 1 << 16  # bytes read at once
 
@@ -54,10 +55,8 @@ class Lines:
         mechanism = self._motion.mechanism
         for name, value in values.items():
             if name in mechanism.limits and isinstance(value, int | float):
-                try:
+                with raised_as(ImplausibleError, ImplausibleError, "", " Values are in rad and m"):
                     check_joint(mechanism, name, [value])
-                except ImplausibleError as error:
-                    raise ImplausibleError(f"{error} Values are in rad and m") from None
 
     def _moved(self, values: dict[str, float]) -> Array:
         """Move; return the configuration (nq,).

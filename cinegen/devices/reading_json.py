@@ -15,6 +15,7 @@ from msgspec import UNSET, Struct, UnsetType
 from cinegen.errors import CinegenError
 from cinegen.sensor import Reading, Twist
 from cinegen.typed_json import Button, Vector3, Vector4, Vector6, decoder, encode
+from raff2urdf.errors import raised_as
 
 LONGEST = 4096
 """Bytes of a line; no valid line is half as long."""
@@ -162,10 +163,8 @@ def encode_header(timeout: float) -> bytes:
 def _decoded(line: bytes | str, decode: msgspec.json.Decoder[_M]) -> _M:
     if len(line) > LONGEST:
         raise ReadingError(f"a line must not be longer than {LONGEST} bytes")
-    try:
+    with raised_as(ReadingError, (msgspec.MsgspecError, RecursionError, UnicodeError)):
         return decode.decode(line)
-    except (msgspec.MsgspecError, RecursionError, UnicodeError) as error:
-        raise ReadingError(str(error)) from None
 
 
 def _partial(message: ReadingMessage) -> PartialReading:

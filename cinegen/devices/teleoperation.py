@@ -13,7 +13,7 @@ from cinegen.errors import CinegenError, UnknownNameError
 from cinegen.ik import FrameTask
 from cinegen.sensor import NO_TWIST, Reading, Sensor, SensorState, SensorStatus, Twist
 from raff2urdf.axes import UNCHANGED, parse_axes
-from raff2urdf.errors import RaffError
+from raff2urdf.errors import RaffError, raised_as
 
 REST = 0.1
 """Time in which a target comes to rest when its sensor falls silent, s."""
@@ -56,10 +56,8 @@ class TwistMapping:
             raise CinegenError(f"the dead zone must be in [0, 1), not {self.dead}")
         if self.translation not in _TRANSLATIONS or self.rotation not in _ROTATIONS:
             raise CinegenError(f"translation and rotation must be 0 to 3, not {self.translation} and {self.rotation}")
-        try:
+        with raised_as(CinegenError, RaffError):
             parse_axes(self.axes)
-        except RaffError as error:
-            raise CinegenError(str(error)) from None
 
     @property
     def commanded(self) -> tuple[int, ...]:

@@ -23,6 +23,7 @@ from cinegen.model import Mechanism
 from cinegen.recent import Recent
 from cinegen.tolerances import AT_LIMIT
 from raff2urdf.coupling import followed
+from raff2urdf.errors import raised_as
 
 _OFF = 1e-6  # rad, characteristic lengths: a pose this near to those that can be reached is one of them
 _POLISHED = 1e-13  # rad, characteristic lengths
@@ -50,16 +51,12 @@ def all_solutions(
             configurations=tuple(map(joints.from_successive, found.configurations)),
             self_motions=tuple(motion.with_ball_joints(joints) for motion in found.self_motions),
         )  # fmt: skip
-    try:
+    with raised_as(IKError, ClosureError, "no closed configuration near the start: "):
         start = mechanism.close(mechanism.configuration(locked, q), tuple(locked))
-    except ClosureError as error:
-        raise IKError(f"no closed configuration near the start: {error}") from None
-    try:
+    with raised_as(IKError, ModesError):
         parts, lock = mechanism.structure.derived(_Kept).parts(mechanism, _node_task(mechanism, task), locked)
         with lock:
             return _Assembly(mechanism, task, start, locked, parts).solutions(report, effort)
-    except ModesError as error:
-        raise IKError(str(error)) from None
 
 
 def _node_task(mechanism: Mechanism, task: FrameTask) -> NodeTask:

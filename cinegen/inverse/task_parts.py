@@ -31,6 +31,7 @@ from cinegen.model import Mechanism
 from cinegen.model.mechanism_model import MechanismSource
 from raff2urdf import closure
 from raff2urdf.coupling import Coupling
+from raff2urdf.errors import raised_as
 from raff2urdf.raff.document import LoopKind
 
 _STILL = 1e-9  # rad, characteristic lengths: a joint that moves the node and the loops less does not move them
@@ -121,10 +122,8 @@ class TaskParts:
     def _configuration(self, locked: Mapping[str, float]) -> Array:
         """Return home (nq,) with locked joints at their values."""
         mechanism = self.mechanism
-        try:
+        with raised_as(ModesError, ClosureError, "the values of locked joints can't be reached from home: "):
             return mechanism.close(mechanism.configuration(locked), tuple(locked))
-        except ClosureError as error:
-            raise ModesError(f"the values of locked joints can't be reached from home: {error}") from None
 
     def _walk(self) -> list[Array]:
         """Return configurations (nq,) near `start`, with locked joints where they are."""

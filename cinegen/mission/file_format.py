@@ -23,6 +23,7 @@ from cinegen.mission.drawn_obstacle import DrawnObstacle
 from cinegen.model.fingerprint import fingerprint
 from cinegen.model.mechanism import Mechanism
 from cinegen.typed_json import DoF, decoder, encode
+from raff2urdf.errors import raised_as
 from raff2urdf.escape import one_line
 
 VERSION: Literal[3] = 3
@@ -224,10 +225,8 @@ def decode_header(first: bytes) -> MissionHeader:
         raise MissionError(f"not a mission: record one with `cinegen drive --record FILE.jsonl`{readings}")
     if kind.version != VERSION:
         raise MissionError(f"a mission of version {kind.version}; only version {VERSION} can be read")
-    try:
+    with raised_as(MissionError, _NOT_DECODED, "line 1: "):
         header = _HEADER.decode(first)
-    except _NOT_DECODED as error:
-        raise MissionError(f"line 1: {error}") from None
     if not header.robots:
         raise MissionError("line 1: Expected at least one robot - at `$.robots`")
     robots = {one_line(name): _shown(robot) for name, robot in header.robots.items()}
@@ -253,10 +252,8 @@ def decode_moment(data: bytes, header: MissionHeader, before: Moment | None = No
     Raises:
         MissionError: it doesn't match the schema, is of other robots or obstacles, or is not after the moment before.
     """
-    try:
+    with raised_as(MissionError, _NOT_DECODED):
         moment = _MOMENT.decode(data)
-    except _NOT_DECODED as error:
-        raise MissionError(str(error)) from None
     robots, wrong = {} if before is None else dict(before.robots), list[str]()
     for written, sample in moment.robots.items():
         name = one_line(written)

@@ -20,6 +20,7 @@ from cinegen.model.motion_limits import MotionLimits, motion_limits
 from cinegen.planning.singular_crossing import guided
 from cinegen.planning.timing import averaged, averaging_window, excess, grid_of
 from cinegen.planning.torque_limits import TorqueLimits
+from raff2urdf.errors import raised_as
 
 _ROUNDING = 1e-9
 _SLOWER = 1.001  # more than needed, so that few rounds suffice
@@ -136,10 +137,8 @@ def resampled(
         raise MissionError(f"{name} can't be exported: jerks are not limited where a singularity is crossed")
     branch = Branch(guided(mechanism, knots) if crosses else mechanism)
     for i, q in enumerate(knots):
-        try:
+        with raised_as(MissionError, ClosureError, f"{name} can't be exported: at {times[i]:.3f} s "):
             knots[i] = branch.closed(q)
-        except ClosureError as error:
-            raise MissionError(f"{name} can't be exported: at {times[i]:.3f} s {error}") from None
     passes, q, used = _timed(branch, limits, (times - times[0]) / speed, times, knots, rate, name, strengths)
     v = np.zeros((len(q), mechanism.model.nv))
     at_q, at_v = mechanism.structure.scalar_joints

@@ -26,6 +26,7 @@ from cinegen.tolerances import AT_LIMIT
 from raff2urdf import closure
 from raff2urdf.axes import UNCHANGED
 from raff2urdf.coupling import coupling_of
+from raff2urdf.errors import raised_as
 from raff2urdf.loops.length import characteristic_length, cut_screws
 from raff2urdf.loops.mobility import loop_kind
 from raff2urdf.loops.slips import Fault
@@ -68,15 +69,11 @@ def written_loops(urdf: str, constraints: Mapping[str, Any] | None, name: str) -
     Raises:
         LoadError: no URDF, or it lacks what the constraints name.
     """
-    try:
+    with raised_as(LoadError, raff2urdf.RaffError):
         tree = parse(urdf, name)
         declared = completed(simple(tree, name), constraints, name)
-    except raff2urdf.RaffError as error:
-        raise LoadError(str(error)) from None
-    try:
+    with raised_as(LoadError, (ValueError, RuntimeError), f"{name}: Pinocchio can't read it: "):
         model = pin.buildModelFromXML(kinematics(tree))
-    except (ValueError, RuntimeError) as error:
-        raise LoadError(f"{name}: Pinocchio can't read it: {error}") from None
     q = _written(model, declared)
     loops = tuple(_loop(entry) for entry in declared["loops"])
     balls = _balls(declared)

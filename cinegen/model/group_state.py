@@ -11,7 +11,7 @@ import numpy as np
 
 from cinegen.errors import LoadError, warn
 from cinegen.model.urdf import completed, simple
-from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.errors import RaffError, did_you_mean, raised_as
 from raff2urdf.readers.options import ReadOptions
 from raff2urdf.readers.srdf import read_home
 from raff2urdf.readers.urdf import joints
@@ -29,10 +29,8 @@ def with_home(
         LoadError: the SRDF can't be read.
     """
     states = constraints is not None and "robot" in constraints  # a constraints file, SDF and MJCF
-    try:
+    with raised_as(LoadError, RaffError):
         home = None if srdf is None or states else read_home(srdf, options)
-    except RaffError as error:
-        raise LoadError(str(error)) from None
     if home is None:
         return constraints, []
     with warnings.catch_warnings():

@@ -25,7 +25,7 @@ from cinegen.model.urdf import completed, simple, with_fixed_base
 from raff2urdf import closure, readers
 from raff2urdf.constraints import without_loops
 from raff2urdf.coupling import Coupling
-from raff2urdf.errors import RaffError
+from raff2urdf.errors import RaffError, raised_as
 from raff2urdf.loops.mobility import loop_kind, loop_kinds
 from raff2urdf.loops.slips import Fault
 from raff2urdf.placement import rotation
@@ -210,7 +210,7 @@ def _load_xml(source: Path | URDF, text: str | None, settings: _Settings) -> Mec
     sidecar = srdf_of(path) if path is source and text is None else None
     if sidecar is not None and (left_out := sidecar.name) in ignore:
         sidecar, ignore = None, [word for word in ignore if word != left_out]
-    try:
+    with raised_as(LoadError, raff2urdf.RaffError):
         folder = path.parent if text is None else Path.cwd()
         if not isinstance(source, Path):
             from raff2urdf.writers.urdf_object import ExactUrdf
@@ -222,8 +222,6 @@ def _load_xml(source: Path | URDF, text: str | None, settings: _Settings) -> Mec
         constraints: Mapping[str, Any] | None = parsed.constraints
         if settings.fixed_base:
             urdf, constraints = with_fixed_base(urdf, constraints, str(path))
-    except raff2urdf.RaffError as error:
-        raise LoadError(str(error)) from None
     srdf = sidecar if settings.srdf is None else Path(settings.srdf)
     entries = {entry["name"]: entry for entry in constraints["loops"]} if constraints else {}
     balls = {name for name, entry in entries.items() if entry["kind"] == "ball"}
@@ -340,12 +338,10 @@ def _read_srdf(path: str | Path | None, urdf: str, name: str, options: ReadOptio
     """
     if path is None:
         return None
-    try:
+    with raised_as(LoadError, RaffError):
         tree = parse(urdf, name)
         links = [str(link.get("name")) for link in tree.iter("link")]
         return read_srdf(Path(path), links, f"robot '{tree.get('name', '')}'", options)
-    except RaffError as error:
-        raise LoadError(str(error)) from None
 
 
 def _check_stated(mechanism: Mechanism, constraints: Mapping[str, Any], path: Path) -> None:

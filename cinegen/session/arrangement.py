@@ -16,7 +16,7 @@ from cinegen.model.plausible import FAR, reach
 from cinegen.session.regular_start import regular_start
 from cinegen.session.setup import GAMEPAD, PATH, RATE, Device, SensorSwitch, Setup, SetupError
 from raff2urdf.axes import UNCHANGED
-from raff2urdf.quantities import ANGLE, LENGTH, QuantityError, parse_list, shown
+from raff2urdf.quantities import ANGLE, LENGTH, parse_list, refused_as, shown
 
 _ROOM = 0.3  # characteristic lengths, around robots that are placed side by side
 
@@ -163,10 +163,8 @@ def parse_base_pose(text: str) -> tuple[str, BasePose]:
         )
     placement = pin.SE3.Identity()
     if values:
-        try:
+        with refused_as(SetupError, f"--base {text}"):
             point, angles = parse_list(values[:3], LENGTH), parse_list(values[3:], ANGLE) or [0.0, 0.0, 0.0]
-        except QuantityError as error:
-            raise SetupError(f"--base {text}: {error}") from None
         placement = pin.SE3(pin.rpy.rpyToMatrix(np.array(angles)), np.array(point))
     return name, BasePose(robot or None, node or None, placement)
 

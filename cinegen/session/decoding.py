@@ -13,6 +13,7 @@ from cinegen.model import Mechanism
 from cinegen.session.commands import AddTask, ChangeSensor, Command, LockJoint
 from cinegen.session.message_types import LONGEST, CommandError, TypedMessage
 from cinegen.session.setup import Setup
+from raff2urdf.errors import raised_as
 
 _Message = TypeVar("_Message")
 
@@ -67,10 +68,8 @@ def decode(message: str | bytes, decoder: msgspec.json.Decoder[_Message]) -> _Me
         raise CommandError("a message must be text, not binary")
     if len(message) > LONGEST:
         raise CommandError(f"a message must not be longer than {LONGEST} characters")
-    try:
+    with raised_as(CommandError, (msgspec.MsgspecError, RecursionError, UnicodeError)):
         return decoder.decode(message)
-    except (msgspec.MsgspecError, RecursionError, UnicodeError) as error:
-        raise CommandError(str(error)) from None
 
 
 _COMMANDS: msgspec.json.Decoder[Command] = msgspec.json.Decoder(Command)

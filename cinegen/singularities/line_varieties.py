@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from enum import Enum
 from itertools import combinations
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cinegen.arrays import Array
-from cinegen.singularities.pluecker import KLEIN, LineFrame, PlueckerLine, fit_plane, fit_point
+from cinegen.singularities.pluecker import KLEIN, fit_plane, fit_point
 from cinegen.singularities.screw_system import ScrewSystem
 
 DEPENDENT = 1e-7
@@ -110,23 +110,6 @@ def span(vectors: Array, rank: int) -> KleinSpan:
     _, sigma, vt = np.linalg.svd(vectors)
     vanishing = float(sigma[rank]) if rank < len(sigma) else 0.0
     return KleinSpan(vt[:rank], sigma[:rank], vanishing, vt[rank:] @ KLEIN)
-
-
-def class_of_lines(lines: Sequence[PlueckerLine], length: float, tolerance: float = DEPENDENT) -> GrassmannClass | None:
-    """Return the class of the variety that lines span together, dependent or not; None for all lines of space, rank 6.
-
-    Args:
-        lines: one or more.
-        length: the characteristic length, as the platform's radius.
-        tolerance: how accurate the lines are.
-
-    Raises:
-        PlueckerError: no lines; the length is not positive.
-    """
-    vectors = LineFrame.of(lines, length).coordinates(lines)
-    rank = int((np.linalg.svd(vectors, compute_uv=False) > tolerance).sum())
-    whole = span(vectors, rank)
-    return class_of_span(whole, max(tolerance, MARGIN * whole.vanishing)) if rank < 6 else None
 
 
 def class_of_wrenches(wrenches: ScrewSystem) -> GrassmannClass | None:

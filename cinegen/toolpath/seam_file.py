@@ -25,7 +25,7 @@ from cinegen.model.plausible import ImplausibleError, check_lengths
 from cinegen.sensor import SensorError
 from cinegen.toolpath.curve import PointError
 from cinegen.toolpath.seam import AGAIN, Seam
-from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.errors import RaffError, did_you_mean, raised_as
 from raff2urdf.files import read_bytes
 from raff2urdf.quantities import ANGLE, ANGULAR_SPEED, LENGTH, NUMBER, SPEED, TIME, Dimension, parse, refused_as, shown
 
@@ -130,10 +130,8 @@ def _check_plausible(
                 f"{option}={value:g}{unit}?"
             )
     if mechanism is not None:
-        try:
+        with raised_as(SensorError, ImplausibleError, "", " Then name the columns x [mm], y [mm], z [mm]"):
             check_lengths(mechanism, name, points.ravel().tolist())
-        except ImplausibleError as error:
-            raise SensorError(f"{error} Then name the columns x [mm], y [mm], z [mm]") from None
 
 
 def _header(cells: list[str]) -> tuple[list[int], list[str]]:

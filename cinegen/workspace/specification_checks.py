@@ -8,7 +8,7 @@ from cinegen.workspace.accuracy import check_tolerances
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.loads import check_loads
 from cinegen.workspace.quantities import QUANTITIES
-from raff2urdf.errors import did_you_mean
+from raff2urdf.errors import did_you_mean, raised_as
 
 if TYPE_CHECKING:
     from cinegen.workspace.specification import MapSpecification
@@ -36,10 +36,8 @@ def checked_quantities(spec: MapSpecification) -> tuple[str, ...]:
         from cinegen.assembly.errors import ModesError
         from cinegen.assembly.linkage import linkage_of
 
-        try:
+        with raised_as(MapError, ModesError, "its assembly modes can't be counted: ", ". Leave 'solutions' out"):
             linkage_of(mechanism.successive)
-        except ModesError as error:
-            raise MapError(f"its assembly modes can't be counted: {error}. Leave 'solutions' out") from None
     if "solutions" in wanted and not spec.over_joints and spec.dof > spec.rank:
         raise MapError(
             f"{mechanism.name} has infinitely many solutions here: it has {spec.dof} degrees of freedom, and the pose "
@@ -58,7 +56,5 @@ def _check_scene_of(spec: MapSpecification) -> None:
 
     if spec.scene is None:
         raise MapError("clearance needs obstacles: give a scene (--scene)")
-    try:
+    with raised_as(MapError, PlanningError, "the scene can't be read: "):
         scene_of(dict(spec.scene), spec.folder, mechanism=spec.mechanism)
-    except PlanningError as error:
-        raise MapError(f"the scene can't be read: {error}") from None

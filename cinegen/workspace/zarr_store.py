@@ -32,6 +32,7 @@ from cinegen.workspace.loads import described
 from cinegen.workspace.quantities import QUANTITIES
 from cinegen.workspace.specification import VERSION, MapSpecification
 from raff2urdf.command.extras import needs
+from raff2urdf.errors import raised_as
 
 with needs("maps", "maps"):
     import zarr
@@ -243,10 +244,8 @@ def open_dataset(path: Path) -> Any:
         import xarray
 
     store = MapStore(path)
-    try:
+    with raised_as(MapError, DAMAGED, f"{store.path} is damaged: zarr can't open it (", f"). {_ADVICE}"):
         dataset = xarray.open_zarr(CheckedFiles(store.path, read_only=True), consolidated=False, chunks=None)
-    except DAMAGED as error:
-        raise MapError(f"{store.path} is damaged: zarr can't open it ({error}). {_ADVICE}") from None
     dataset.encoding["source"] = str(store.path)
     return dataset
 

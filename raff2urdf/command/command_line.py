@@ -23,7 +23,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.exceptions import TyperException
 
 from raff2urdf.command.output import STOPPED, unescaped
-from raff2urdf.errors import near_names
+from raff2urdf.errors import near_names, raised_as
 from raff2urdf.escape import terminal
 from raff2urdf.quantities import Dimension, QuantityError, parse
 
@@ -307,10 +307,8 @@ def quantity_parser(dimension: Dimension, least: float, most: float) -> Callable
     def parser(given: Any) -> float:
         if not isinstance(given, str):  # a default
             return float(given)
-        try:
+        with raised_as(typer.BadParameter, QuantityError):
             value = parse(given, dimension)
-        except QuantityError as error:
-            raise typer.BadParameter(str(error)) from None
         if not least <= value <= most:
             raise typer.BadParameter(
                 f"'{given}' is not in the range {least:g} to {most:g} {dimension.default}".rstrip()

@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from raff2urdf import readers
-from raff2urdf.errors import RaffError, RaffWarning, did_you_mean, first_of
-from raff2urdf.files import check_new, is_stream, write_all
+from raff2urdf.errors import RaffError, RaffWarning, did_you_mean, first_of, raised_as
+from raff2urdf.files import check_new, is_stream, write_all, writing
 from raff2urdf.loops.mobility import loop_kind
 from raff2urdf.raff.check import check
 from raff2urdf.raff.writer import dumps
@@ -84,10 +84,8 @@ def to_raff(
         return imported
     if not overwrite:
         check_new(out, remakeable=False)  # before meshes are read
-    try:
+    with writing(RaffError):
         folder = None if is_stream(out) else out.parent
-    except OSError as error:
-        raise RaffError(f"{out}: can't be written: {error.strerror}") from None
     contents: dict[Path, bytes] = {}
     if graphics:
         export = GraphicsExport(tree, str(path), path.parent, folder or Path(), out.stem, options.search)
@@ -116,17 +114,13 @@ def _write(path: Path, out: Path, imported: RaffImport, graphics: Mapping[Path, 
     Raises:
         RaffError: RAFF has no notation for the robot, or a file exists or can't be written.
     """
-    try:
+    with raised_as(RaffError, RaffError, f"{path}: "):
         text = dumps(imported.document, _head(path, imported), imported.notes)
-    except RaffError as error:
-        raise RaffError(f"{path}: {error}") from None
     contents = {**graphics, out: text.encode()}
     for target, content in contents.items() if not overwrite else ():
         check_new(target, remakeable=False, content=content)
-    try:
+    with writing(RaffError):
         write_all(contents)
-    except OSError as error:
-        raise RaffError(f"{error.filename}: can't be written: {error.strerror}") from None
 
 
 def _head(path: Path, imported: RaffImport) -> Sequence[str]:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from raff2urdf.arrays import Array
-from raff2urdf.errors import RaffError
+from raff2urdf.errors import RaffError, raised_as
 from raff2urdf.files import read_bytes
 from raff2urdf.inertia import Inertia, sum_of
 from raff2urdf.writers import DENSITY
@@ -179,10 +179,8 @@ def load_surface(path: str | Path, content: bytes | None = None) -> Any:
     import trimesh
 
     content = read_bytes(path) if content is None else content
-    try:
+    with raised_as(RaffError, Exception, f"{path}: unreadable: "):  # every reader has errors of its own
         return trimesh.load(BytesIO(content), file_type=Path(path).suffix[1:].lower(), force="mesh")
-    except Exception as error:  # every reader has errors of its own
-        raise RaffError(f"{path}: unreadable: {error}") from None
 
 
 def _placed(body: Inertia, origin: Array | None) -> Inertia:

@@ -294,12 +294,12 @@ def test_couplings_are_mujocos(write, name):
 
 def test_what_is_not_read_of_an_mjcf_is_listed(write):
     path = write(ROW.format(EQUALITIES["several"]), "row.xml")
-    assert mjcf.read(path)[2] == ["equality constraint 'g' (not active)", "limits of tendon 'two'"]
+    assert mjcf.read(path).ignored == ["equality constraint 'g' (not active)", "limits of tendon 'two'"]
     notes = cinegen.load(path).source.notes
     assert notes == ("not read: equality constraint 'g' (not active)", "not read: limits of tendon 'two'")
-    _, constraints, ignored, _ = mjcf.read(path, ignore=["e"])
-    assert [coupling["name"] for coupling in constraints["couplings"]] == ["f"]
-    assert ignored[0] == "equality constraint 'e'"
+    found = mjcf.read(path, ignore=["e"])
+    assert [coupling["name"] for coupling in found.constraints["couplings"]] == ["f"]
+    assert found.ignored[0] == "equality constraint 'e'"
 
 
 @pytest.mark.parametrize(("equality", "says"), [
@@ -313,7 +313,7 @@ def test_an_equality_without_counterpart_is_an_error_that_names_it(write, equali
         cinegen.load(path)
     if "MuJoCo" not in str(failed.value):
         assert "--ignore e " in str(failed.value)
-        assert mjcf.read(path, ignore=["e"])[2][0] == "equality constraint 'e'"
+        assert mjcf.read(path, ignore=["e"]).ignored[0] == "equality constraint 'e'"
 
 
 def test_a_flex_is_left_out_with_its_constraints_only_on_request(write):
@@ -324,4 +324,4 @@ def test_a_flex_is_left_out_with_its_constraints_only_on_request(write):
         cinegen.CinegenError, match=r"constrains the flex 'cloth', and only rigid bodies .*--ignore cloth"
     ):
         cinegen.load(path)
-    assert mjcf.read(path, ignore=["cloth"])[2] == ["equality constraint 'cloth'"]
+    assert mjcf.read(path, ignore=["cloth"]).ignored == ["equality constraint 'cloth'"]

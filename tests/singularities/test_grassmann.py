@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cinegen.singularities.grassmann import classify, near
-from cinegen.singularities.line_varieties import GrassmannClass, class_of_lines, class_of_wrenches
+from cinegen.singularities.line_varieties import GrassmannClass, class_of_wrenches
 from cinegen.singularities.pluecker import LineAtInfinity, PlueckerError, PlueckerLine
 
 seeds = st.integers(0, 2**32 - 1)
@@ -131,7 +131,6 @@ def test_the_class_of_all_lines_is_that_of_their_variety(maker, noise):
     assert found.class_of_all is built.grassmann_class
     assert found.rank == found.forces.order == rank
     assert found.motions.order == 6 - rank
-    assert class_of_lines(lines, length) is built.grassmann_class
     assert class_of_wrenches(found.forces) is built.grassmann_class
     assert found.as_dict()["class_of_all"] == built.grassmann_class.title
 
@@ -140,10 +139,9 @@ def test_two_lines_that_do_not_meet_are_skew():
     rng = np.random.default_rng(0)
     for _ in range(20):
         lines = [PlueckerLine.through(*rng.normal(size=(2, 3))) for _ in range(2)]
-        assert class_of_lines(lines, 1.0) is GrassmannClass.SKEW_LINES
-        assert class_of_lines([*lines, *lines], 1.0) is GrassmannClass.SKEW_LINES
+        assert classify([*lines, *lines], 1.0).class_of_all is GrassmannClass.SKEW_LINES
     assert GrassmannClass.SKEW_LINES.title == "skew lines (2a)"
-    assert class_of_lines([PlueckerLine.through(*rng.normal(size=(2, 3))) for _ in range(6)], 1.0) is None
+    assert classify([PlueckerLine.through(*rng.normal(size=(2, 3))) for _ in range(6)], 1.0) is None
 
 
 def test_the_smallest_set_and_all_lines_may_be_of_different_classes():

@@ -10,7 +10,7 @@ from cinegen.cli.files import check_outputs
 from cinegen.cli.options import FILE, RobotOptions, force_option
 from cinegen.errors import CinegenError
 from raff2urdf.command.command_line import FOLDER, UsageError, option, quantity_option
-from raff2urdf.files import write_all
+from raff2urdf.files import write_all, writing
 from raff2urdf.quantities import FREQUENCY
 
 FUNCTIONS = ("fk", "close", "tick", "sigma", "ik")
@@ -55,9 +55,7 @@ def run(
     )  # fmt: skip
     paths = {output / name: text.encode() for name, text in found.items()}
     check_outputs(*paths, force=force)
-    try:
+    with writing(CinegenError):
         write_all(paths)
-    except OSError as error:
-        raise CinegenError(f"{error.filename}: can't be written: {error.strerror}") from None
     print("\n".join(map(str, paths)))
     return 0

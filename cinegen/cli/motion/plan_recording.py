@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cinegen.cli.served_page import PageOptions
-from raff2urdf.files import write_all
+from raff2urdf.files import write_all, writing
 
 if TYPE_CHECKING:
     from cinegen.planning import Plan
@@ -25,7 +25,6 @@ def record_path(plan: Plan, path: Path) -> str:
         MissionError: the file can't be written.
         OutputLostError: the reader of standard output has gone.
     """
-    from cinegen.line_file import reason
     from cinegen.mission import MissionError
     from cinegen.mission.results import record_plan
     from cinegen.session import scene_setup
@@ -35,10 +34,8 @@ def record_path(plan: Plan, path: Path) -> str:
     with tempfile.TemporaryDirectory(prefix="cinegen-") as folder:
         complete = Path(folder) / "plan.jsonl"
         motion = record_plan(plan, complete, name, setup.robots[name])
-        try:
+        with writing(MissionError):
             write_all({path: complete.read_bytes()})
-        except OSError as error:
-            raise MissionError(f"{path}: can't be written: {reason(error)}") from None
     text = f"recorded: {path}, {motion.times[-1]:.1f} s" + ("" if plan else ", up to where the path ends")
     text += "; it stops at each step of the path, to keep the clearance" if motion.follows else ""
     return text + (f"\nassumed: {motion.limits}" if str(motion.limits) else "")

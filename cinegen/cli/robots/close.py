@@ -10,6 +10,7 @@ from cinegen.cli.options import FILE, RobotOptions
 from cinegen.errors import CinegenError
 from raff2urdf.command.command_line import option
 from raff2urdf.command.output import until_stopped, write_at_once
+from raff2urdf.errors import raised_as
 
 
 def run(
@@ -27,10 +28,8 @@ def run(
     _, mechanism = options.load_one(file)
     from cinegen.devices import Lines, start_from
 
-    try:
+    with raised_as(CinegenError, CinegenError, f"--start {start}: ", ": name a line that `cinegen close` wrote"):
         lines = Lines(mechanism, None if start is None else start_from(mechanism, read(start)))
-    except CinegenError as error:
-        raise CinegenError(f"--start {start}: {error}: name a line that `cinegen close` wrote") from None
     if sys.stdin is not None:
         with until_stopped():
             lines.serve(sys.stdin.buffer, write_at_once)

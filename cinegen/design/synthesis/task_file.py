@@ -47,9 +47,9 @@ from cinegen.design.synthesis.task import (
     SynthesisTask,
 )
 from cinegen.errors import read_all
-from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.errors import RaffError, did_you_mean, raised_as
 from raff2urdf.files import read_bytes
-from raff2urdf.quantities import ANGLE, LENGTH, MASS, NUMBER, Dimension, QuantityError, parse, parse_range
+from raff2urdf.quantities import ANGLE, LENGTH, MASS, NUMBER, Dimension, parse, parse_range, refused_as
 
 _MOST = 10_000  # starts, points of a front, population, generations
 _BOUNDED = {"condition": NUMBER, "mass": MASS, "accuracy": LENGTH}
@@ -76,10 +76,8 @@ def task_of(values: Mapping[str, Any], where: str = "task") -> SynthesisTask | P
     Raises:
         DesignError: a value is invalid; the message names the key.
     """
-    try:
+    with raised_as(DesignError, SceneError):
         return _task(SceneTable(values, where, "deg"), values)
-    except SceneError as error:
-        raise DesignError(str(error)) from None
 
 
 def _task(table: SceneTable, values: Mapping[str, Any]) -> SynthesisTask | Precision:
@@ -309,10 +307,8 @@ def _range(table: SceneTable, key: str, dimension: Dimension) -> tuple[float, fl
     except SceneError:
         value = table.number(key, dimension)
         return value, value
-    try:
+    with refused_as(partial(table.error, key), "is wrong"):
         ends = parse_range(text, dimension) if ".." in text else (parse(text, dimension),) * 2
-    except QuantityError as error:
-        raise table.error(key, f"is wrong: {error}") from None
     if ends[0] > ends[1] or (dimension is NUMBER and ends[0] == ends[1]):
         raise table.error(key, f"'{text}' is no range: give the lower end first")
     return ends[0], ends[1]

@@ -24,7 +24,7 @@ _POLICY = "default-src 'none'; style-src 'unsafe-inline'"
 
 def drawing() -> AbstractContextManager[None]:
     """Return a context to draw in: equal pictures become equal files."""
-    return mpl.rc_context({"svg.hashsalt": "cinegen", "svg.fonttype": "path"})  # type: ignore[arg-type]
+    return mpl.rc_context({"svg.hashsalt": "cinegen", "svg.fonttype": "path"})
 
 
 @dataclass

@@ -22,6 +22,7 @@ from cinegen.workspace.specification import MapSpecification
 from cinegen.workspace.sweep.box import BoxConfigurations, WantedBox, dexterity, regularity
 from cinegen.workspace.sweep.result import SweepResult, VariantResult
 from cinegen.workspace.sweep.variants import Variation, variants
+from raff2urdf.errors import raised_as
 from raff2urdf.files import digest_of, write_all
 from raff2urdf.graphics.names import may_read
 from raff2urdf.raff.document import Document, RaffRobot
@@ -214,13 +215,11 @@ def _begin(out: Path, asked: dict[str, Any]) -> None:
         MapError: it is of something else, or can't be written.
     """
     at, there = out / _NAME, None
-    try:
+    with raised_as(MapError, (OSError, ValueError), f"{out} can't be resumed: ", ". Give another folder"):
         if at.exists():
             there = _there(out)
         elif out.exists() and any(out.iterdir()):
             raise MapError(f"{out} holds something other than a sweep: give an empty folder, or a new one")
-    except (OSError, ValueError) as error:
-        raise MapError(f"{out} can't be resumed: {error}. Give another folder") from None
     if there is None:
         _write({at: _json(asked)})
         return
@@ -278,10 +277,8 @@ def _write_table(out: Path, asked: dict[str, Any], text: str) -> None:
 
 
 def _digest(path: Path) -> str:
-    try:
+    with raised_as(MapError, OSError, f"{path} can't be read: "):
         return digest_of(path.read_bytes())
-    except OSError as error:
-        raise MapError(f"{path} can't be read: {error}") from None
 
 
 def _there(out: Path) -> Any:

@@ -20,9 +20,9 @@ from raff2urdf.quantities import (
     LENGTH,
     SPEED,
     Dimension,
-    QuantityError,
     parse,
     parse_range,
+    refused_as,
     shown,
 )  # fmt: skip
 from raff2urdf.raff.check import check_tree
@@ -204,10 +204,8 @@ class Variation:
         if len(dimensions) > 1:
             raise MapError(f"{names}: parameters that vary together must be all lengths or all angles")
         (dimension,) = dimensions
-        try:
+        with refused_as(MapError, f"'{text}'"):
             both = parse_range(ends, dimension) if ".." in ends else (parse(ends, dimension),)
-        except QuantityError as error:
-            raise MapError(f"'{text}': {error}") from None
         size = sum(document.metres(abs(x)) for node in (chosen.base, *chosen.parts) for x in node.parameters.lengths)
         if dimension is LENGTH and _FAR * size < max(map(abs, both)) <= 1000.0 * _FAR * size:
             value = max(both, key=abs)
