@@ -1,7 +1,7 @@
 """What the cockpit costs at rest and in motion, with one page and with four: a Gough platform at 1 kHz, 60 states a
 second; and how long a user waits for the robot.
 
-    python benchmarks/cockpit.py [--seconds 10] [--robot robots/gough.raff] [--browser] [--bodies 1000]
+    python benchmarks/cockpit.py [--seconds 10] [--rounds 3] [--robot robots/gough.raff] [--browser] [--bodies 1000]
 
 `--browser` also drags the part in a headless chromium and times it there: from the pointer's event to the robot's new
 state applied in the page. `--bodies` only opens a page of a chain of so many links, and says what its picture costs.
@@ -19,7 +19,7 @@ import tempfile
 import time
 import warnings
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import psutil
 import tornado.websocket
@@ -61,25 +61,49 @@ def watchers(url: str, count: int, seconds: float, answers: Any) -> None:
     answers.send(asyncio.run(run()))
 
 
-def cost(cockpit: Cockpit, count: int, seconds: float) -> str:
-    """What a number of pages cost."""
+class Cost(NamedTuple):
+    """What a number of pages cost: messages and kB a second to each, median bytes, and the share of a core."""
+
+    pages: int
+    messages: float
+    kilobytes: float
+    median: float
+    core: float
+
+    def __str__(self) -> str:
+        sent = f"each is sent {self.messages:.1f} messages and {self.kilobytes:.1f} kB a second"
+        return f"pages: {self.pages}; {sent}, median {self.median:.0f} bytes; {self.core:.3f} of a core"
+
+
+def cost(cockpit: Cockpit, count: int, seconds: float) -> Cost:
+    """Measure what a number of pages cost."""
     context = multiprocessing.get_context("spawn")
     receiver, sender = context.Pipe(duplex=False)
     url = cockpit.session_url.replace("/session", "/page")
     pages = context.Process(target=watchers, args=(url, count, seconds, sender))
-    here = psutil.Process()
-    own = [here, *(one for one in here.children(recursive=True))]
+    server = psutil.Process()
+    processes = [server, *server.children(recursive=True)]
     pages.start()
     receiver.recv()
-    spent, begin = [sum(one.cpu_times()[:2]) for one in own], time.perf_counter()
+    spent, begin = sum(sum(one.cpu_times()[:2]) for one in processes), time.perf_counter()
     sizes = receiver.recv()
     passed = time.perf_counter() - begin
-    core = sum(sum(one.cpu_times()[:2]) for one in own) - sum(spent)
+    core = sum(sum(one.cpu_times()[:2]) for one in processes) - spent
     pages.join()
-    messages, kilobytes = sum(map(len, sizes)) / count / passed, sum(map(sum, sizes)) / count / passed / 1e3
-    median = statistics.median(sizes[0] or [0])
-    sent = f"each is sent {messages:.1f} messages and {kilobytes:.1f} kB a second, median {median:.0f} bytes"
-    return f"pages: {count}; {sent}; {core / passed:.3f} of a core"
+    every = [size for one in sizes for size in one]
+    rates = (amount / count / passed for amount in (len(every), sum(every) / 1e3))
+    return Cost(count, *rates, statistics.median(every or [0]), core / passed)
+
+
+def compare(cockpit: Cockpit, seconds: float, rounds: int) -> None:
+    """Print what one page and several cost in turn, and the ratio of the medians, each for as many states."""
+    costs: dict[int, list[Cost]] = {1: [], CLIENTS: []}
+    for _ in range(rounds):
+        for count, measured in costs.items():
+            measured.append(cost(cockpit, count, seconds))
+            print(f"in motion, {measured[-1]}", flush=True)
+    few, many = (statistics.median(one.core / one.messages for one in measured) for measured in costs.values())
+    print(f"{CLIENTS} pages cost {many / few:.2f} of one for a state, {rounds} rounds")
 
 
 async def drag(url: str, robot: str, node: str, count: int) -> list[float]:
@@ -218,6 +242,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--robot", default="robots/gough.raff")
     parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--browser", action="store_true")
     parser.add_argument("--bodies", type=int)
     options = parser.parse_args()
@@ -230,8 +255,7 @@ def main() -> None:
         for count in (1, CLIENTS):
             print(f"at rest, {cost(cockpit, count, options.seconds)}")
     with Cockpit(arrange({"robot": mechanism}, follow="circle"), port=7900) as cockpit:
-        for count in (1, CLIENTS):
-            print(f"in motion, {cost(cockpit, count, options.seconds)}")
+        compare(cockpit, options.seconds, options.rounds)
         print(f"the solver meanwhile:\n{cockpit.runner.report()}")
         print(f"a user waits: {summary(asyncio.run(drag(cockpit.session_url, 'robot', mechanism.end, 200)))}")
         if options.browser:

@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from threading import RLock
-from typing import TYPE_CHECKING
+
+from flint import arb, arb_mat, ctx
 
 from cinegen.arrays import Array
-
-if TYPE_CHECKING:
-    from flint import arb, arb_mat
-
 
 _BITS = 128  # of midpoints
 _LOCK = RLock()
@@ -21,8 +18,6 @@ _LOCK = RLock()
 def precise(bits: int = _BITS) -> Iterator[None]:
     """Compute with midpoints of so many bits, one thread at a time: the precision is one for the whole process. Balls
     are right with any, but wider with less."""
-    from flint import ctx
-
     with _LOCK, ctx.workprec(bits):
         yield
 
@@ -30,8 +25,6 @@ def precise(bits: int = _BITS) -> Iterator[None]:
 def frame(rotation: Array, translation: Array) -> arb_mat:
     """Return a placement (4, 4) whose rotation is exactly one: its third axis made a unit vector, and then the first at
     a right angle to it. An exact 0 or 1 stays one."""
-    from flint import arb, arb_mat
-
     x, _, z = ([arb(float(a)) for a in column] for column in rotation.T)
     z = unit(z)
     along = dot(x, z)

@@ -22,17 +22,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from flint import arb, arb_mat
 from scipy.linalg import qr
 
 from cinegen.arrays import Array
 from cinegen.balls import precise
-
-if TYPE_CHECKING:
-    from flint import arb
-
 
 _RADII = 1e-8, 1e-10, 1e-12  # of boxes that are tried, from the largest
 _MARGIN, _LARGEST = 4.0, 1e-6  # ... and a box so many times as large as a Newton step, up to this
@@ -87,8 +84,6 @@ def certify(
         rank: number of independent equations, where the solution is regular. If it is less than k, some unknowns are
             kept at the point's values, so that the solution is the only one with these.
     """
-    from flint import arb, arb_mat
-
     with precise():
         centre, steps = [arb(float(x)) for x in point], [arb(float(unit)) for unit in units]
         start = equations(centre, True)

@@ -10,6 +10,8 @@ import numpy as np
 from raff2urdf.arrays import Array, ArrayLike
 from raff2urdf.residual import skew
 
+_NEXT, _LAST = [1, 2, 0], [2, 0, 1]
+
 
 def inverse(placement: ArrayLike) -> Array:
     """Return the inverse placement: of the outer frame in the inner one."""
@@ -27,14 +29,19 @@ def translation(vector: ArrayLike) -> Array:
     return found
 
 
+def cross(a: Array, b: Array) -> Array:
+    """Return the cross products of vectors (..., 3); np.cross takes ten times as long for few of them."""
+    return a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT]
+
+
 def along(origin: Array, z: Array) -> Array:
     """Return a placement at a point (3,) whose z axis has a direction (3,), of any length but 0."""
     z = z / np.linalg.norm(z)
     aside = np.array([1.0, 0.0, 0.0]) if abs(z[0]) < 0.6 else np.array([0.0, 1.0, 0.0])
-    y = np.cross(z, aside)
+    y = cross(z, aside)
     y /= np.linalg.norm(y)
     placement = np.eye(4)
-    placement[:3, :3], placement[:3, 3] = np.column_stack([np.cross(y, z), y, z]), origin
+    placement[:3, :3], placement[:3, 3] = np.column_stack([cross(y, z), y, z]), origin
     return placement
 
 
@@ -91,4 +98,4 @@ def with_z(axis: Array, x: Array | None = None) -> Array:
         aside = np.eye(3)[int(np.argmin(np.abs(axis)))]
         across = aside - float(aside @ axis) * axis
     across = across / np.linalg.norm(across)
-    return np.column_stack([across, np.cross(axis, across), axis])
+    return np.column_stack([across, cross(axis, across), axis])

@@ -16,10 +16,11 @@ branch of both moves no equation. Everything is seen from that branch.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from flint import arb, arb_mat
 
 from cinegen.arrays import Array
 from cinegen.assembly.exact_tree import NEXT, ExactTree, exact
@@ -27,10 +28,6 @@ from cinegen.balls import axes_and_origin, combined, cross, dot, minus, precise
 from cinegen.krawczyk import Certificate, Values, certify, distinct
 from cinegen.model import Mechanism
 from raff2urdf.raff.document import LoopKind
-
-if TYPE_CHECKING:
-    from flint import arb, arb_mat
-
 
 _AXES = (0, 1, 2)
 
@@ -96,8 +93,6 @@ class LoopEquations:
         self, mechanism: Mechanism, unknowns: Unknowns, q: Array, balls: Iterable[Sequence[str]] = (),
         pose: tuple[str, pin.SE3, pin.SE3, EndEquations] | None = None,
     ) -> None:  # fmt: skip
-        from flint import arb
-
         model, self._rank = mechanism.model, unknowns.rank
         index = {name: int(model.getJointId(name)) for name in mechanism.joints}
         self._joints = [index[name] for name in unknowns.joints]
@@ -185,8 +180,6 @@ class _Closure:
     """
 
     def __init__(self, tree: ExactTree, first: _End, second: _End, constrained: EndEquations, length: float) -> None:
-        from flint import arb
-
         chains = [tree.supports[end.joint] for end in (first, second)]
         common = [a for a, b in zip(*chains, strict=False) if a == b]
         self._branch = common[-1]

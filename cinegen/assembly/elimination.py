@@ -33,17 +33,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from flint import acb, acb_poly, arb, arb_mat, arb_poly
 from scipy.linalg import qr
 
 from cinegen.arrays import Array
 from cinegen.balls import axes_and_origin, cross, dot, precise
-
-if TYPE_CHECKING:
-    from flint import acb, arb, arb_mat
 
 BITS = 512
 """Precision: enough for axes that are parallel, or meet, to within rounding."""
@@ -139,8 +137,6 @@ class _Loop:
     @cached_property
     def _matrices(self) -> list[arb_mat]:
         """S (12, 12) is the first plus cos q3 times the second plus sin q3 times the third."""
-        from flint import arb, arb_mat
-
         given = _part(self._right, self._rest, range(1, 9)).transpose()
         weights = self._eight.transpose().solve(given).transpose()
         every = range(27)
@@ -164,8 +160,6 @@ class _Loop:
         Raises:
             DegenerateError: its degree is less, or roots are multiple.
         """
-        from flint import acb_poly, arb, arb_poly
-
         nodes = [*range(DEGREE + 1), *np.arange(0.5, _NODES - DEGREE - 1).tolist()]
         angles = [arb.pi() * (2 * k - DEGREE) / (2 * DEGREE + 2) for k in nodes]
         points = [angle.tan() for angle in angles]
@@ -181,8 +175,6 @@ class _Loop:
 
     def angles(self, root: acb) -> tuple[Array, float]:
         """Return the angles (6,) that belong to a root's real part, and how far the loop is open there."""
-        from flint import arb, arb_mat
-
         x = arb(root.real.mid())
         null = self._matrix(x).solve(arb_mat(12, 1, [1] * 12), algorithm="approx").entries()
         largest = int(np.argmax([float((entry / null[0]).abs_upper()) for entry in null]))
@@ -221,15 +213,11 @@ def _third(x: arb) -> arb:
 
 def _twice(above: arb, below: arb) -> arb:
     """Return twice the angle of a given tangent."""
-    from flint import arb
-
     return 2 * arb.atan2(above.mid(), below.mid())
 
 
 def _vector(placement: arb_mat) -> arb_mat:
     """Return v (15, 1) of a placement's third axis and origin."""
-    from flint import arb, arb_mat
-
     (_, _, axis), p = axes_and_origin(placement)
     square, along = dot(p, p), dot(p, axis)
     twisted = [square * x - 2 * along * y for x, y in zip(axis, p, strict=True)]
@@ -238,8 +226,6 @@ def _vector(placement: arb_mat) -> arb_mat:
 
 def _turned(columns: arb_mat) -> arb_mat:
     """Return v (15, 3 n) of columns (15, n) rotated about z: the coefficients of 1, cos and sin of the angle."""
-    from flint import arb, arb_mat
-
     rows, found = columns.tolist(), dict[int, list[arb]]()
     zero = [arb(0)] * len(rows[0])
     for at in (0, 3, 6, 11):
@@ -251,8 +237,6 @@ def _turned(columns: arb_mat) -> arb_mat:
 
 def _moved(placement: arb_mat, columns: arb_mat) -> arb_mat:
     """Return v (15, n) of columns (15, n) that are displaced."""
-    from flint import arb_mat
-
     every = range(columns.ncols())
     rotation = _part(placement, range(3), range(3))
     p, axis, moment, twisted = (rotation * _part(columns, range(at, at + 3), every) for at in (0, 3, 6, 11))
@@ -268,16 +252,12 @@ def _moved(placement: arb_mat, columns: arb_mat) -> arb_mat:
 
 
 def _part(matrix: arb_mat, rows: Iterable[int], columns: Iterable[int]) -> arb_mat:
-    from flint import arb_mat
-
     every = list(columns)
     return arb_mat([[matrix[i, j] for j in every] for i in rows])
 
 
 def _nudge() -> arb_mat:
     """Return a displacement (4, 4) of the size of rounding."""
-    from flint import arb, arb_mat
-
     skew = arb_mat([[0, -1, 1, 1], [1, 0, -1, -1], [-1, 1, 0, 1], [0, 0, 0, 0]])
     return arb_mat(4, 4, [int(i == j) for i in range(4) for j in range(4)]) + arb(_NUDGE) * skew
 

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from flint import arb, arb_mat
 
 from cinegen.arrays import Array
 from cinegen.balls import axes_and_origin, combined, dot, frame, unit
 from cinegen.joints import axis, translations
-
-if TYPE_CHECKING:
-    from flint import arb, arb_mat
-
 
 NEXT = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
 
@@ -50,8 +47,6 @@ class ExactTree:
 
     def recentre(self, ball: Sequence[int], angles: Array) -> None:
         """Let the angles of the three joints of a ball joint be 0 where they are the given ones (3,)."""
-        from flint import arb
-
         first, second, third = (self.joints[j].step(arb(float(x))) for j, x in zip(ball, angles, strict=True))
         inner, outer = self._constant[ball[1]], self._constant[ball[2]]
         self._turned[ball[0]] = first * inner * second * outer * third * (inner * outer).inv()
@@ -79,8 +74,6 @@ class ExactAxis:
     """A revolute or prismatic joint's axis, made exactly a unit vector."""
 
     def __init__(self, joint: Any) -> None:
-        from flint import arb
-
         given = axis(joint)
         self.is_prismatic = translations(joint) == 1
         self._along = np.flatnonzero(given).tolist()
@@ -94,8 +87,6 @@ class ExactAxis:
 
     def step(self, value: arb) -> arb_mat:
         """Return the displacement (4, 4) of the joint."""
-        from flint import arb_mat
-
         if self.is_prismatic:
             rows = [[int(i == j) for j in range(3)] + [self.unit[i] * value] for i in range(3)]
             return arb_mat([*rows, [0, 0, 0, 1]])
@@ -123,8 +114,6 @@ def exact(placement: pin.SE3) -> arb_mat:
 
 def relative(first: pin.SE3, second: pin.SE3) -> arb_mat:
     """Return the second placement seen from the first, with exact zeros where rotations or origins are the same."""
-    from flint import arb, arb_mat
-
     shift = [arb(float(b)) - arb(float(a)) for a, b in zip(first.translation, second.translation, strict=True)]
     axes, _ = axes_and_origin(exact(first))
     if np.array_equal(first.rotation, second.rotation):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
+from flint import arb, arb_mat
 
 from cinegen.arrays import Array, Complex
 from cinegen.assembly.bodies import LinkageJoint
@@ -20,9 +20,6 @@ from cinegen.balls import frame, precise
 from cinegen.hexapod import SolutionCounts
 from cinegen.joints import common_point
 from raff2urdf.raff.document import LoopKind
-
-if TYPE_CHECKING:
-    from flint import arb_mat
 
 _EXACT = 1e-12  # rad, characteristic lengths: axes that were meant to meet, or to be parallel
 
@@ -105,8 +102,6 @@ class SixRevolutes:
 
     def _constants(self, locked: Array) -> list[arb_mat]:
         """Return K1 to K6 for values (locked,) of the locked joints, see `elimination`; dimensionless."""
-        from flint import arb, arb_mat
-
         linkage, ends, found = self._linkage, [], []
         q = linkage.configuration(linkage.unknowns(linkage.mechanism.q_home), locked)
         with precise(BITS):
@@ -124,8 +119,6 @@ class SixRevolutes:
 
     def _rigid(self, q: Array) -> dict[tuple[int, int], arb_mat]:
         """Return the placements, m, of bodies in bodies that locked joints, at q (nq,), or rigid cuts hold there."""
-        from flint import arb
-
         linkage, mechanism = self._linkage, self._linkage.mechanism
         found = {}
         for name in linkage.locked:

@@ -187,4 +187,4 @@ class _Inverted:
         if closest is not None:
             closest = replace(closest, placement=np.asarray(np.linalg.inv(closest.placement), dtype=float))
         placements = np.asarray(np.linalg.inv(found.placements), dtype=float)
-        return replace(found, placements=placements, closest=closest, legs=None)
+        return replace(found, placements=placements, closest=closest)

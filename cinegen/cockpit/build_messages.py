@@ -39,7 +39,9 @@ from cinegen.typed_json import Vector7
 _DIGITS = 9  # after the point, of poses and errors in m and rad
 
 
-def hello_message(setup: Setup, title: str, client: int, playback: PlaybackStatus | None = None) -> HelloMessage:
+def hello_message(
+    setup: Setup, title: str, client: int, playback: PlaybackStatus | None = None, view_token: str | None = None
+) -> HelloMessage:
     """Build the first message to a client.
 
     Args:
@@ -47,6 +49,7 @@ def hello_message(setup: Setup, title: str, client: int, playback: PlaybackStatu
         title: title of the page.
         client: number of the client.
         playback: recording that is replayed.
+        view_token: token of addresses that only view.
     """
     length = max(mechanism.length for mechanism in setup.robots.values())
     return HelloMessage(
@@ -62,6 +65,7 @@ def hello_message(setup: Setup, title: str, client: int, playback: PlaybackStatu
         stops=setup.stops,
         map=None if setup.map is None else setup.map.robot,
         caption=setup.caption,
+        view_token=view_token,
     )
 
 

@@ -194,7 +194,7 @@ class Cockpit:
     # --- threads -------------------------------------------------------------------------------------------------
 
     def _hello(self, client: int) -> HelloMessage:
-        return hello_message(self.setup, self.title, client, self.state.playback)
+        return hello_message(self.setup, self.title, client, self.state.playback, self.server.view_token)
 
     def _feed(self) -> None:
         """Send states to all clients. While there are none, or the server is busy, none are built."""

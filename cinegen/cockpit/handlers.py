@@ -12,6 +12,7 @@ import re
 from collections.abc import AsyncIterator
 from functools import cache, partial
 from importlib.resources import files
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
@@ -207,7 +208,11 @@ class _Index(_Guarded):
 
 @cache
 def _index() -> str:
-    return files("cinegen.cockpit").joinpath("static/index.html").read_text(encoding="utf-8")
+    """Return the page; it asks for all its modules at once, not for each when it has read the one that needs it."""
+    folder = Path(str(files("cinegen.cockpit").joinpath("static")))
+    modules = sorted(one.relative_to(folder.parent).as_posix() for one in folder.rglob("*.js"))
+    links = "\n".join(f'<link rel="modulepreload" href="{module}">' for module in modules)
+    return (folder / "index.html").read_text(encoding="utf-8").replace("</head>", f"{links}\n</head>")
 
 
 class _Viewer(_Guarded):

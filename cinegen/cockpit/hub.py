@@ -117,7 +117,9 @@ class Hub:
             self._greet(client)
 
     def _greet(self, client: Client) -> None:
-        hello = replace(self._hello(client.number), view_only=not client.may_drive)
+        hello = self._hello(client.number)
+        if not client.may_drive:
+            hello = replace(hello, view_only=True, view_token=None)
         self._rows = moving_rows(hello)
         client.connection.send(encode(hello).decode())
 

@@ -211,6 +211,7 @@ class HelloMessage(TypedMessage, frozen=True):
         map: robot with which a map is drawn, or null.
         caption: text over a replay; may be empty.
         view_only: whether the client only views: its commands are refused.
+        view_token: token of addresses that only view, for clients that may drive; null without tokens.
     """
 
     protocol: int
@@ -226,6 +227,7 @@ class HelloMessage(TypedMessage, frozen=True):
     map: str | None
     caption: str = ""
     view_only: bool = False
+    view_token: str | None = None
 
 
 class TaskMessage(TaskInfo, frozen=True, kw_only=True):

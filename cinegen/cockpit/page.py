@@ -1,17 +1,19 @@
 """`Page`: drawing commands of meshcat's viewer, kept for browsers that connect later, and written as one file.
 
 It keeps the newest of everything drawn, so that a browser that comes late sees the whole scene. Each browser gets the
-newest state, as fast as it takes it (`cinegen.cockpit.server`).
+newest state, as fast as it takes it (`cinegen.cockpit.server`). A geometry that many objects have is sent with the
+first of them.
 """
 
 from __future__ import annotations
 
 import base64
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
+from hashlib import blake2b
 from importlib.resources import files
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import umsgpack
 
@@ -30,6 +32,12 @@ body {{ margin: 0; }}
 <script>{viewer}</script>
 <script>
 var viewer = new MeshCat.Viewer(document.getElementById("pane"));
+const put = viewer.set_object.bind(viewer), geometries = {{}};
+viewer.set_object = (path, object) => {{
+  const id = object.geometry?.uuid;
+  if (id) object.geometry = geometries[id] ??= object.geometry;
+  put(path, object);
+}};
 for (const text of [{blobs}]) {{
   viewer.handle_command_bytearray(Uint8Array.from(atob(text), c => c.charCodeAt(0)));
 }}
@@ -52,17 +60,25 @@ Key = tuple[str, str, str]
 """Path, kind and property of a message."""
 
 
+class _Drawn(NamedTuple):
+    """A message; of an object with a geometry that the browser has already, `again`."""
+
+    message: bytes
+    geometry: str = ""  # its digest; empty: none
+    again: bytes = b""
+
+
 class PageFeed:
     """Messages that one browser was not sent yet, the newest only."""
 
-    def __init__(self, page: Page, waiting: dict[Key, bytes]) -> None:
+    def __init__(self, page: Page, waiting: dict[Key, _Drawn]) -> None:
         self._page, self.waiting = page, waiting
 
     def take(self) -> list[bytes]:
         """Return all of them."""
         with self._page.lock:
             messages, self.waiting = self.waiting, {}
-        return list(messages.values())
+        return _messages(messages.values())
 
 
 class Page:
@@ -80,7 +96,7 @@ class Page:
         self.title = title
         self.lock = threading.Lock()
         self.wake: Callable[[], None] | None = None
-        self._kept: dict[str, dict[Key, bytes]] = {}  # by path
+        self._kept: dict[str, dict[Key, _Drawn]] = {}  # by path
         self._feeds: set[PageFeed] = set()
 
     def send(self, command: DrawingCommand) -> None:
@@ -88,7 +104,7 @@ class Page:
         lowered = command.lower()
         kind, path = lowered["type"], lowered["path"]
         key = (path, kind, lowered.get("property", ""))
-        message = umsgpack.packb(lowered)
+        message = _drawn(lowered)
         with self.lock:
             if kind == "delete":
                 for below in [one for one in self._kept if one == path or one.startswith(path + "/")]:
@@ -109,11 +125,9 @@ class Page:
             path: path below which this scene is drawn: browsers delete it.
             other: page that has the other scene.
         """
-        deleted = {(path, "delete", ""): umsgpack.packb({"type": "delete", "path": path})}
+        deleted = {(path, "delete", ""): _Drawn(umsgpack.packb({"type": "delete", "path": path}))}
         with self.lock:
-            self._kept = {}
-            for key, message in other.scene().items():
-                self._kept.setdefault(key[0], {})[key] = message
+            self._kept = {place: dict(messages) for place, messages in other._kept.items()}
             for feed in self._feeds:
                 feed.waiting = deleted | self._in_order()
         if self.wake is not None and self._feeds:
@@ -139,11 +153,35 @@ class Page:
     def scene(self) -> dict[Key, bytes]:
         """Return all messages: placements before objects, so that none is drawn elsewhere, and properties at last."""
         with self.lock:
-            return self._in_order()
+            drawn = self._in_order()
+        return dict(zip(drawn, _messages(drawn.values()), strict=True))
 
-    def _in_order(self) -> dict[Key, bytes]:
+    def _in_order(self) -> dict[Key, _Drawn]:
         every = [item for one in self._kept.values() for item in one.items()]
         return dict(sorted(every, key=lambda item: _ORDER.index(item[0][1])))
+
+
+def _drawn(command: dict[str, Any]) -> _Drawn:
+    """Return a command as a message; a geometry that is a list of triangles is called by its digest."""
+    described = command.get("object", {})
+    geometries = [
+        one for one in described.get("geometries", ()) if one["type"] == "BufferGeometry" and one["data"]["attributes"]
+    ]
+    if len(geometries) != 1:
+        return _Drawn(umsgpack.packb(command))
+    (geometry,) = geometries
+    digest = blake2b(umsgpack.packb(geometry["data"]), digest_size=16).hexdigest()
+    geometry["uuid"] = described["object"]["geometry"] = digest
+    message = umsgpack.packb(command)
+    geometry["data"] = {"attributes": {}}
+    return _Drawn(message, digest, umsgpack.packb(command))
+
+
+def _messages(drawn: Iterable[_Drawn]) -> list[bytes]:
+    """Return messages in which each geometry is sent once."""
+    drawn = list(drawn)
+    first = {one.geometry: i for i, one in reversed(list(enumerate(drawn)))}
+    return [one.again if one.geometry and first[one.geometry] != i else one.message for i, one in enumerate(drawn)]
 
 
 @cache

@@ -12,8 +12,6 @@ and Computation 29, 1989).
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from cinegen.arrays import Array, ArrayLike, Bools, Complex, Integers
@@ -80,9 +78,8 @@ class Hexapod:
         Raises:
             HexapodError: wrong shape, not finite or not positive.
         """
-        given = checked_lengths(lengths)
-        asked = given / self._unit
-        return replace(self._account(asked, *self._paths(asked)), legs=(self.base, self.platform, given))
+        asked = checked_lengths(lengths) / self._unit
+        return self._account(asked, *self._paths(asked))
 
     # --- paths --------------------------------------------------------------------------------------------------------
 

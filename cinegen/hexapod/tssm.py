@@ -140,8 +140,7 @@ class TSSM:
             method += "; platform points are on others' axes, so that a curve of configurations is not excluded"
         counts = SolutionCounts(real, complex_, infinite, int(solved.times[coincident > 1].sum()), lost)
         closest = self._closest(asked) if complete and not len(placements) else None
-        legs = self.base, self.platform[self.legs], asked
-        return PlatformModes(placements, coincident, counts, complete, method, closest, legs)
+        return PlatformModes(placements, coincident, counts, complete, method, closest)
 
     def batch(self, lengths: ArrayLike) -> tuple[Array, Integers]:
         """Return all placements for many sets of lengths.

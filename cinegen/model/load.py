@@ -211,16 +211,13 @@ def _load_xml(source: Path | URDF, text: str | None, settings: _Settings) -> Mec
     if sidecar is not None and (left_out := sidecar.name) in ignore:
         sidecar, ignore = None, [word for word in ignore if word != left_out]
     try:
-        if text is not None:
-            parsed, folder = readers.read_xml(text, str(path), robot, ignore_loops, ignore, reading), Path.cwd()
-        elif isinstance(source, Path):
-            parsed, folder = readers.read(path, robot, ignore_loops, ignore, reading), path.parent
-        else:
+        folder = path.parent if text is None else Path.cwd()
+        if not isinstance(source, Path):
             from raff2urdf.writers.urdf_object import ExactUrdf
 
             written = ExactUrdf(source.robot, source._filename_handler)
-            parsed = readers.read_xml(written.text(), str(path), None, ignore_loops, ignore, reading)
-            folder = written.folder
+            robot, text, folder = None, written.text(), written.folder
+        parsed = readers.read(path, robot, ignore_loops, ignore, reading, text)
         urdf: str = parsed.urdf
         constraints: Mapping[str, Any] | None = parsed.constraints
         if settings.fixed_base:

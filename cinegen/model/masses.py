@@ -10,7 +10,7 @@ import pinocchio as pin
 from raff2urdf.inertia import Inertia
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.readers.urdf import inertia, links
-from raff2urdf.readers.urdf_file import parse
+from raff2urdf.readers.xml_file import parse_xml
 
 if TYPE_CHECKING:
     from cinegen.model.mechanism import Mechanism
@@ -47,5 +47,5 @@ def stated(mechanism: Mechanism) -> Mapping[str, Inertia]:
 
 def _stated(mechanism: Mechanism) -> Mapping[str, Inertia]:
     name = mechanism.source.name
-    found = {str(link.get("name")): inertia(link, name) for link in links(parse(mechanism.source.urdf, name))}
+    found = {str(link.get("name")): inertia(link, name) for link in links(parse_xml(mechanism.source.urdf, name))}
     return {link: body for link, body in found.items() if body is not None}

@@ -1,5 +1,9 @@
-"""Pictures on paper: mechanisms, maps, singular curves, fields and paths. Needs matplotlib, loaded when used."""
+"""Pictures on paper: mechanisms, maps, singular curves, fields and paths. Needs matplotlib: imported to draw."""
 
+from raff2urdf.command.extras import needs
+
+with needs("plot", "pictures"):
+    import matplotlib as matplotlib
 from cinegen.plotting.joints import draw_joints
 from cinegen.plotting.modes import DrawingError, draw_modes
 from cinegen.plotting.plan import draw_plan

@@ -7,6 +7,7 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from cinegen.design.calibration import Calibration
 from cinegen.design.tolerance_report import ToleranceReport
@@ -14,8 +15,6 @@ from cinegen.plotting.sheet import BLUE, FAINT, INK, LABEL, ORANGE, VERMILION, f
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from cinegen.design.calibration.result import HeldOut
 
 _BARS = 12  # of a side, at most

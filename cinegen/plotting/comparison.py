@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from cinegen.arrays import Bools
 from cinegen.plotting.plane import Line, Plane, bar
 from cinegen.plotting.shades import OUT, differing, pretty
 from cinegen.plotting.sheet import BLUE, INK, LABEL, ORANGE, UNDER, finish, sheet, wrapped
-from cinegen.plotting.units import coordinate_text, extent_text
+from cinegen.user_units import coordinate_text, extent_text
 from cinegen.workspace.comparison import Comparison, compare
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.maps import open_map
@@ -21,8 +22,6 @@ from raff2urdf.errors import did_you_mean
 
 if TYPE_CHECKING:
     import xarray
-    from matplotlib.figure import Figure
-
 
 FIRST, SECOND, BOTH = BLUE, ORANGE, "#b7c3cf"
 """Colours of the cells that only the first map reaches, only the second, and both."""

@@ -5,18 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Polygon
 
 from cinegen.arrays import Array
 from cinegen.plotting.skeleton import Pose
 from cinegen.plotting.stick import Pen, hull, paint
 from cinegen.plotting.view import Projection
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 GROUND, SHADOW = "#eef0f3", "#868f9a"
 """Colours of the ground and of contact shadows."""
@@ -48,9 +46,6 @@ class Ground:
             view: from above.
             width: of the contact shadow of a bar, points.
         """
-        from matplotlib.lines import Line2D
-        from matplotlib.patches import Polygon
-
         rim = Polygon(view.project(self.rim)[0], facecolor=GROUND, edgecolor="none", zorder=_BACK)
         axes.add_artist(rim)
         shadows = [part.points for part in pose.parts if not part.is_base] + [slide.points for slide in pose.slides]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from cinegen.planning.planner import Plan
 from cinegen.planning.timed_path import TimedPath, timed_path
@@ -12,10 +13,6 @@ from cinegen.plotting.modes import DrawingError
 from cinegen.plotting.plan import robot_name
 from cinegen.plotting.sheet import BLUE, FAINT, GREEN, INK, ORANGE, SKY, VERMILION, finish, label, sheet
 from raff2urdf.quantities import ANGLE, LENGTH, shown_scale
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 _COLOURS = BLUE, VERMILION, GREEN, ORANGE, SKY, INK
 _STYLES = "-", "--", ":", "-."  # of the first six joints, the next six ...

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patheffects import Normal, Stroke
 
 from cinegen.arrays import Array
 from cinegen.plotting.sheet import BLUE, INK, LABEL, VERMILION, finish, label, sheet
-from cinegen.plotting.units import coordinate_text, user_scale
 from cinegen.singularities.contour import SingularCurve
 from cinegen.singularities.loci import SingularLoci
 from cinegen.singularities.singularity import SingularityType
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
+from cinegen.user_units import coordinate_text, user_scale
 
 TYPE_1, TYPE_2 = BLUE, VERMILION
 """Colours of singular curves."""
@@ -74,8 +72,6 @@ def paint_curves(
         drawn: returns the points (n, 2) of a curve in the axes.
         width: of singular curves, points.
     """
-    from matplotlib.patheffects import Normal, Stroke
-
     for curve in sorted(curves, key=lambda curve: curve.kind is not SingularityType.NONE):
         colour, text = _STYLES[curve.kind]
         singular = curve.kind is not SingularityType.NONE

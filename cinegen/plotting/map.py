@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from cinegen.arrays import Array, Bools
 from cinegen.plotting.loci import TYPE_1, paint_curves
@@ -14,8 +16,8 @@ from cinegen.plotting.plane import Line, Plane, bar
 from cinegen.plotting.shades import OUT, Shades, chosen, shades, values_of
 from cinegen.plotting.sheet import INK, UNDER, finish, sheet
 from cinegen.plotting.solid import paint_solid
-from cinegen.plotting.units import coordinate_text, extent_text
 from cinegen.singularities.slice import POSE
+from cinegen.user_units import coordinate_text, extent_text
 from cinegen.workspace.cells import CellStatus
 from cinegen.workspace.extent import extent
 from cinegen.workspace.loci import loci
@@ -25,9 +27,6 @@ from cinegen.workspace.specification import MapSpecification, map_slice, specifi
 
 if TYPE_CHECKING:
     import xarray
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 
 _SLICES = 6
 _RIGHT, _GAP = 0.5, 0.06  # of the width: for the slices, and between them and the solid

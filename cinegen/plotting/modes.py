@@ -9,9 +9,10 @@ from __future__ import annotations
 import math
 import textwrap
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox
 
 from cinegen.assembly import AssemblyModes
 from cinegen.errors import CinegenError
@@ -20,14 +21,9 @@ from cinegen.plotting.ground import corners, ground_of, paint_on_ground
 from cinegen.plotting.sheet import FAINT, INK, explain, new_figure
 from cinegen.plotting.skeleton import Skeleton
 from cinegen.plotting.stick import ACTUATED, BACK, END, FRONT, Pen
-from cinegen.plotting.units import length_digits, rounded, value_text
 from cinegen.plotting.view import views
+from cinegen.user_units import length_digits, rounded, value_text
 from raff2urdf.quantities import LENGTH, shown_scale
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-    from matplotlib.transforms import Bbox
-
 
 _SHAPE = 1.35  # width of a figure over its height, about
 _ROOM = 0.06  # around the drawing, relative to its size

@@ -7,10 +7,14 @@ import itertools
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
 
 from cinegen.arrays import Array
 from cinegen.collision.body import Body
@@ -26,10 +30,6 @@ from cinegen.plotting.sheet import BLUE, FAINT, INK, SKY, VERMILION, finish, lab
 from cinegen.plotting.view import Projection, along, parallel
 from raff2urdf.files import stem_of
 from raff2urdf.quantities import LENGTH, shown_scale
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 OBSTACLE, PATH, STOP, LINK = "#c9ced4", BLUE, VERMILION, SKY
 MARGIN = "#f1f3f5"
@@ -203,9 +203,6 @@ def _obstacles(axes: Any, scene: Scene, view: Array, shown: Array, margin: bool)
     All edges are below all faces: no line shows where bodies of an obstacle meet. Meshes that are not convex are drawn
     without their safety distance.
     """
-    from matplotlib.collections import PolyCollection
-    from matplotlib.patches import Polygon
-
     bodies = [body for obstacle in scene.obstacles for body in obstacle.bodies if body.interior is None]
     meshes = [body.as_described for obstacle in scene.obstacles for body in obstacle.bodies if body.interior]
     layers: list[tuple[float, str, dict[str, Any], str, float]] = [
@@ -254,8 +251,6 @@ def _covered(body: Body, view: Array, shown: Array, growth: float) -> Array:
 
 def _link(axes: Any, corners: Array, shade: float, order: float, is_fixed: bool) -> None:
     """Draw a body of the robot: pale at the start, dark at the end."""
-    from matplotlib.patches import Polygon
-
     if len(corners) < 3:  # a point
         axes.plot(*corners[0], ".", color=_mixed(FAINT, INK, shade), markersize=3, zorder=order)
         return
@@ -266,8 +261,6 @@ def _link(axes: Any, corners: Array, shade: float, order: float, is_fixed: bool)
 
 def _mixed(first: str, second: str, part: float) -> Any:
     """Return a colour between two others."""
-    from matplotlib.colors import LinearSegmentedColormap
-
     return LinearSegmentedColormap.from_list("", [first, second])(part)
 
 

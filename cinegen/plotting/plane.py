@@ -4,24 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
+from matplotlib.colors import ListedColormap
+from matplotlib.lines import Line2D
+from matplotlib.patheffects import Normal, Stroke
+from matplotlib.transforms import Bbox
 
 from cinegen.arrays import Array, Bools
 from cinegen.plotting.shades import Shades
 from cinegen.plotting.sheet import INK, LABEL, UNDER, label, wrapped
 from cinegen.plotting.skeleton import Skeleton
 from cinegen.plotting.stick import Pen, paint
-from cinegen.plotting.units import user_scale
 from cinegen.plotting.view import Projection, parallel
+from cinegen.user_units import user_scale
 from cinegen.workspace.region import Region
 from cinegen.workspace.specification import MapSpecification
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.collections import QuadMesh
-
 
 ROBOT = "robot"
 """Group of the artists of the robot."""
@@ -147,8 +148,6 @@ class Plane:
 
     def fill(self, axes: Axes, cells: Bools, colour: str, text: str = "") -> None:
         """Fill cells (m, n) with one colour, which the legend explains by a text, if there is one."""
-        from matplotlib.colors import ListedColormap
-
         if not cells.any():
             return
         shown = np.where(cells, 1.0, np.nan)
@@ -201,10 +200,6 @@ class Plane:
 
     def robot(self, axes: Axes) -> None:
         """Draw the robot at home, where the axes are two of x, y and z and show any of it."""
-        from matplotlib.lines import Line2D
-        from matplotlib.patheffects import Normal, Stroke
-        from matplotlib.transforms import Bbox
-
         spec = self.spec
         if spec.over_joints or not all(name in _SIDES for name in self.region.names):
             return

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch, Rectangle
 
 from cinegen.plotting.sheet import BLUE, FAINT, INK, VERMILION, finish, label, sheet
 from cinegen.proof import Proof
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 COLOURS = {"proved": BLUE, "refuted": VERMILION, "undecided": "#c9ced4"}
 _WIDTH = 0.7  # of an edge of a box, points
@@ -23,8 +22,6 @@ def draw_proof(proof: Proof, size: float = 6.0, name: str = "") -> Figure:
         size: width, inches.
         name: of the robot, in the title.
     """
-    from matplotlib.patches import Patch, Rectangle
-
     names, ends = list(proof.region), [list(range_) for range_ in proof.region.values()]
     scales = [math.degrees(1.0) if one.startswith("r") else 1.0 for one in names]
     others = [

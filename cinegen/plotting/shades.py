@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import matplotlib
 import numpy as np
+from matplotlib.colors import BoundaryNorm, Colormap, ListedColormap, LogNorm, Normalize
+from matplotlib.ticker import LogLocator, MaxNLocator
 
 from cinegen.arrays import Array
 from cinegen.plotting.sheet import BLUE, SKY
@@ -16,8 +19,6 @@ from raff2urdf.errors import did_you_mean
 
 if TYPE_CHECKING:
     import xarray
-    from matplotlib.colors import Colormap, Normalize
-
 
 OUT = "#e9ebee"
 """Colour of unreachable cells."""
@@ -70,8 +71,6 @@ class Shades:
     @property
     def logarithmic(self) -> bool:
         """True for a logarithmic scale."""
-        from matplotlib.colors import LogNorm
-
         return isinstance(self.norm, LogNorm)
 
     def number(self, value: float) -> str:
@@ -110,8 +109,6 @@ def shades(dataset: xarray.Dataset, name: str, values: Array) -> Shades:
         name: of the quantity.
         values: all that are to be shown, see `values_of`.
     """
-    import matplotlib
-
     attributes = dataset[name].attrs
     text = _described(name, str(attributes.get("long_name", name)), str(attributes.get("units", "1")))
     known = values[np.isfinite(values)]
@@ -139,9 +136,6 @@ def scaled(name: str, text: str, known: Array, span: float, far: float = _FAR) -
         span: ratio of values: those of a larger one are shown on a logarithmic scale.
         far: part of the largest: if all values are above it, colours don't begin at 0.
     """
-    import matplotlib
-    from matplotlib.colors import ListedColormap, LogNorm, Normalize
-
     shown = ListedColormap(matplotlib.colormaps["viridis"](np.linspace(_DARKEST, 1.0, 256)), "viridis")
     least, most, largest = 0.0, 1.0, 1.0
     if known.size:
@@ -162,9 +156,6 @@ def scaled(name: str, text: str, known: Array, span: float, far: float = _FAR) -
 
 def differing(text: str, unit: str, name: str, values: Array) -> Shades:
     """Return shades for the difference of a quantity: white is none."""
-    import matplotlib
-    from matplotlib.colors import Normalize
-
     known = np.abs(values[np.isfinite(values)])
     most = float(np.quantile(known, _MOST)) if known.size else 0.0
     most = most or float(known.max(initial=0.0)) or 1.0
@@ -188,8 +179,6 @@ def _described(name: str, text: str, unit: str) -> str:
 
 def _classes(name: str, text: str, colours: list[Any], labels: list[str], numbers: Array) -> Shades:
     """Return shades with a colour for each number."""
-    from matplotlib.colors import BoundaryNorm, ListedColormap
-
     between = 0.5 * (numbers[1:] + numbers[:-1])
     borders = np.r_[numbers[0] - 0.5, between, numbers[-1] + 0.5]
     ticks = 0.5 * (borders[1:] + borders[:-1])
@@ -199,8 +188,6 @@ def _classes(name: str, text: str, colours: list[Any], labels: list[str], number
 
 def _linear_ticks(low: float, high: float) -> Array:
     """Return round numbers in a range."""
-    from matplotlib.ticker import MaxNLocator
-
     ticks = np.asarray(MaxNLocator(6, steps=[1, 2, 5, 10]).tick_values(low, high))
     room = _ALMOST * (high - low)
     return ticks[(ticks >= low - room) & (ticks <= high + room)]
@@ -208,8 +195,6 @@ def _linear_ticks(low: float, high: float) -> Array:
 
 def _logarithmic_ticks(low: float, high: float) -> Array:
     """Return 1, 2, 5, 10, ... in a range; 1, 10, 100, ... in a long one."""
-    from matplotlib.ticker import LogLocator
-
     ticks = np.asarray(
         LogLocator(subs=(1.0, 2.0, 5.0) if high < 1000.0 * low else (1.0,), numticks=20).tick_values(low, high)
     )

@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Iterable
-from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+from matplotlib.lines import Line2D
+from matplotlib.text import Text
+from matplotlib.textpath import text_to_path
 
-from raff2urdf.command.extras import needs
 from raff2urdf.quantities import LENGTH, shown
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 INK, FAINT = "#2b3036", "#6b7178"
 """Colours of lines and texts; both are legible on white (contrast 13 and 4.9; WCAG 2.2 asks for 4.5)."""
@@ -37,34 +37,25 @@ _KEY = 0.6  # inches, width of a key in a legend
 _COLUMNS = 6  # of a legend, most
 
 
+class _PlainFigure(Figure):
+    """A figure without formulas of its own."""
+
+    def draw(self, renderer: Any) -> None:
+        _without_formulas(self)
+        super().draw(renderer)
+
+
 def new_figure(**settings: Any) -> Figure:
     """Return an empty figure whose texts are shown as they are: to matplotlib, `$` would begin a formula.
 
     Args:
         settings: of `matplotlib.figure.Figure`.
     """
-    with needs("plot", "pictures"):
-        return _figure_class()(**settings)
-
-
-@cache
-def _figure_class() -> type[Figure]:
-    from matplotlib.figure import Figure
-
-    class PlainFigure(Figure):
-        """A figure without formulas of its own."""
-
-        def draw(self, renderer: Any) -> None:
-            _without_formulas(self)
-            super().draw(renderer)
-
-    return PlainFigure
+    return _PlainFigure(**settings)
 
 
 def _without_formulas(figure: Any) -> None:
     """Show all texts as they are, but for the powers that matplotlib writes at logarithmic scales."""
-    from matplotlib.text import Text
-
     axes = [axis for one in figure.axes for axis in (one.xaxis, one.yaxis) if axis.get_scale() == "log"]
     powers = {text for axis in axes for text in axis.get_ticklabels(which="both")}
     for text in set(figure.findobj(Text)) - powers:
@@ -80,9 +71,6 @@ def sheet(wide: float, tall: float, first: str, second: str) -> tuple[Figure, An
         first: bold title.
         second: second title.
     """
-    with needs("plot", "pictures"):
-        import matplotlib  # noqa: F401
-
     first = wrapped(first, _INK * wide, _LARGE, "bold")
     second = wrapped(second, _INK * wide, _SMALL)
     lines = [points * _LINE * (text.count("\n") + 1) for text, points in ((first, _LARGE), (second, _SMALL))]
@@ -120,8 +108,6 @@ def explain(
         below: inches.
         size: of the font, points.
     """
-    from matplotlib.lines import Line2D
-
     (width, height), inches = figure.get_size_inches(), figure.dpi_scale_trans
     dots = [
         Line2D([], [], color=colour, label=text, marker=marker, markersize=4.5, linestyle="none")
@@ -178,9 +164,6 @@ def wrapped(text: str, room: float, points: float, weight: str = "normal") -> st
 
 def _inches(line: str, points: float, weight: str = "normal") -> float:
     """Return the length of a line of text, inches."""
-    from matplotlib.font_manager import FontProperties
-    from matplotlib.textpath import text_to_path
-
     wide, _, _ = text_to_path.get_text_width_height_descent(line, FontProperties(size=points, weight=weight), False)
     return float(wide) / 72.0
 

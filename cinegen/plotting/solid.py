@@ -12,11 +12,13 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
 from cinegen.arrays import Array, Bools, Indices
 from cinegen.plotting.shades import Shades
 from cinegen.plotting.sheet import INK
-from cinegen.plotting.units import user_scale
+from cinegen.user_units import user_scale
 from cinegen.workspace.region import SPHERICAL
 from cinegen.workspace.specification import MapSpecification
 
@@ -95,9 +97,6 @@ def paint_solid(axes: Any, spec: MapSpecification, reached: Bools, values: Array
         values: (l, m, n) of the quantity, which the cut shows.
         look: of the quantity.
     """
-    from matplotlib.ticker import MaxNLocator
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
-
     region, strides = spec.region, [-(-count // _MOST) for count in reached.shape]
     every = tuple(slice(None, None, stride) for stride in strides)
     reached, values = reached[every], values[every]

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Polygon
 from scipy.spatial import ConvexHull, QhullError
 
 from cinegen.arrays import Array
 from cinegen.plotting.sheet import BLUE, FAINT, INK, ORANGE, SKY, VERMILION
 from cinegen.plotting.skeleton import Pose
 from cinegen.plotting.view import Projection
-
-if TYPE_CHECKING:
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-
 
 BASE, BODY = "#c9ced4", "#dfe3e8"
 FRONT, BACK = SKY, ORANGE
@@ -43,9 +41,6 @@ class Pen:
 
 def paint(axes: Axes, pose: Pose, view: Projection, pen: Pen | None = None) -> None:
     """Draw a skeleton into axes whose unit is the metre; leave their limits as they are."""
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Polygon
-
     pen = pen or Pen()
     painted: list[tuple[float, Artist]] = []
 

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from cinegen.arrays import Array
 from cinegen.plotting.modes import DrawingError
 from cinegen.plotting.sheet import BLUE, FAINT, GREEN, INK, LABEL, SKY, VERMILION, finish, label, sheet
-from cinegen.plotting.units import raised
+from cinegen.user_units import raised
 from cinegen.workspace.sweep import SweepResult, VariantResult, Variation
 from raff2urdf.raff.writer import number
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def check_drawable(variations: Sequence[Variation]) -> None:

@@ -2,6 +2,7 @@
 
 from cinegen.proof.checker import CertificateError, check
 from cinegen.proof.document import ProofError
-from cinegen.proof.proof import Proof, load_proof, prove
+from cinegen.proof.proof import prove
+from cinegen.proof.result import Proof, load_proof
 
 __all__ = ["CertificateError", "Proof", "ProofError", "check", "load_proof", "prove"]

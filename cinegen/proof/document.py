@@ -54,13 +54,14 @@ class Exporter:
         given: names of all coordinates that are given.
         constant: names of those along which the node never moves; the others follow.
         limits: whether all joint values are wanted. Else those of a ball joint that carries the node are left out.
+        bodies: joints whose placements are wanted, too.
     """
 
     _turned: Sequence[tuple[str, int]] = ()  # axes and variables of what turns the node about its origin, besides
 
     def __init__(
         self, mechanism: Mechanism, node: str, at: Array, over: Mapping[str, tuple[float, float]],
-        given: Collection[str], constant: Collection[str], limits: bool,
+        given: Collection[str], constant: Collection[str], limits: bool, bodies: Sequence[int] = (),
     ) -> None:  # fmt: skip
         self._mechanism, self._model, self._length = mechanism, mechanism.model, mechanism.length
         self._placements = list[list[float]]()
@@ -72,6 +73,7 @@ class Exporter:
         for j in range(1, self._model.njoints):
             placed = self._placed(j) * pin.SE3(self._turns.get(j, np.eye(3)), np.zeros(3))
             self._first.setdefault(int(self._model.parents[j]), placed)
+        self._bodies = bodies
         self._node, self._at, self._over, self._given = node, at, over, given
         self._known = {*given, *constant}
         self._frame = self._model.frames[mechanism.frame_id(node)]
@@ -100,7 +102,9 @@ class Exporter:
             "first": first, "first_end": first_end, "second": second, "second_end": second_end,
             "translations": [0, 1, 2], "rotations": 3 * (self._rotation and not self._is_on_ball),
         }  # fmt: skip
-        used = {k for closure in (*closures, pose) for side in ("first", "second") for _, k in closure[side]}
+        bodies = [self._body(joint) for joint in self._bodies]
+        chains = [closure[side] for closure in (*closures, pose, *bodies) for side in ("first", "second")]
+        used = {k for chain in chains for _, k in chain}
         used |= {self._variable[model.getJointId(name)] for one in mechanism.couplings for name in one.terms}
         follow = {count + k for k, name in enumerate(POSE) if name not in self._known}
         known = {mechanism.joints.index(name) for name in (*mechanism.held, *mechanism.structure.idle_joints)}
@@ -131,6 +135,7 @@ class Exporter:
             "actuated": sorted(self._variable[model.getJointId(name)] for name in mechanism.actuated),
             "over": {str(count + POSE.index(name)): list(map(float, ends)) for name, ends in self._over.items()},
             "closures": [*closures, pose],
+            "bodies": bodies,
             "couplings": [
                 {
                     "terms": [
@@ -204,6 +209,17 @@ class Exporter:
 
     def _side(self, name: str, branch: int, joint: int, end: pin.SE3) -> dict[str, Any]:
         return dict(zip((name, f"{name}_end"), self._chain(branch, joint, end), strict=True))
+
+    def _body(self, joint: int) -> dict[str, Any]:
+        """Return what yields the placement of a joint's body, in the axes of the base."""
+        if joint == self._frame.parentJoint and self._rotation and len(self._known) == 6:
+            second, second_end = self._target(self._frame.placement.inverse())
+        else:
+            second, second_end = self._chain(0, joint, pin.SE3.Identity())
+        return {
+            "first": [], "first_end": self._placement(pin.SE3.Identity()), "second": second, "second_end": second_end,
+            "translations": [], "rotations": 0, "rates": "placement",
+        }  # fmt: skip
 
     def _of_joint(self, joint: int) -> pin.SE3:
         """Return the placement, in the node, of the last variable's frame on its chain."""

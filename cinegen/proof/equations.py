@@ -18,6 +18,7 @@ from cinegen.jit.compiled import prepare
 from cinegen.proof._kernels.boxes import evaluate_boxes
 from cinegen.proof._kernels.memory import (
     NO_RATES,
+    PLACEMENT,
     SLIDE_RATE,
     SLIDES,
     TURN_RATES,
@@ -26,7 +27,12 @@ from cinegen.proof._kernels.memory import (
     BoxMemory,
 )
 
-_RATES = {None: (NO_RATES, 0), "slide": (SLIDE_RATE, 1), "turn": (TURN_RATES, 3)}  # and numbers of rows
+_RATES = {
+    None: (NO_RATES, 0),
+    "slide": (SLIDE_RATE, 1),
+    "turn": (TURN_RATES, 3),
+    "placement": (PLACEMENT, 12),
+}  # and numbers of rows
 _ORIGIN = np.diag([0.0, 0.0, 0.0, 1.0])
 _SHORT = 1e-9  # part of a box: as good as its centre
 _ONE = np.stack([np.eye(4), np.zeros((4, 4))])
@@ -178,7 +184,8 @@ class Equations:
         if self._has_radii:  # those of the second derivatives at the centre are not halved
             point = Change(*(0.0 * part for part in whole))
             self._run(2, values, _SHORT * g, 0.0 * r, None, point)
-            whole.bent[:] += 2.0 / _SHORT * point.bent
+            for part in (whole.bent, whole.narrow):
+                part[:] += 2.0 / _SHORT * point.bent
         for row, coupling in enumerate(self._document["couplings"], rows - len(self._document["couplings"])):
             for k, c in coupling["terms"]:
                 bend, column = np.polynomial.Polynomial([0.0, *c]).deriv(2), self._column[k] / coupling["size"]
@@ -204,10 +211,10 @@ class Equations:
             np.zeros((2, len(values), 3)),
         )
         for index, k in [*chain, [end, -1]]:
-            fixed = self._placements[index, 0]
-            at[0] += turn[0] @ fixed[:3, 3]
-            at[1] += turn[1] @ np.abs(fixed[:3, 3])
-            turn = turn[0] @ fixed[:3, :3], turn[1] @ np.abs(fixed[:3, :3])
+            fixed, unsure = self._placements[index, :, :3]
+            moved = turn[0] @ fixed, np.abs(turn[0]) @ unsure + turn[1] @ (np.abs(fixed) + unsure)
+            at += np.array([m[..., 3] for m in moved])
+            turn = moved[0][..., :3], moved[1][..., :3]
             if k < 0:
                 continue
             q, r = values[:, k, None], radius[:, k, None]

@@ -7,13 +7,14 @@ that of `cinegen.proof.checker`, which shares no code with this module.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from cinegen.arrays import Array, Bools
+from cinegen.proof.clearance import Clearances
 from cinegen.proof.equations import Change, Equations, Point
 from cinegen.proof.reach import ReachTest
 from cinegen.proof.singular import SingularValues
@@ -33,9 +34,10 @@ _ROUNDED = 1e-9  # by so much a box is farther out than the edge of the region
 _TINY = 1e-11  # rad and characteristic lengths: smallest radius
 
 PROVED, REGULAR, LIMIT, SIGMA, OPEN, OUTSIDE = "proved", "regular", "limit", "sigma", "open", "outside"
-UNREACHABLE = "unreachable"
+NEAR, UNREACHABLE = "clearance", "unreachable"
 """Claims of a box: everything holds; one configuration, no more is claimed; ... and a joint is beyond a limit in all of
-it; ... and a singular value is below its bound in all of it; nothing; it is not in the region; no configuration."""
+it; ... and a singular value is below its bound in all of it; nothing; it is not in the region; ... and two bodies are
+near in all of it; no configuration."""
 
 ROUND = {"box": 0, "cylinder": 2, "ball": 6}
 """Shapes of regions: so many coordinates, the first ones, lie in an ellipse or ellipsoid that touches their ranges."""
@@ -50,12 +52,14 @@ class Leaf:
         reason: why no more is claimed; or the joint that is beyond its limit, or the singular value.
         x: (unknowns,) the configuration at its centre, rad and m.
         y: (unknowns,) radius of the tube in which the configuration is the only one, rad and m.
+        more: what shows that bodies are apart, or near, JSON values.
     """
 
     claim: str
     reason: str
     x: list[float] = field(default_factory=list)
     y: list[float] = field(default_factory=list)
+    more: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -89,13 +93,15 @@ class Prover:
         limits: whether joints must stay within theirs.
         sigma: what the smallest singular values must be above, if there are
         values: which bounds them.
+        clearances: which bounds the distances of bodies, if that is wanted.
     """
 
     def __init__(
         self, equations: Equations, reach: ReachTest, limits: bool, sigma: float | None = None,
-        values: SingularValues | None = None,
+        values: SingularValues | None = None, clearances: Clearances | None = None,
     ) -> None:  # fmt: skip
         self.equations, self._reach, self._limits, self._sigma, self._values = equations, reach, limits, sigma, values
+        self._clearances = clearances
         self.nodes = list[tuple[int, int, int] | Leaf | None]()
         self.tested = 0
 
@@ -164,7 +170,7 @@ class Prover:
             node = self.nodes[stack.pop()]
             assert node is not None
             if isinstance(node, Leaf):
-                tube = {"x": node.x, "y": node.y} if node.x else {}
+                tube = {"x": node.x, "y": node.y, **node.more} if node.x else {}
                 found.append({"claim": node.claim, "reason": node.reason, **tube})
             else:
                 found.append(node[0])
@@ -218,6 +224,15 @@ class Prover:
             least, most = self._values.smallest(*tubes, there, e.change(*tubes, sharp=True))
             for k, i in enumerate(best):
                 claims[i] = self._judged(least[:, k], most[:, k])
+        best = [i for i in range(len(x)) if regular[i] and claims[i][0] == PROVED]
+        more: dict[int, Mapping[str, Any]] = {}
+        if self._clearances is not None and best:
+            distances = self._clearances.examine(x[best], centre[best], along[best], y[best])
+            for i, result in zip(best, distances, strict=True):
+                more[i] = result.claim
+                if not result.is_apart:
+                    axes[i] = result.axis
+                    claims[i] = (NEAR, result.near) if result.is_near else (REGULAR, f"{result.near} may be near")
         tested = list[_Tested]()
         excluded = self._reach.excludes(low, high)
         for i, axis in enumerate(axes):
@@ -225,7 +240,7 @@ class Prover:
             if done[i]:
                 leaf = Leaf(OPEN, "no unique configuration is proved")
             if regular[i] and claims[i][0] != OPEN:
-                leaf = Leaf(*claims[i], (x[i] * e.units).tolist(), (y[i] * e.units).tolist())
+                leaf = Leaf(*claims[i], (x[i] * e.units).tolist(), (y[i] * e.units).tolist(), more.get(i, {}))
             if excluded[i] and not regular[i]:
                 leaf = Leaf(UNREACHABLE, "")
             halves = (x[i] - step, x[i] + step) if done[i] else None

@@ -1,49 +1,19 @@
-"""Bounds of the smallest singular values over many boxes at a time: they are 1 / |K|, K = N F_x^-1 F_w of each type.
-
-A matrix over a box is M_0 + sum_k M_k eta_k + [-R, R], |eta_k| <= 1: eta are the eps_j, and then their products.
-"""
+"""Bounds of the smallest singular values over many boxes at a time: they are 1 / |K|, K = N F_x^-1 F_w of each type."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from cinegen.arrays import Array
 from cinegen.proof.equations import Change, Equations, Point
+from cinegen.proof.matrices import Matrices, products
 
 _EXACT = (
     1e-9  # velocities with which openings across a planar linkage change the equations that are left out are larger
 )
-
-
-class Matrices(NamedTuple):
-    """A matrix over boxes.
-
-    Attributes:
-        c: (boxes, rows, columns) at the centre.
-        g: (boxes, n, rows, columns) its change by eta.
-        r: (boxes, rows, columns) radius.
-    """
-
-    c: Array
-    g: Array
-    r: Array
-
-    def part(self, rows: Any, columns: Any) -> Matrices:
-        """Return some rows and columns."""
-        down, across = np.asarray(rows, dtype=np.intp)[:, None], np.asarray(columns, dtype=np.intp)
-        return Matrices(*(m[..., down, across] for m in self))
-
-    def times(self, right: Array) -> Matrices:
-        """Return the product with constants (boxes, columns, .)."""
-        return Matrices(self.c @ right, self.g @ right[:, None], self.r @ np.abs(right))
-
-    def beside(self, right: Array) -> Matrices:
-        """Return the matrix, and constants (boxes, rows, .) to the right of it."""
-        none = np.zeros((*self.g.shape[:2], *right.shape[1:]))
-        return Matrices(*(np.concatenate(pair, axis=-1) for pair in zip(self, (right, none, none[:, 0]), strict=True)))
 
 
 class SingularValues:
@@ -113,20 +83,13 @@ class SingularValues:
         slopes = inverse[:, None] @ f.g
         x = -(inverse @ w.c)
         g = -(inverse[:, None] @ w.g) - slopes @ x[:, None]
-        g[:, n:] -= _products(slopes, g, n)
-        linear, squares = np.abs(g[:, :n]).sum(axis=1), np.abs(g[:, n:]).sum(axis=1)
-
-        def cubic(left: Matrices) -> Array:
-            first, second = np.abs(left.g[:, :n]).sum(axis=1), np.abs(left.g[:, n:]).sum(axis=1)
-            return np.asarray(left.r @ (np.abs(x) + linear + squares) + first @ squares + second @ (linear + squares))
-
-        lack = w.r + cubic(f)
-        by_rates = rates.c[:, None] @ g + rates.g @ x[:, None] + bare.g
-        by_rates[:, n:] += _products(rates.g, g, n)
+        g[:, n:] -= products(slopes, g, n)
+        velocities = Matrices(x, g, np.zeros(x.shape))
+        lack, whole = w.r + f.cubic(velocities, n), rates.by(velocities, n)
         at = [columns.index(i) for i in single]
-        c = np.concatenate([x[:, at], rates.c @ x + bare.c], axis=1)
-        slopes = np.concatenate([g[:, :, at], by_rates], axis=2)
-        rest = bare.r + cubic(rates)
+        c = np.concatenate([x[:, at], whole.c + bare.c], axis=1)
+        slopes = np.concatenate([g[:, :, at], whole.g + bare.g], axis=2)
+        rest = whole.r + bare.r
         least, most, defect = list[Array](), list[Array](), list[Array]()
         for part in (slice(0, -m), slice(-m, None)):
             size, more = _norm(c[..., part]), _norm(slopes[:, :n, :, part]).sum(axis=1) + _norm(rest[..., part])
@@ -165,13 +128,6 @@ class SingularValues:
             whole[:, start:stop, start:stop] = block
             start = stop
         return whole, stretch
-
-
-def _products(left: Array, right: Array, n: int) -> Array:
-    """Return what products of the parts by eps_j, of both, are by eps_j eps_k, j <= k."""
-    j, k = np.triu_indices(n)
-    found = left[:, j] @ right[:, k] + left[:, k] @ right[:, j]
-    return np.asarray(found * np.where(j == k, 0.5, 1.0)[:, None, None])
 
 
 def _norm(matrices: Array) -> Array:

@@ -1,15 +1,20 @@
-"""Checks of certificates that processes share."""
+"""Checks of certificates that processes share, and that go on where they were interrupted."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from typing import Any
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, TextIO
 
 from cinegen.cluster import connected, each, processes
 from cinegen.proof.checker import BoxResult, Spread, check, one_by_one
+from cinegen.proof.document import ProofError
 
-_WORTH = 200  # boxes for each process, from which on processes are worth starting
+_WORTH = 200  # boxes for each process, from which on processes are worth starting; boxes that are worth keeping
+_MARK = "examined boxes of cinegen prove"
 
 Report = Callable[[str, int, int], object]
 
@@ -56,3 +61,42 @@ class Checker:
             yield lambda function, tasks, data: (
                 (task, future.result()) for task, future in each(client, function, tasks, data)
             )
+
+
+@contextmanager
+def examined(path: Path | None, certificate: Mapping[str, Any]) -> Iterator[dict[int, BoxResult]]:
+    """Yield the boxes of a certificate that were examined; a file keeps them, if they are many, until all are.
+
+    Raises:
+        ProofError: the file is of another kind.
+    """
+    if path is None or sum(isinstance(node, dict) and "x" in node for node in certificate["tree"]) < _WORTH:
+        yield {}
+        return
+    head = f"{_MARK} {sha256(json.dumps(certificate, sort_keys=True).encode()).hexdigest()}"
+    first, *lines = path.read_text(errors="replace").splitlines() if path.exists() else [head]
+    if not first.startswith(_MARK):
+        raise ProofError(f"{path} is not what an interrupted proof left: move it away, or give another output")
+    with path.open("a" if lines and first == head else "w") as file:
+        findings = _Kept(file, lines if first == head else [])
+        if not findings:
+            file.write(head)
+        yield findings
+    path.unlink()
+
+
+class _Kept(dict[int, BoxResult]):
+    """Results of boxes that are written to a file, too."""
+
+    def __init__(self, file: TextIO, lines: Sequence[str]) -> None:
+        super().__init__()
+        self._file = file
+        for line in lines:
+            with suppress(ValueError):  # it was not written to its end
+                number, *result = json.loads(line)
+                super().__setitem__(number, BoxResult(*result))
+
+    def __setitem__(self, number: int, result: BoxResult) -> None:
+        super().__setitem__(number, result)
+        self._file.write(f"\n{json.dumps([number, *result])}")
+        self._file.flush()

@@ -103,4 +103,6 @@ def _numbers(document: Mapping[str, Any]) -> tuple[list[tuple[int, int]], Array]
     for closure in document["closures"]:
         for side in ("first", "second"):
             used += [(index, k) for index, k in closure[side]] + [(closure[f"{side}_end"], -1)]
+    for cluster in (document.get("second") or {"clusters": []})["clusters"]:
+        used += [(index, k) for chain, *_ in cluster["about"] for index, k in chain]
     return used, np.array([document["placements"][index] for index, _ in used])

@@ -19,7 +19,7 @@ from cinegen.model.fingerprint import fingerprint
 from cinegen.model.urdf import kinematics_of
 from cinegen.singularities.singularity import controlled_nowhere
 from cinegen.singularities.slice import POSE
-from cinegen.workspace.errors import MapError
+from cinegen.workspace.errors import DAMAGED, MapError
 from cinegen.workspace.quantities import DIRECTED, QUANTITIES
 from cinegen.workspace.region import Region
 from cinegen.workspace.specification_checks import checked_quantities
@@ -290,16 +290,7 @@ def _parsed(text: str, source: str, folder: str) -> MapSpecification:
         spec = MapSpecification(build(**robot), region, folder=folder, **settings)
     except MapError:
         raise
-    except (
-        ArithmeticError,
-        AttributeError,
-        CinegenError,
-        LookupError,
-        RaffError,
-        RuntimeError,
-        TypeError,
-        ValueError,
-    ) as error:
+    except (*DAMAGED, CinegenError, RaffError) as error:
         raise MapError(f"the map is damaged: its description is invalid ({error})") from None
     if spec.text != text:
         raise MapError("its robot and its specification do not belong together")

@@ -11,9 +11,6 @@ from cinegen.workspace.quantities import QUANTITIES
 from raff2urdf.errors import did_you_mean
 
 if TYPE_CHECKING:
-    pass
-
-if TYPE_CHECKING:
     from cinegen.workspace.specification import MapSpecification
 
 

@@ -19,7 +19,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from filelock import FileLock, Timeout
@@ -27,7 +27,7 @@ from filelock import FileLock, Timeout
 from cinegen.arrays import Bools, Indices, Integers
 from cinegen.workspace.cells import CellStatus
 from cinegen.workspace.chunks import chunk_cells, chunk_counts
-from cinegen.workspace.errors import MapError
+from cinegen.workspace.errors import DAMAGED, MapError
 from cinegen.workspace.loads import described
 from cinegen.workspace.quantities import QUANTITIES
 from cinegen.workspace.specification import VERSION, MapSpecification
@@ -39,17 +39,12 @@ with needs("maps", "maps"):
     from zarr.storage import LocalStore, MemoryStore
 from cinegen.workspace.checked_files import LAST, CheckedFiles, is_sound
 
-if TYPE_CHECKING:
-    pass
-
 Values = np.ndarray[Any, np.dtype[Any]]
 
 KIND = "cinegen map"
 JOINT, UNIT = "joint", "joint_unit"
 
 _ADVICE = "Give another path, or delete it"
-_ERRORS = (ArithmeticError, KeyError, OSError, RecursionError, RuntimeError, TypeError, ValueError)
-"""Errors of zarr, for damaged files."""
 _CONFIG: Any = {"write_empty_chunks": True}  # a chunk is complete where its file exists
 _ENCODING: dict[str, Any] = {
     "chunk_key_encoding": {"name": "default", "separator": "."},  # one folder for each array: more take longer
@@ -82,7 +77,7 @@ class MapStore:
             expected = _template(self.spec, self.chunk_shape)
         except MapError as error:
             raise MapError(f"{self.path}: {error}") from None
-        except _ERRORS as error:
+        except DAMAGED as error:
             raise MapError(f"{self.path} is damaged: its description is invalid ({error}). {_ADVICE}") from None
         with np.errstate(over="ignore"):  # a fill value that is too large becomes infinite, which is found
             for name in _coordinates(self.spec):
@@ -99,7 +94,7 @@ class MapStore:
                 problem = f"the values of {name} are missing or wrong"
                 if name not in _coordinates(self.spec) or np.array_equal(found[:], expected[name][:]):
                     return found.with_config(_CONFIG)
-        except _ERRORS:
+        except DAMAGED:
             pass
         raise MapError(f"{self.path} is damaged: {problem}. {_ADVICE}") from None
 
@@ -250,7 +245,7 @@ def open_dataset(path: Path) -> Any:
     store = MapStore(path)
     try:
         dataset = xarray.open_zarr(CheckedFiles(store.path, read_only=True), consolidated=False, chunks=None)
-    except (*_ERRORS, AttributeError) as error:
+    except DAMAGED as error:
         raise MapError(f"{store.path} is damaged: zarr can't open it ({error}). {_ADVICE}") from None
     dataset.encoding["source"] = str(store.path)
     return dataset
@@ -277,7 +272,7 @@ def _open_group(path: Path) -> zarr.Group:
         kind = group.attrs.get("kind")
     except PermissionError as error:
         raise MapError(f"{path} can't be read: {error.strerror}") from None
-    except _ERRORS:
+    except DAMAGED:
         raise MapError(f"{path} is not a zarr group, so not a map, or can't be read. Give another path") from None
     if kind != KIND:
         raise MapError(f"{path} is a zarr group, but not a map of cinegen. Give another path")

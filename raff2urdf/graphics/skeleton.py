@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from raff2urdf.arrays import ArrayLike
+from raff2urdf.placement import cross
 from raff2urdf.raff.document import Document, JointType, RaffFrame, RaffLink, RaffNode, RaffPart, RaffRobot
 from raff2urdf.raff.kleinfinger import Kleinfinger, transform
 from raff2urdf.tree import home, kleinfinger, limits
@@ -184,9 +185,9 @@ def _bar(start: np.ndarray, end: np.ndarray, thickness: float, style: _Style) ->
         return
     z = vector / length
     aside = np.array([1.0, 0.0, 0.0]) if abs(z[0]) < 0.6 else np.array([0.0, 1.0, 0.0])
-    y = np.cross(z, aside)
+    y = cross(z, aside)
     y /= math.sqrt(math.fsum(x * x for x in y.tolist()))
-    placement = _at((start + end) / 2.0, np.column_stack([np.cross(y, z), y, z]), style)
+    placement = _at((start + end) / 2.0, np.column_stack([cross(y, z), y, z]), style)
     yield _visual("cylinder", (digits(thickness * style.radius), digits(length)), placement, style)
 
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:  # each format is imported when it is read
     from raff2urdf.constraints import Constraints
     from raff2urdf.readers.loops.declaration import IgnoreList
     from raff2urdf.readers.options import ReadOptions
+    from raff2urdf.readers.urdf_builder import Converted
 
 
 class Description(NamedTuple):
@@ -67,6 +68,7 @@ def read(
     ignore_loops: bool = False,
     ignore: Sequence[str] = (),
     options: ReadOptions | None = None,
+    text: str | None = None,
 ) -> Description:
     """Read the robot of a URDF, SDF or MJCF. A URDF may be xacro: then errors name lines of what xacro makes of it.
 
@@ -77,53 +79,20 @@ def read(
         ignore: loops and couplings to be left out, by name or by element, such as "pin" or "loop_joint", and files next
             to a URDF, such as "robot.yaml"; one warning lists them.
         options: others; `ReadOptions.check` then refuses those without effect.
+        text: of a robot that is no file. The path is only its name then, in errors, which name lines of the text;
+            nothing is next to it, and files that it names are searched relative to the current folder.
 
     Raises:
         RaffError: the file, or its sidecar file, can't be read or is wrong: where and why. A file declares a loop or a
-            coupling that can't be read, and that is not ignored. `ignore` names none.
+            coupling that can't be read, and that is not ignored. `ignore` names none. The text is xacro.
     """
-    return _checked(*_described(read_text(path), path, robot, ignore_loops, ignore, options))
-
-
-def read_xml(
-    text: str,
-    name: str = TEXT,
-    robot: str | None = None,
-    ignore_loops: bool = False,
-    ignore: Sequence[str] = (),
-    options: ReadOptions | None = None,
-) -> Description:
-    """Read the robot of a URDF, SDF or MJCF that is no file, so that nothing is next to it.
-
-    Args:
-        text: of the URDF, SDF or MJCF. Files that it names are searched relative to the current folder.
-        name: of it, in errors, which name lines of the text.
-        robot: see `read`.
-        ignore_loops: see `read`.
-        ignore: see `read`.
-        options: see `read`.
-
-    Raises:
-        RaffError: see `read`; or the text is xacro.
-    """
-    return _checked(*_described(text, Path(name), robot, ignore_loops, ignore, options, is_file=False))
-
-
-def _described(
-    text: str,
-    path: Path,
-    robot: str | None,
-    ignore_loops: bool,
-    ignore: Sequence[str],
-    options: ReadOptions | None,
-    is_file: bool = True,
-) -> tuple[Description, str, IgnoreList, bool]:
     from raff2urdf.readers import xacro_file
     from raff2urdf.readers.loops.declaration import IgnoreList
     from raff2urdf.readers.options import ReadOptions
 
-    options = options or ReadOptions()
-    root = parse_xml(text, str(path))
+    options, is_file, name = options or ReadOptions(), text is None, str(path)
+    text = read_text(path) if text is None else text
+    root = parse_xml(text, name)
     if root.tag == "robot" and xacro_file.is_xacro(path, root):
         if not is_file:
             raise RaffError(f"{path}: xacro is a program: load its file, .urdf.xacro, or the output of `xacro`")
@@ -134,41 +103,51 @@ def _described(
     if kind not in READERS:
         known = ", ".join(f"<{word}>" for word in READERS)
         why = _OTHER_ROOTS.get(kind, f"this is not a robot (known: {known})")
-        raise error_at(str(path), root, f"its first element is <{kind}>: {why}")
-    words = IgnoreList(ignore)
-    if kind == "robot":
-        text = _with_options(text, str(path), options)
-    described = READERS[kind](text, path, robot, ignore_loops, words, is_file, options)
+        raise error_at(name, root, f"its first element is <{kind}>: {why}")
+    source = _Source(text, path, is_file, robot, ignore_loops, IgnoreList(ignore), options)
+    described = READERS[kind](source)
     options.met("package", *re.findall(r"(?:package|model)://([^/\"']+)", described.urdf))
-    return described, str(path), words, ignore_loops
+    return _checked(described, source)
 
 
-def _with_options(text: str, name: str, options: ReadOptions) -> str:
+class _Source(NamedTuple):
+    """A robot that is read, and how: see `read`."""
+
+    text: str
+    path: Path
+    is_file: bool
+    robot: str | None
+    ignore_loops: bool
+    ignore: IgnoreList
+    options: ReadOptions
+
+
+def _with_options(source: _Source) -> str:
     """Return a URDF as the options require it."""
     from raff2urdf.readers.urdf import swap_limits
     from raff2urdf.readers.urdf_tree import text_of
 
-    root = parse_xml(text, name)
-    swapped = swap_limits(root) if options.swap_limits else []
+    root = parse_xml(source.text, str(source.path))
+    swapped = swap_limits(root) if source.options.swap_limits else []
     if not swapped:
-        return text
-    options.met("swap-limits")
-    warn(f"{name}: lower and upper limits exchanged, as requested: {', '.join(swapped)}")
+        return source.text
+    source.options.met("swap-limits")
+    warn(f"{source.path}: lower and upper limits exchanged, as requested: {', '.join(swapped)}")
     return text_of(root)
 
 
-def _checked(found: Description, name: str, ignore: IgnoreList, ignore_loops: bool) -> Description:
+def _checked(found: Description, source: _Source) -> Description:
     """Return a robot without what is ignored, once it is checked."""
     from raff2urdf.constraints import check_values
 
-    found = _without(found, ignore, ignore_loops)
+    found = _without(found, source.ignore, source.ignore_loops)
     if found.constraints is not None:
-        check_values(found.constraints, name)
-    if not ignore_loops:
-        ignore.check(name)
+        check_values(found.constraints, str(source.path))
+    if not source.ignore_loops:
+        source.ignore.check(str(source.path))
     if found.left_out:
-        moves = "; every joint moves independently" if ignore_loops else ""
-        warn(f"{name}: left out, as requested{moves}: {', '.join(found.left_out)}")
+        moves = "; every joint moves independently" if source.ignore_loops else ""
+        warn(f"{source.path}: left out, as requested{moves}: {', '.join(found.left_out)}")
     return found
 
 
@@ -192,64 +171,56 @@ def _without(found: Description, ignore: IgnoreList, all_of_them: bool) -> Descr
     return found._replace(constraints=kept, left_out=tuple(left_out))
 
 
-def _urdf(
-    text: str, path: Path, robot: str | None, ignore_loops: bool, ignore: IgnoreList, is_file: bool,
-    options: ReadOptions,
-) -> Description:  # fmt: skip
+def _urdf(source: _Source) -> Description:
     from raff2urdf.readers import drives, uncounted
     from raff2urdf.readers.loops import dialects
     from raff2urdf.readers.loops.successive import moving
     from raff2urdf.readers.urdf import joints
 
-    found = dialects.read(text, path, ignore, ignore_loops, is_file)
-    root = parse_xml(text, str(path))
+    text, name = _with_options(source), str(source.path)
+    found = dialects.read(text, source.path, source.ignore, source.ignore_loops, source.is_file)
+    root = parse_xml(text, name)
     scalar = [
         str(joint.get("name"))
-        for joint in joints(parse_xml(found.urdf, str(path)))
+        for joint in joints(parse_xml(found.urdf, name))
         if joint.get("type") in ("revolute", "continuous", "prismatic")
     ]
     found = found._replace(notes=found.notes + tuple(uncounted.note_of(uncounted.of_urdf(root, scalar))))
-    driven = {} if ignore_loops else dict(drives.of_urdf(root))
-    return drives.declared(found, driven, moving(found.urdf, str(path))) if driven else found
+    driven = {} if source.ignore_loops else dict(drives.of_urdf(root))
+    return drives.declared(found, driven, moving(found.urdf, name)) if driven else found
 
 
-def _sdf(
-    text: str, path: Path, robot: str | None, ignore_loops: bool, ignore: IgnoreList, is_file: bool,
-    options: ReadOptions,
-) -> Description:  # fmt: skip
+def _sdf(source: _Source) -> Description:
     from raff2urdf.graphics.names import find
     from raff2urdf.readers import drives, sdf
 
-    search = options.search
+    search = source.options.search
 
     def included(file: str, folder: Path) -> Path:
-        options.met("package", *re.findall(r"^(?:package|model)://([^/]+)", file))
+        source.options.met("package", *re.findall(r"^(?:package|model)://([^/]+)", file))
         return find(file, folder, packages=search)
 
-    read = sdf.read(text, str(path), robot, ignore.given, included)
-    found = _of_format("SDF", ignore, read.urdf, read.constraints, read.ignored, read.notes)
-    return found if ignore_loops else drives.declared(found, read.driven)
+    read = sdf.read(source.text, str(source.path), source.robot, source.ignore.given, included)
+    found = _of_format("SDF", source.ignore, read)
+    return found if source.ignore_loops else drives.declared(found, read.driven)
 
 
-def _mjcf(
-    text: str, path: Path, robot: str | None, ignore_loops: bool, ignore: IgnoreList, is_file: bool,
-    options: ReadOptions,
-) -> Description:  # fmt: skip
+def _mjcf(source: _Source) -> Description:
     from raff2urdf.readers import mjcf
 
-    return _of_format("MJCF", ignore, *mjcf.read(path, ignore.given, None if is_file else text))
+    text = None if source.is_file else source.text
+    return _of_format("MJCF", source.ignore, mjcf.read(source.path, source.ignore.given, text))
 
 
-def _of_format(
-    dialect: str, ignore: IgnoreList, urdf: str, values: Constraints, ignored: Sequence[str], notes: Sequence[str]
-) -> Description:
+def _of_format(dialect: str, ignore: IgnoreList, read: Converted) -> Description:
     """Return a robot of a format that declares loops and couplings itself."""
+    values, ignored, notes = read.constraints, read.ignored, read.notes
     declares = values["loops"] or values.get("couplings")
     requested = tuple(one for one in ignored if ignore.takes(*re.findall("'([^']*)'", one)))
     if "gravity" in values:
         notes = [*notes, "gravity is {:g}, {:g}, {:g} m/s2".format(*values["gravity"])]
     unread = tuple(f"not read: {one}" for one in ignored if one not in requested)
-    return Description(urdf, values, (dialect,) if declares else (), (*notes, *unread), requested, tuple(ignored))
+    return Description(read.urdf, values, (dialect,) if declares else (), (*notes, *unread), requested, tuple(ignored))
 
 
 _OTHER_ROOTS = {

@@ -22,12 +22,11 @@ from concurrent.futures import ThreadPoolExecutor
 from copy import deepcopy
 from operator import itemgetter
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from raff2urdf.command.extras import needs
-from raff2urdf.constraints import Constraints
 from raff2urdf.errors import Problem, RaffError, did_you_mean, warn
 from raff2urdf.quantities import typed_in_radians
 from raff2urdf.readers.loops.declaration import leave_out
@@ -36,18 +35,10 @@ from raff2urdf.readers.mjcf_faults import FaultyMjcf
 from raff2urdf.readers.mjcf_files import read_files
 from raff2urdf.readers.mjcf_masses import masses_of, remove_meshes, weighing_meshes
 from raff2urdf.readers.urdf import LARGEST
+from raff2urdf.readers.urdf_builder import Converted
 
 
-class MjcfRobot(NamedTuple):
-    """A robot of an MJCF: its URDF, its constraints, the elements that were ignored, and notes about what was read."""
-
-    urdf: str
-    constraints: Constraints
-    ignored: list[str]
-    notes: list[str]
-
-
-def read(path: Path, ignore: Collection[str] = (), text: str | None = None) -> MjcfRobot:
+def read(path: Path, ignore: Collection[str] = (), text: str | None = None) -> Converted:
     """Read an MJCF.
 
     Meshes are not read, only named, unless the mass of a body depends on them; they may be missing.
@@ -140,7 +131,7 @@ def _problems_of(mujoco: Any, path: Path) -> list[Problem]:
     return []
 
 
-def _read(mujoco: Any, path: Path, ignore: Collection[str], text: str | None) -> MjcfRobot:
+def _read(mujoco: Any, path: Path, ignore: Collection[str], text: str | None) -> Converted:
     """Read as `read` does.
 
     Raises:
@@ -204,7 +195,7 @@ def _read(mujoco: Any, path: Path, ignore: Collection[str], text: str | None) ->
         raise RaffError(Problem(f"{path}: {what}") for what in wrong)
     urdf, constraints = reader.read(ignore, masses)
     left_out = [f"inertia of body '{reader.bodies[spec.bodies[body].id]}': {why}" for body, why in unknown.items()]
-    return MjcfRobot(urdf, constraints, [*soft, *reader.ignored, *left_out], reader.notes)
+    return Converted(urdf, constraints, [*soft, *reader.ignored, *left_out], reader.notes)
 
 
 def _remedy(why: str, root: Any) -> str:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from yourdfpy import Dynamics, Geometry, Joint, Limit, Link, Material, Robot, Visual
@@ -27,6 +27,17 @@ _NONE = JointDynamics()
 
 Shape = tuple[Geometry, Array]
 """A shape, and its placement (4, 4) in the visual."""
+
+
+class Converted(NamedTuple):
+    """A robot of another format: its URDF, its constraints, the elements that were ignored, notes about what was read,
+    and the joints that plugins control."""
+
+    urdf: str
+    constraints: Constraints
+    ignored: list[str]
+    notes: list[str]
+    driven: Collection[str] = ()
 
 
 class UrdfBuilder:

@@ -247,6 +247,7 @@ def test_the_view_only_address_shows_the_robots_and_drives_nothing(cockpit, tab)
     page.press("body", "h")
     assert page.locator("#toasts .toast").first.inner_text().startswith("This page only shows the robots: ask for")
     picture(page, "view_only")
+    assert page.get_attribute("#copy-view-link", "hidden") is not None
     page.evaluate(
         "cockpit.presentation.session.send({ type: 'move_joint', robot: 'five_bar', joint: 'joint1', value: 1.0 })"
     )

@@ -252,7 +252,7 @@ class Kills(Campaign):
         counts = {
             "cases": 1,
             kind: 1,
-            f"{name.partition(':')[0]} {kind}": 1,
+            f"{name.partition(':')[0]} {kind}": int(end.status != 0),
             f"{kind} that came too late": int(end.status == 0),
         }
         counts |= {"new": left == command.new, "temporary files left": sum(map(_is_temporary, left))}

@@ -175,6 +175,10 @@ def test_proofs(root, printed):
     found = printed("prove", "five_bar.raff", *box, code=1)
     check(root, found, "prove")
     assert {witness["sigma"] for witness in found["witnesses"]} == {"sigma_1"}
+    box = ("--over", "x=-10..10mm,y=500..510mm", "--clearance", "300mm", "-o", "near.json")
+    found = printed("prove", "five_bar.raff", *box, code=1)
+    check(root, found, "prove")
+    assert {witness["clearance"] for witness in found["witnesses"]} <= {"base and link2", "base and link4"}
 
 
 def test_plan(root, printed):

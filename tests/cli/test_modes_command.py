@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from cinegen.assembly import assembly_modes
-from cinegen.plotting.units import pose_numbers
+from cinegen.user_units import pose_numbers
 
 
 @pytest.fixture

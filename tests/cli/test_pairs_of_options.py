@@ -67,7 +67,7 @@ VALUES = {
     "--package": "a=b", "--xacro-arg": "a=b", "--line": "0,0,0..1,1,1", "--centre": "1,2,3", "--along": "1,2,3",
     "--stiffness": "a=3", "--vary": "link2.d=1..2", "--box": "x=0..1", "--over": "x,y", "--size": "640x480",
     "--modes": "any", "--functions": "ik", "--to": None, "--task": "tool", "--robot": "anything",
-    "--density": "3",
+    "--density": "3", "--clearance": "10mm",
 }  # fmt: skip
 REPLACED = (
     "runpy.run_path", "webbrowser.open", "cinegen.cli.files.check_new", "cinegen.cli.robots.info._text",

@@ -14,7 +14,7 @@ import trimesh
 import umsgpack
 from browsers import Browser, becomes, get
 from meshcat import Visualizer
-from meshcat.geometry import Box, MeshLambertMaterial, Sphere
+from meshcat.geometry import Box, MeshLambertMaterial, Sphere, TriangularMeshGeometry
 
 import cinegen
 from cinegen.cockpit import Page, RobotScene, draw, title_of
@@ -65,6 +65,18 @@ def test_who_follows_gets_what_is_new_and_only_the_newest_of_it():
     page.forget(feed)
     _box(page, "a", 4.0)
     assert _taken(feed) == []
+
+
+def test_a_geometry_of_many_objects_is_sent_once_and_whole_to_who_comes_after_the_first_is_deleted():
+    page = Page()
+    place = Visualizer(window=page)
+    for name in "abc":
+        place[name].set_object(TriangularMeshGeometry(np.eye(3), np.array([[0, 1, 2]])), MeshLambertMaterial())
+    for names in ("abc", "bc"):
+        (first,), *others = [command["object"]["geometries"] for command in _taken(page.feed())]
+        assert first["data"]["attributes"]["position"]
+        assert [one for (one,) in others] == [{**first, "data": {"attributes": {}}}] * (len(names) - 1)
+        place[names[0]].delete()
 
 
 def test_every_part_is_drawn_where_it_is(robot):

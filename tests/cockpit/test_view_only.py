@@ -38,6 +38,7 @@ def test_it_sees_what_all_see(page):
     scene = Browser(page.view_url, path="page")
     assert becomes(lambda: viewer.state is not None and driver.state is not None and scene.state is not None)
     assert [one.told[0]["view_only"] for one in (viewer, driver, scene)] == [True, False, True]
+    assert [one.told[0]["view_token"] for one in (viewer, driver, scene)] == [None, page.server.view_token, None]
     assert any(isinstance(drawn, bytes) for drawn in scene.told)
     driver.say("move_joint", robot="delta4", joint="joint1", value=0.1)
     assert becomes(lambda: viewer.state["controller"] == driver.told[0]["client"])

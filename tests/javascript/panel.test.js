@@ -73,7 +73,7 @@ test("what is last again unchanged is not fresh", () => {
 
 test("aids that were chosen are remembered, and none is shown where none is wished for", () => {
   const aids = new Aids();
-  assert.deepEqual(AIDS.filter(({ id }) => !aids.shows(id)).map(({ id }) => id), ["ellipsoid", "reactions"]);
+  assert.deepEqual(AIDS.filter(({ id }) => !aids.shows(id)).map(({ id }) => id), ["ellipsoid", "reactions", "loops"]);
   aids.choose("ellipsoid", true);
   aids.choose("ghost", false);
   aids.draw("skeleton");

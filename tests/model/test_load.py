@@ -265,10 +265,10 @@ def test_actuated_joints_of_a_text_are_given_as_the_advice_proposes(folder):
 
 
 def test_a_urdf_is_read_from_a_text_with_its_own_loops():
-    found = readers.read_xml(URDF, "arm of a program")
+    found = readers.read(Path("arm of a program"), text=URDF)
     assert found.urdf == URDF
     with pytest.raises(RaffError, match="arm of a program:1: "):
-        readers.read_xml("<robot", "arm of a program")
+        readers.read(Path("arm of a program"), text="<robot")
 
 
 # --- load pinocchio ---------------------------------------------------------------------------------------------------

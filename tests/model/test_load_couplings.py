@@ -184,7 +184,7 @@ def test_a_joint_of_any_kind_closes_a_loop(write, drive, slide, kind, mobility):
     (train(gear="", more='<mimic joint="in" axis="axis2"/>'), "joint 'out' mimics 'in', which has no such axis"),
     (train(gear="", more='<mimic joint="out"/>'), "joint 'out' mimics itself"),
     (linkage("screw").replace("</child>\n      <axis>", "</child><thread_pitch>0</thread_pitch><axis>", 1),
-     "the thread_pitch of joint 'drive' must not be 0"),
+     "the thread_pitch of joint 'drive' must be a number other than 0"),
 ])  # fmt: skip
 def test_a_coupling_that_has_no_meaning_is_an_error_with_its_line(write, text, says):
     with pytest.raises(cinegen.CinegenError, match=says):

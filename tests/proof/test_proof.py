@@ -15,8 +15,11 @@ from flint import arb, ctx
 from matplotlib.colors import to_rgba
 from scipy.spatial.transform import Rotation
 
+import cinegen.proof.checker
 import cinegen.proof.proof
 import cinegen.proof.spread
+from cinegen.collision.body import geometry_model
+from cinegen.collision.self_collision import PairReason, link_pairs
 from cinegen.design import Parameters, WithinTolerances
 from cinegen.plotting.proof import COLOURS, draw_proof
 from cinegen.proof import CertificateError, ProofError, check, load_proof, prove
@@ -24,8 +27,8 @@ from cinegen.proof.checker.equations import Robot, Value
 from cinegen.proof.checker.singular import smallest
 from cinegen.proof.checker.tube import Tube
 from cinegen.proof.equations import Equations
-from cinegen.proof.proof import read_proof
 from cinegen.proof.prover import Prover
+from cinegen.proof.result import read_proof
 from cinegen.proof.singular import SingularValues
 from cinegen.singularities import singularity
 from cinegen.singularities.slice import POSE, Coordinates, SliceError
@@ -68,13 +71,23 @@ def test_beyond_the_reach_nothing_is_proved_and_most_is_refuted(robot):
     assert not proof
     assert proof.proved < 0.66  # the reach ends at hypot(x -+ 150, y) = 650 mm: y = 632 on the axis
     assert proof.refuted > 0.3
-    assert set(proof.reasons) <= {"no unique configuration is proved", "no configuration is found"}
+    reasons = "no unique configuration is proved", "no configuration is found", "it is not connected to the start"
+    assert set(proof.reasons) <= {*reasons}
     assert not proof.witnesses[0]["configuration"]
     rng = np.random.default_rng(2)
     for box, status in proof.cells():
         for x, y in rng.uniform(*box.T, (5, 2)):
             reached = all(0.15 < math.hypot(x - base, y) < 0.65 for base in (-0.15, 0.15))
             assert status == "undecided" or reached is (status == "proved")
+
+
+def test_a_region_whose_middle_is_out_of_reach_is_proved_from_home(robot):
+    over = {"x": (-0.02, 0.02), "y": (0.4, 0.9)}  # of which y < 632 mm is reached
+    proof = prove(robot("five_bar"), over, limits=True, boxes=300)
+    assert proof.proved == pytest.approx(0.46, abs=0.02)
+    assert proof.refuted == pytest.approx(0.53, abs=0.02)
+    assert prove(robot("five_bar"), {"x": (0.8, 0.9), "y": (0.3, 0.5)}).refuted == 1.0
+    assert prove(robot("five_bar"), over, grow=True).reasons == {"the branch ends before the middle of the region": 1}
 
 
 def test_legs_of_limited_length_reach_nowhere_far_away(robot):
@@ -255,6 +268,22 @@ def test_all_robots_within_tolerances(name, over, tolerances):
             assert (np.abs(numbers - values) <= radii + 1e-12).all()
 
 
+def test_singular_values_of_all_robots_within_tolerances(robot):
+    parameters, rng = Parameters("five_bar"), np.random.default_rng(4)
+    over, within = {"x": (-0.02, 0.02), "y": (0.45, 0.47)}, WithinTolerances(parameters, {"link*.d": "0.1mm"})
+    lengths = [error.name for error in within.errors]
+
+    def sigma():
+        values = {name: parameters.values[parameters.index(name)] + rng.choice([-1e-4, 1e-4]) for name in lengths}
+        other = parameters.mechanism_with(parameters.with_changed(values))
+        pose = {key: rng.uniform(*ends) for key, ends in over.items()}
+        return min(singularity(other, Coordinates(other, list(over)).from_home(pose, steps=10)).sigma)
+
+    least = min(sigma() for _ in range(30))
+    assert prove(parameters.mechanism, over, sigma=0.9 * least, tolerances=within, boxes=60)
+    assert not prove(parameters.mechanism, over, sigma=1.02 * least, tolerances=within, boxes=60)
+
+
 def tolerated(document):
     """Placements in the order of the chains, with their radii."""
     used = [c[side] + [[c[f"{side}_end"], -1]] for c in document["closures"] for side in ("first", "second")]
@@ -289,8 +318,9 @@ def test_plain_krawczyk_takes_many_times_as_many_boxes(robot, monkeypatch, size,
     ours = prove(robot("gough"), over, at)
     assert ours
     monkeypatch.setattr(cinegen.proof.proof, "Prover", PlainProver)
-    monkeypatch.setattr(cinegen.proof.spread, "check", lambda *_: {
-        "proved": 0.0, "refuted": 0.0, "undecided": 1.0, "witnesses": [], "boxes": 0, "statuses": ()
+    monkeypatch.setattr(cinegen.proof.spread, "check", lambda certificate, *_: {
+        "proved": 0.0, "refuted": 0.0, "undecided": 1.0, "witnesses": [], "boxes": 0,
+        "statuses": ["undecided"] * sum(isinstance(node, dict) for node in certificate["tree"]),
     })  # fmt: skip
     plain = prove(robot("gough"), over, at, boxes=2 * factor * ours.boxes)
     claims = [node["claim"] for node in plain.certificate["tree"] if isinstance(node, dict)]
@@ -304,8 +334,6 @@ def test_what_can_not_be_asked(robot):
         prove(robot("five_bar"), {})
     with pytest.raises(SliceError, match="no coordinate 'elbow'"):
         prove(robot("five_bar"), {"elbow": (0.0, 0.1)})
-    beyond = prove(robot("five_bar"), {"y": (3.0, 3.1)})
-    assert beyond.reasons == {"the branch ends before the middle of the region": 1}
 
 
 def test_certificates_are_read_again(rectangle, tmp_path):
@@ -332,6 +360,37 @@ def test_boxes_may_be_examined_by_other_processes_in_any_order(rectangle):
     again = read_proof(rectangle.certificate, workers=2, report=lambda *step: seen.append(step))
     assert again.as_dict() == rectangle.as_dict()
     assert seen[-1] == ("checking", rectangle.boxes, rectangle.boxes)
+
+
+def test_an_interrupted_proof_goes_on_where_it_was(robot, tmp_path, monkeypatch):
+    monkeypatch.setattr(cinegen.proof.spread, "_WORTH", 1)
+    monkeypatch.setattr(cinegen.proof.checker, "_TASK", 1)
+    examine, numbers = cinegen.proof.checker.examine, []
+    monkeypatch.setattr(
+        cinegen.proof.checker, "examine", lambda data, boxes: numbers.append(boxes[0].number) or examine(data, boxes)
+    )
+
+    def interrupt(stage, done, total):
+        if (stage, done) == ("checking", 6):
+            raise KeyboardInterrupt
+
+    part, whole = tmp_path / "proof.json.part", prove(robot("five_bar"), RECTANGLE)
+    with pytest.raises(KeyboardInterrupt):
+        prove(robot("five_bar"), RECTANGLE, report=interrupt, unfinished=part)
+    part.write_text(part.read_text() + '\n[11, "", "prov')  # and a line that was not written to its end
+    numbers.clear()
+    assert prove(robot("five_bar"), RECTANGLE, unfinished=part).certificate == whole.certificate
+    assert len(numbers) == whole.boxes - 5
+    assert not part.exists()
+    with pytest.raises(KeyboardInterrupt):
+        prove(robot("five_bar"), RECTANGLE, limits=True, report=interrupt, unfinished=part)
+    numbers.clear()
+    prove(robot("five_bar"), RECTANGLE, unfinished=part)  # something else is asked
+    assert len(numbers) == whole.boxes
+    part.write_text("a file of somebody")
+    with pytest.raises(ProofError, match="move it away, or give another output"):
+        prove(robot("five_bar"), RECTANGLE, unfinished=part)
+    assert part.read_text() == "a file of somebody"
 
 
 def test_a_picture_shows_each_box(robot):
@@ -529,6 +588,58 @@ def test_what_has_no_bound_of_singular_values_says_why(robot):
         prove(robot("five_bar"), RECTANGLE, sigma=-1.0)
 
 
+# --- distances ----------------------------------------------------------------------------------------------------
+
+NEAR = {
+    "five_bar": RECTANGLE,
+    "delta4": INSIDE["delta4"][0],
+    "gough": {"x": (0.05, 0.09), "z": (0.88, 0.92), "rz": (0.18, 0.24)},
+}
+
+
+def distances(mechanism):
+    """A function that returns the least distance between the shapes of a description, by Pinocchio."""
+    bodies, pairs = (lambda pairs: (pairs.bodies, pairs.of(PairReason.CHECKED)))(link_pairs(mechanism))
+    geometry = geometry_model(mechanism, [body.as_described for body in bodies], pairs=pairs)
+    data, shapes = mechanism.model.createData(), geometry.createData()
+
+    def least(q):
+        pin.forwardKinematics(mechanism.model, data, q)
+        pin.updateGeometryPlacements(mechanism.model, data, geometry, shapes)
+        return shapes.distanceResults[pin.computeDistances(geometry, shapes)].min_distance
+
+    return least
+
+
+@pytest.mark.parametrize("name", NEAR)
+def test_distances_are_above_a_clearance_just_below_the_least_one_at_poses(robot, name):
+    mechanism, over, rng = robot(name), NEAR[name], np.random.default_rng(6)
+    coordinates, least = Coordinates(mechanism, list(over)), distances(mechanism)
+
+    def at(values):
+        return least(coordinates.from_home(dict(zip(over, values, strict=True)), steps=4))
+
+    known = min(map(at, rng.uniform(*np.array(list(over.values())).T, (30, len(over)))))
+    assert known > 0.05  # m
+    assert prove(mechanism, over, limits=True, clearance=0.9 * known, boxes=100)
+    proof = prove(mechanism, over, limits=True, clearance=1.1 * known, boxes=100)
+    assert proof.refuted > 0.0
+    assert {*proof.reasons} <= {f"{witness['clearance']} may be near" for witness in proof.witnesses}
+    for witness in proof.witnesses[:5]:
+        assert at(witness["pose"].values()) < 1.1 * known
+
+
+def test_what_no_clearance_is_proved_of(robot):
+    with pytest.raises(ProofError, match=r"the clearance is -0\.1 m"):
+        prove(robot("five_bar"), RECTANGLE, clearance=-0.1)
+    with pytest.raises(ProofError, match="no two links may collide: leave out the clearance"):
+        prove(robot("differential_wrist"), {"rx": (0.0, 0.1)}, clearance=0.0)
+    parameters = Parameters("five_bar")
+    within = WithinTolerances(parameters, {"link*.d": 1e-4})
+    with pytest.raises(ProofError, match="leave out the clearance or the tolerances"):
+        prove(parameters.mechanism, RECTANGLE, clearance=0.1, tolerances=within)
+
+
 # --- mutations ----------------------------------------------------------------------------------------------------
 
 
@@ -537,7 +648,7 @@ def mutated(certificate, rng):
     found = copy.deepcopy(certificate)
     leaves = [node for node in found["tree"] if isinstance(node, dict)]
     leaf, factor = rng.choice(leaves), rng.choice([0.0, 0.5, 0.9, 1.1, 2.0, -1.0, 1e9, math.nan])
-    kind = rng.randrange(10 if found["bounds"]["sigma"] else 8)
+    kind = rng.randrange(10 if found["bounds"]["sigma"] or found["bounds"]["clearance"] else 8)
     if kind == 0:
         k = rng.randrange(len(leaf["x"]))
         leaf["x"][k] += rng.choice([1e-9, 1e-3, 0.1, 2.0 * math.pi, -2.0 * math.pi, math.nan])
@@ -558,9 +669,12 @@ def mutated(certificate, rng):
         one, other = rng.sample(leaves, 2)
         one["x"], other["x"] = other["x"], one["x"]
     elif kind == 8:
-        found["bounds"]["sigma"] *= rng.choice([0.0, 0.5, 1.1, 1.5, 2.0, 1e9])
-    elif kind == 9:
+        bound = "clearance" if found["bounds"]["sigma"] is None else "sigma"
+        found["bounds"][bound] *= rng.choice([0.0, 0.5, 1.1, 1.5, 2.0, 1e9])
+    elif kind == 9 and found["bounds"]["sigma"]:
         leaf["claim"] = "sigma"
+    elif kind == 9:
+        rng.choice(leaf["planes"])[rng.randrange(3)] += rng.choice([3, -2000, 30_000, 10**20])
     else:
         variable = rng.choice([v for v in found["variables"] if v["limits"][0] is not None])
         variable["limits"][rng.randrange(2)] *= factor
@@ -582,9 +696,11 @@ def assert_true(certificate, result, mechanism, rng):
         by_name = {one["name"]: one["limits"] for one in certificate["variables"]}
         for name in mechanism.joints:
             least, most = by_name[name]
-            assert least <= q[mechanism.q_index(name)] <= most
+            assert not certificate["bounds"]["limits"] or least <= q[mechanism.q_index(name)] <= most
         sigma = certificate["bounds"]["sigma"]
         assert sigma is None or min(singularity(mechanism, q).sigma) > sigma
+        clearance = certificate["bounds"]["clearance"]
+        assert clearance is None or distances(mechanism)(q) > clearance
 
 
 def mutate(certificate, mechanism, count):
@@ -608,6 +724,9 @@ def test_mutated_certificates_are_rejected_unless_they_are_true(robot):
     proof = prove(robot("five_bar"), {"x": (-0.08, 0.08), "y": (0.45, 0.55)}, limits=True, sigma=0.1)
     assert proof
     assert 5 < mutate(proof.certificate, robot("five_bar"), 60) < 50
+    proof = prove(robot("five_bar"), {"x": (-0.08, 0.08), "y": (0.45, 0.55)}, clearance=0.18)
+    assert proof
+    assert 5 < mutate(proof.certificate, robot("five_bar"), 40) < 35
 
 
 @pytest.mark.slow
@@ -615,7 +734,9 @@ def test_ten_thousand_mutated_certificates(robot):
     proof = prove(robot("five_bar"), {"x": (-0.08, 0.08), "y": (0.45, 0.55)}, limits=True)
     mutate(proof.certificate, robot("five_bar"), 8_000)
     proof = prove(robot("five_bar"), {"x": (-0.08, 0.08), "y": (0.45, 0.55)}, limits=True, sigma=0.1)
-    mutate(proof.certificate, robot("five_bar"), 2_000)
+    mutate(proof.certificate, robot("five_bar"), 1_000)
+    proof = prove(robot("five_bar"), {"x": (-0.08, 0.08), "y": (0.45, 0.55)}, clearance=0.18)
+    mutate(proof.certificate, robot("five_bar"), 1_000)
 
 
 @pytest.mark.slow

@@ -101,7 +101,7 @@ def pose_task(mechanism: Mechanism, text: str, node: str) -> FrameTask:
 
 def pose_text(task: FrameTask) -> str:
     """Return the pose of a task: `x 0.1, y 0.2, z 0 m`, with the orientation if it is constrained."""
-    from cinegen.plotting.units import pose_numbers
+    from cinegen.user_units import pose_numbers
 
     rounded = [round(value, 9) + 0.0 for value in pose_numbers(task.target)]
     numbers = [f"{name} {value:.6g}" for name, value in zip(POSE, rounded, strict=True)]
@@ -117,7 +117,7 @@ def missed_text(task: FrameTask, errors: tuple[float, float]) -> str:
 
 def limits_text(mechanism: Mechanism, q: Array) -> str:
     """Return the first joint that is outside its limits, and how many others are; empty if all are inside."""
-    from cinegen.plotting.units import in_user_units, length_digits, rounded
+    from cinegen.user_units import in_user_units, length_digits, rounded
 
     beyond, unwound = mechanism.limits.outside(q), mechanism.limits.unwound(q)
     if not beyond:
@@ -135,7 +135,7 @@ def self_motion_lines(
 ) -> list[str]:
     """Return a heading and lines for each self-motion: the joints that move, and joint values of a configuration; none
     if there is none."""
-    from cinegen.plotting.units import value_text
+    from cinegen.user_units import value_text
 
     lines = list[str]()
     for motion in motions:
@@ -200,7 +200,7 @@ def _bases(solutions: IKSolutions) -> list[str]:
 
 def _table(solutions: IKSolutions) -> list[str]:
     """Return a heading and a line for each solution, with the values of the actuated joints."""
-    from cinegen.plotting.units import in_user_units, length_digits, rounded
+    from cinegen.user_units import in_user_units, length_digits, rounded
 
     mechanism = solutions.mechanism
     columns = []

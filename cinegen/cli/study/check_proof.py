@@ -21,7 +21,7 @@ def run(
 
     Answers 1 unless all of the region is proved.
     """
-    from cinegen.proof.proof import load_proof
+    from cinegen.proof import load_proof
 
     with Progress() as progress:
         proof = load_proof(file, workers, scheduler, progress.steps)

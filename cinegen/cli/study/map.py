@@ -253,26 +253,17 @@ def _obstacles(mechanism: Mechanism, file: Path, robots: ShownRobotOptions) -> d
 
 def _sweep(name: str, spec: MapSpecification, file: Path, robots: ShownRobotOptions, options: MapOptions) -> int:
     """Map all variants and print their table."""
-    from cinegen.plotting.sweep import check_drawable, draw_sweep
     from cinegen.workspace.sweep import Variation, WantedBox, sweep
     from raff2urdf.raff.reader import load as load_document
     from raff2urdf.shipped import find_robot
 
-    for other, value in {
-        "loop": robots.loop,
-        "ignore_loops": robots.ignore_loops,
-        "ignore": robots.ignore,
-        "fixed_base": robots.fixed_base,
-        "actuated": robots.actuated,
-        "view": options.view,
-        "sigma": options.sigma,
-        "play": options.play,
-        "encoder": options.encoder,
-    }.items():
-        exclude(vary=True, **{other: value})
+    for other in ("loop", "ignore_loops", "ignore", "fixed_base", "actuated", "view", "sigma", "play", "encoder"):
+        exclude(vary=True, **{other: getattr(robots, other, None) or getattr(options, other, None)})
     document = load_document(find_robot(file))
     variations = [Variation.typed(text, document, robots.robot) for text in options.vary]
     if options.plot:
+        from cinegen.plotting.sweep import check_drawable, draw_sweep
+
         check_drawable(variations)
     folder = _folder(options.output, f"{name}-sweep")
     if not options.yes and not folder.exists():

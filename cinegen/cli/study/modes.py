@@ -104,7 +104,7 @@ def _values(mechanism: Mechanism, text: str) -> Array:
     """
     import numpy as np
 
-    from cinegen.plotting.units import value_text
+    from cinegen.user_units import value_text
 
     joints = mechanism.actuated
     home = {joint: float(mechanism.q_home[mechanism.q_index(joint)]) for joint in joints}
@@ -146,7 +146,7 @@ def _solved(mechanism: Mechanism, asked: FrameTask) -> Array:
 
 
 def _lines(name: str, modes: AssemblyModes, node: str | None, asked: FrameTask | None) -> list[str]:
-    from cinegen.plotting.units import value_text
+    from cinegen.user_units import value_text
 
     mechanism, node = modes.mechanism, node or modes.mechanism.end
     number = count(modes, "assembly mode") if len(modes) else "no assembly mode"
@@ -172,7 +172,7 @@ def _table(modes: AssemblyModes, node: str, asked: FrameTask | None) -> list[str
     import numpy as np
 
     from cinegen.model.motion_plane import motion_plane
-    from cinegen.plotting.units import length_digits, pose_numbers, rounded
+    from cinegen.user_units import length_digits, pose_numbers, rounded
 
     placements = modes.placements(node)
     poses = np.array([pose_numbers(placement) for placement in placements])

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import math
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from json import dumps
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from cinegen.cli.design.tolerance import amounts
 from cinegen.cli.files import check_outputs, print_result, write, write_figure
-from cinegen.cli.numbers import UNITS, interval_of, named, values
+from cinegen.cli.numbers import UNITS, interval_of, named, quantity, values
 from cinegen.cli.options import FILE, JSON, PLOT, SCHEDULER, WORKERS, RobotOptions, force_option
 from cinegen.cli.progress import Progress
 from raff2urdf.command.command_line import flag, option
 from raff2urdf.escape import one_line
-from raff2urdf.files import GENERATED, output_path
+from raff2urdf.files import GENERATED, is_stream, output_path
+from raff2urdf.quantities import LENGTH
 
 if TYPE_CHECKING:
     from cinegen.proof import Proof
@@ -40,6 +45,7 @@ def run(
     sigma: float | None = option(
         "NUMBER", "prove that the smallest singular values of type 1 and 2, as in maps, are above this", min=0.0
     ),
+    clearance: str | None = option("LENGTH", "prove that the distances between links are above this, such as 10mm"),
     boxes: int | None = option("N", "boxes that are tested at most (10000)", min=1),
     output: str | None = option(
         "FILE", "certificate to write (ROBOT-proof.json)", None, "-o", "--output", endings=(".json",)
@@ -54,10 +60,9 @@ def run(
 
     Writes a certificate, which a separate program of python-flint alone checks: its result is printed. `cinegen
     check-proof` checks it again. A pose outside the limits, and two poses between which there is a singularity, refute
-    the region; so does a singular value below `--sigma`. Answers 1 unless all of the region is proved.
+    the region; so do a singular value below `--sigma`, and links nearer than `--clearance`. Answers 1 unless all of the
+    region is proved.
     """
-    from json import dumps
-
     from cinegen.proof import prove
     from cinegen.proof.prover import BOXES
 
@@ -72,11 +77,12 @@ def run(
     ranges = {
         key: interval_of(mechanism, key, ends, "--over") for key, ends in named(over, "--over", "x=-100..100mm").items()
     }
-    given = values(at, "--at", "z=-0.9, z=-900mm or rz=15", mechanism)
-    with Progress() as progress:
+    least = None if clearance is None else quantity(clearance, "--clearance", LENGTH)
+    with Progress() as progress, _resumable(target) as unfinished:
         proof = prove(
-            mechanism, ranges, given, node, limits=limits, sigma=sigma, boxes=boxes or BOXES, shape=shape, grow=grow,
-            tolerances=within, workers=workers, scheduler=scheduler, report=progress.steps,
+            mechanism, ranges, values(at, "--at", "z=-0.9, z=-900mm or rz=15", mechanism), node, limits=limits,
+            sigma=sigma, boxes=boxes or BOXES, shape=shape, grow=grow, tolerances=within, clearance=least,
+            workers=workers, scheduler=scheduler, report=progress.steps, unfinished=unfinished,
         )  # fmt: skip
     write(target, dumps({"origin": GENERATED, **proof.certificate}))
     print_result({"certificate": str(target), **proof.as_dict()}, f"{lines(name, proof)}\ncertificate: {target}", json)
@@ -85,6 +91,18 @@ def run(
 
         write_figure(plot, draw_proof(proof, name=name), quiet=json)
     return 0 if proof else 1
+
+
+@contextmanager
+def _resumable(target: Path) -> Iterator[Path | None]:
+    """Yield the file that keeps an interrupted proof, if its certificate is a file."""
+    unfinished = None if is_stream(target) else target.with_name(f"{target.name}.part")
+    try:
+        yield unfinished
+    except KeyboardInterrupt:
+        if unfinished is not None and unfinished.exists():
+            print(f"{unfinished}: examined boxes are kept; the same command continues", file=sys.stderr)
+        raise
 
 
 def lines(name: str, proof: Proof) -> str:
@@ -98,6 +116,8 @@ def lines(name: str, proof: Proof) -> str:
             why = f"{one_line(str(witness['limit']))} is beyond a limit"
         elif "sigma" in witness:
             why = f"{one_line(str(witness['sigma']))} is below its bound"
+        elif "clearance" in witness:
+            why = f"{one_line(str(witness['clearance']))} are nearer than the clearance"
         pose = (
             f"{key} = {math.degrees(value):.4g} deg" if key.startswith("r") else f"{key} = {value:.4g} m"
             for key, value in witness["pose"].items()

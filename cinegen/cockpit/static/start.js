@@ -16,9 +16,10 @@ function draws() {
   return context !== null;
 }
 
-if (draws()) {
+try {
   await import("./cockpit.js");
-} else {
+} catch (error) {
+  if (draws()) throw error;
   for (const part of document.querySelectorAll("#bar > :not(#title), #panel, #foot")) part.remove(); // they would do nothing
   document.querySelector("main")?.style.setProperty("grid-template-columns", "minmax(0, 1fr)");
   byId("cover").textContent = MISSING;

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from matplotlib.tri import Triangulation
 
 from cinegen.arrays import Array
 from cinegen.plotting.plane import bar
@@ -13,10 +16,6 @@ from cinegen.plotting.shades import OUT, Shades, scaled
 from cinegen.plotting.sheet import BLUE, FAINT, INK, LABEL, ORANGE, VERMILION, finish, graph, label, new_figure
 from cinegen.plotting.synthesis.wording import heading_of
 from raff2urdf.quantities import LENGTH, shown_scale
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 _WIDE, _TALL = 7.2, 7.2  # inches: width of pictures, and height of those of volumes
 _BANDS = 20
@@ -182,9 +181,6 @@ def _look(field: RegionField) -> Shades:
 
 def _levels(axes: Any, targets: Array, values: Array, look: Shades) -> Any:
     """Fill the area between points (n, 2) with the colours of levels, and return these; what is not reached is grey."""
-    from matplotlib.ticker import MaxNLocator
-    from matplotlib.tri import Triangulation
-
     scale, _ = shown_scale(LENGTH)
     axes.set_facecolor(OUT)
     if len(targets) < 3 or np.linalg.matrix_rank(targets - targets[0], tol=1e-12) < 2:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from cinegen.arrays import Array
 from cinegen.design.synthesis import LinkageSynthesis, PrecisionProblem
@@ -19,11 +20,6 @@ from cinegen.plotting.synthesis.page import ReportPage
 from cinegen.plotting.view import along
 from raff2urdf import closure
 from raff2urdf.quantities import ANGLE, LENGTH, shown, shown_scale
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 
 _WIDE = 7.2  # inches
 _TALL = 5.2  # inches, at most

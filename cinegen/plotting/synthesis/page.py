@@ -3,36 +3,28 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
 
 from cinegen.arrays import Array
 from cinegen.design.parameters import Parameters
 from cinegen.html import table
 from cinegen.plotting.sheet import FAINT, GREEN, INK, VERMILION
-from raff2urdf.command.extras import needs
 from raff2urdf.escape import html_text
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _COLOURS = f":root {{ --ink: {INK}; --faint: {FAINT}; --good: {GREEN}; --bad: {VERMILION}; }}\n"
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'"
 
 
-@contextmanager
-def drawing() -> Iterator[None]:
-    """Draw within this context: equal pictures become equal files."""
-    with needs("plot", "pictures"):
-        import matplotlib as mpl
-
-    settings = {"svg.hashsalt": "cinegen", "svg.fonttype": "path"}
-    with mpl.rc_context(settings):  # type: ignore[arg-type]
-        yield
+def drawing() -> AbstractContextManager[None]:
+    """Return a context to draw in: equal pictures become equal files."""
+    return mpl.rc_context({"svg.hashsalt": "cinegen", "svg.fonttype": "path"})  # type: ignore[arg-type]
 
 
 @dataclass

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
 
 from cinegen.arrays import Array
 from cinegen.design.synthesis import Reach
@@ -19,10 +21,6 @@ from cinegen.plotting.stick import ACTUATED, END, Pen, hull
 from cinegen.plotting.synthesis.page import drawing
 from cinegen.plotting.view import Projection, views
 from cinegen.singularities.slice import POSE, Coordinates
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 _WIDE = 7.2  # inches
 _TALLEST = 3.6  # inches, of a row
@@ -104,8 +102,6 @@ def _draw(designs: Mapping[str, Mechanism], reach: Reach, node: str, targets: Ar
 
 def _draw_region(axes: Any, view: Projection, region: Array, filled: bool) -> None:
     """Draw the points to reach into axes whose unit is the metre."""
-    from matplotlib.patches import Polygon
-
     flat = view.project(region)[0]
     if filled and np.linalg.matrix_rank(flat - flat[0], tol=1e-9) == 2:
         axes.add_patch(Polygon(hull(flat), facecolor=GREEN, alpha=0.22, linewidth=0.0, zorder=1.0))

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from cinegen.arrays import Array
 from cinegen.design.synthesis import Synthesis
 from cinegen.plotting.sheet import BLUE, FAINT, ORANGE, VERMILION, finish, graph, label
 from cinegen.plotting.synthesis.wording import heading_of, unit_of
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 _WIDE = 7.2  # inches
 

@@ -4,7 +4,7 @@ The placement of a chain's end is a product of matrices (4, 4), one for each slo
 own derivative, a second one two of them. With the placements A and B of both ends of a closure, V = B - A and
 E = A^T V (rotations by columns), an equation is V_i4 / L, E_i4 / L, E_ij or E_ij - E_ji (L: characteristic length).
 Rates, of which only derivatives matter, are E_34 / L, or the ends' relative angular velocity: by an axis a_s +- a_s,
-whose derivative by a joint r before s is a_r x a_s.
+whose derivative by a joint r before s is a_r x a_s. A placement is all of E, its last column E_i4 / L.
 
 Matrices are (2, 4, 4), a midpoint and a radius. Radii do not include what rounding does: they decide what is claimed,
 and the checker of the claims computes all again.
@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from cinegen.jit.compiled import Array, compiled, entry
 from cinegen.proof._kernels.chains import add_product, copy, follow, product, varies, write_back, write_shift
-from cinegen.proof._kernels.memory import SLIDE_RATE, TURN_RATES, BoxMemory
+from cinegen.proof._kernels.memory import PLACEMENT, SLIDE_RATE, TURN_RATES, BoxMemory
 
 
 @entry
@@ -23,6 +23,12 @@ def evaluate_boxes(memory: BoxMemory) -> None:
     for box in range(memory.count):
         for c in range(memory.closures):
             _evaluate(memory, box, c)
+
+
+@compiled
+def _has_e(memory: BoxMemory, c: int) -> bool:
+    rates = memory.rates[c]
+    return bool(memory.turns[c] > 0 or memory.linear[c] == 2 or rates in (SLIDE_RATE, PLACEMENT))
 
 
 @compiled
@@ -52,6 +58,12 @@ def _write_rows(memory: BoxMemory, c: int, v: Array, e: Array) -> int:
     elif memory.rates[c] == TURN_RATES:
         out[:, n : n + 3] = 0.0
         n += 3
+    elif memory.rates[c] == PLACEMENT:
+        for i in range(3):
+            for j in range(4):
+                for k in range(2):
+                    out[k, n] = e[k, i, j] / (memory.length if j == 3 else 1.0)
+                n += 1
     return n
 
 
@@ -96,7 +108,7 @@ def _write_second(memory: BoxMemory, c: int, side: int, s: int, t: int, back: Ar
     v, e, turned, other = memory.scratch[2], memory.scratch[3], memory.scratch[4], memory.scratch[5]
     e[:] = 0.0
     if side == 0:
-        if memory.turns[c] > 0 or memory.linear[c] == 2 or memory.rates[c] == SLIDE_RATE:
+        if _has_e(memory, c):
             write_back(memory.second[0, s, t], turned)
             add_product(turned, gap, e)
             for k in range(2):
@@ -106,7 +118,7 @@ def _write_second(memory: BoxMemory, c: int, side: int, s: int, t: int, back: Ar
         write_shift(memory.second[0, s, t], v)
     else:
         copy(memory.second[1, s, t], v)
-    if memory.turns[c] > 0 or memory.linear[c] == 2 or memory.rates[c] == SLIDE_RATE:
+    if _has_e(memory, c):
         add_product(back, v, e)
     return _write_rows(memory, c, v, e)
 
@@ -235,7 +247,7 @@ def _evaluate_second(memory: BoxMemory, box: int, c: int, height: int, back: Arr
                 _write_second(memory, c, 0, s - start, t - start, back, gap)
             elif s >= middle:
                 _write_second(memory, c, 1, s - middle, t - middle, back, gap)
-            elif memory.turns[c] > 0 or memory.linear[c] == 2 or memory.rates[c] == SLIDE_RATE:
+            elif _has_e(memory, c):
                 _write_mixed(memory, c, s - start, t - middle)
             else:
                 continue

@@ -8,8 +8,8 @@ from cinegen.jit.memory import Memory, array, foreign, parameter
 SLIDES, TURNS, TURNS_OFFSET = range(3)
 """Kinds of slots: a translation along z; a rotation about z; a translation that is rotated about z."""
 
-NO_RATES, SLIDE_RATE, TURN_RATES = range(3)
-"""Rates of a closure, and their rows: none; one; three."""
+NO_RATES, SLIDE_RATE, TURN_RATES, PLACEMENT = range(4)
+"""What a closure yields besides equations, and its rows: nothing; one rate; three; twelve numbers, E."""
 
 
 class BoxMemory(Memory):
@@ -57,5 +57,5 @@ class BoxMemory(Memory):
     second: Array = array(2, "longest", "longest", 2, 4, 4)
     axis: Array = array(2, "longest", 2, 3)
     scratch: Array = array(6, 2, 4, 4)
-    values: Array = array(2, 10)  # of a closure's rows
-    part: Array = array("slots", 10, "sums")  # of a slot: rows by parameters, then bent, then apart
+    values: Array = array(2, 12)  # of a closure's rows
+    part: Array = array("slots", 12, "sums")  # of a slot: rows by parameters, then bent, then apart

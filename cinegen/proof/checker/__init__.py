@@ -21,6 +21,7 @@ from cinegen.proof.checker.findings import Box, BoxResult, examine
 __all__ = ["BoxResult", "CertificateError", "Spread", "check", "one_by_one"]
 
 _TASK = 16  # boxes that are examined together
+_REFUTED = "limit", "sigma", "clearance", "unreachable"
 _ROUND = {"box": 0, "cylinder": 2, "ball": 6}
 
 Examine = Callable[[Mapping[str, Any], Sequence[Box]], list[BoxResult]]
@@ -103,12 +104,11 @@ def _result(
             status = finding.status
             if status != "unreachable":
                 signs.setdefault(finding.sign, i)
-            if status in ("limit", "sigma", "unreachable"):
+            if status in _REFUTED:
                 witnesses.append(_witness(robot, box, finding, **({status: finding.reason} if finding.reason else {})))
             if claim != "regular" and status != claim:
                 refuse(i, f"a box is {status}, not {claim}")
-        refuted = ("limit", "sigma", "unreachable")
-        statuses.append("refuted" if status in refuted else "undecided" if status == "regular" else status)
+        statuses.append("refuted" if status in _REFUTED else "undecided" if status == "regular" else status)
         volumes[statuses[-1]] += share
     if 1 in signs and -1 in signs:
         witnesses += [_witness(robot, boxes[signs[s]], findings[signs[s]], determinant=s) for s in (1, -1)]

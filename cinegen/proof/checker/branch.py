@@ -13,7 +13,7 @@ from cinegen.proof.checker.findings import Box, BoxResult
 from cinegen.proof.checker.tube import middle
 
 _STEPS = 12  # of Newton's method on a face
-_UP = arb(1 + 2.0**-20)  # more than rounding does to radii
+_UP, _LEAST = arb(1 + 2.0**-20), arb(2.0**-56)  # more than rounding does to radii
 
 
 class Node(NamedTuple):
@@ -48,7 +48,7 @@ class Link:
             residual = self.robot.residual(self.robot.point(x, p))
             step = (self._inverse * column([residual[i] for i in self.robot.data["rows"]])).entries()
             size = column([abs(a).upper() for a in step])
-            away = upper(self._resolvent * size * _UP)
+            away = upper(self._resolvent * column([a * _UP + _LEAST for a in size.entries()]))
             solved = (size + self._defect * away).entries()
             inside = all(abs(a - b) < y for a, b, y in zip(x, self.at(p), self.y, strict=True))
             inside = inside and all(a <= b for a, b in zip(solved, away.entries(), strict=True))

@@ -12,7 +12,7 @@ from cinegen.proof.checker.balls import CertificateError, absolute, column, row_
 
 _UP = arb(1 + 2.0**-20)  # more than rounding does to radii
 _PAIRS = {0: [], 2: [(0, 2), (1, 2)], 3: [(0, 1), (1, 2), (2, 0)]}  # by the number of rotations: u_i . v_j
-_RATES = {None: 0, "slide": 1, "turn": 3}  # numbers of rows
+_RATES = {None: 0, "slide": 1, "turn": 3, "placement": 12}  # numbers of rows
 ONE, _ZERO = arb_mat(4, 4, [int(i % 5 == 0) for i in range(16)]), arb_mat(4, 4)
 POINT, ALONG = (arb_mat(4, 4, [int(i == k) for i in range(16)]) for k in (15, 11))  # origin; z
 _AXES = ONE - POINT
@@ -156,12 +156,14 @@ class Robot:
             return (m * _AXES).transpose()
 
         def residuals(v: arb_mat, *products: tuple[arb_mat, arb_mat]) -> list[arb]:
-            if not turns and len(linear) % 3 == 0:
+            if not turns and len(linear) % 3 == 0 and rates != "placement":
                 return [v[i, 3] / self.length for i in linear]
             e = sum((x * y for x, y in products), _ZERO)
             out = [(v if len(linear) == 3 else e)[i, 3] / self.length for i in linear]
             out += [e[i, j] - e[j, i] if turns == 3 else e[i, j] for i, j in _PAIRS[turns]]
             out += [sum((e[i, i] for i in range(2 * (turns == 2), 3)), arb(0))] if turns else []
+            if rates == "placement":
+                return [e[i, j] / (self.length if j == 3 else 1) for i in range(3) for j in range(4)]
             return out + ([e[2, 3] / self.length] if rates == "slide" else [])
 
         def turn(s: int, t: int | None = None) -> list[arb]:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from flint import arb, ctx
 
 from cinegen.proof.checker.balls import CertificateError, added_sizes, column, identity, inverse, pick
+from cinegen.proof.checker.clearance import Bodies
 from cinegen.proof.checker.equations import Robot
 from cinegen.proof.checker.reach import excludes
 from cinegen.proof.checker.singular import smallest
@@ -28,9 +29,9 @@ class BoxResult(NamedTuple):
 
     Attributes:
         error: why its claim is not confirmed, else empty.
-        status: `proved`, `regular`, `limit`, `sigma`, or `unreachable`.
+        status: `proved`, `regular`, `limit`, `sigma`, `clearance`, or `unreachable`.
         sign: of the locked joints' determinant; 0 if unknown.
-        reason: the limit's joint, or the singular value.
+        reason: the limit's joint, the singular value, or the bodies that are near.
         link: numbers of the tube, with which `Link` compares it with others; empty without one.
     """
 
@@ -88,6 +89,10 @@ def _status(tube: Tube, leaf: Mapping[str, Any]) -> tuple[str, int, str]:
             inside = inside and bool(least > bounds["sigma"])
         if below and data["exact"]:
             return "sigma", sign, below[0]
+    if bounds["clearance"] is not None and inside and sign:
+        if leaf["claim"] == "clearance":
+            return "clearance", sign, Bodies(tube).are_near(leaf["pair"], leaf["weights"])
+        inside = leaf["claim"] != "regular" and Bodies(tube).are_apart(leaf["planes"])
     return ("proved" if inside and sign else "regular"), sign, ""
 
 

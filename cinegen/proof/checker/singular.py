@@ -4,39 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import inf
-from typing import Any, NamedTuple
+from typing import Any
 
 from flint import arb, arb_mat
 
 from cinegen.proof.checker.balls import CertificateError, absolute, added_sizes, frobenius, identity, norms, pick
+from cinegen.proof.checker.forms import Form
 from cinegen.proof.checker.tube import Tube
-
-
-class Form(NamedTuple):
-    """A matrix over a box: C + sum_k G_k eta_k + [-R, R], eta the eps_j and their products."""
-
-    c: arb_mat
-    g: list[arb_mat]
-    r: arb_mat
-
-    def times(self, by: arb_mat) -> Form:
-        """Return the product with a matrix."""
-        return Form(self.c * by, [m * by for m in self.g], self.r * absolute(by))
-
-    def add_products(self, left: Sequence[arb_mat], right: Sequence[arb_mat], n: int) -> None:
-        """Add what products of the parts by eps_j are by eps_j eps_k."""
-        pairs = [(j, k) for j in range(n) for k in range(j, n)]
-        for q, (j, k) in enumerate(pairs, n):
-            self.g[q] += left[j] * right[j] if j == k else left[j] * right[k] + left[k] * right[j]
-
-    def sizes(self, n: int) -> tuple[arb_mat, arb_mat]:
-        """Return the sums of sizes of the parts by eps, and by their products."""
-        return added_sizes(self.g[:n]), added_sizes(self.g[n:])
-
-    def cubic(self, sizes: tuple[arb_mat, arb_mat], right: tuple[arb_mat, arb_mat, arb_mat]) -> arb_mat:
-        """Return a bound of what the product with X has beyond the products of eps, by sizes of parts of both."""
-        centre, linear, squares = right
-        return self.r * (centre + linear + squares) + sizes[0] * squares + sizes[1] * (linear + squares)
 
 
 def smallest(tube: Tube) -> list[tuple[arb, arb]]:
@@ -65,7 +39,9 @@ def _form(tube: Tube, rows: Sequence[int], columns: Sequence[int]) -> Form:
     first, *by, bend, apart = (pick(m, rows, columns) for m in tube.parts)
     *more, bend = (pick(m, rows, columns) for m in tube.sharper)
     n = len(tube.low)
-    return Form(first, by[:n] + [a + b for a, b in zip(by[n:], more, strict=True)], absolute(bend + apart))
+    parts = [first, *by[:n], *(a + b for a, b in zip(by[n:], more, strict=True))]
+    c, *g = (m.mid() for m in parts)
+    return Form(c, g, absolute(bend + apart) + added_sizes([m - m.mid() for m in parts]))
 
 
 def _size(tube: Tube, columns: list[int], single: list[int], twist: list[int], by: arb_mat) -> tuple[arb, arb]:
@@ -76,7 +52,6 @@ def _size(tube: Tube, columns: list[int], single: list[int], twist: list[int], b
     bare, nothing, chosen = _form(tube, rates, twist).times(by), 0 * f.c, arb_mat(len(single), len(columns))
     for i, k in enumerate(single):
         chosen[i, columns.index(k)] = 1
-    f_size, of_size = f.sizes(n), of.sizes(n)
     try:
         inverse = f.c.inv()
     except ZeroDivisionError:
@@ -86,16 +61,14 @@ def _size(tube: Tube, columns: list[int], single: list[int], twist: list[int], b
         c = inverse * right.c
         x = Form(c, [inverse * m + a * c for m, a in zip(right.g, slopes, strict=True)], 0 * right.r)
         x.add_products(slopes, x.g, n)
-        size = (absolute(c), *x.sizes(n))
-        whole = Form(of.c * c, [of.c * m + a * c for m, a in zip(x.g, of.g, strict=True)], of.cubic(of_size, size))
-        whole.add_products(of.g, x.g, n)
+        whole = of.by(x, n)
         if free is not None:
-            whole = Form(whole.c - free.c, [a - b for a, b in zip(whole.g, free.g, strict=True)], whole.r + free.r)
+            whole = whole.less(free)
         changes = [(chosen * a, b) for a, b in zip(x.g, whole.g, strict=True)]
         low, high = norms([chosen * x.c, whole.c], 6)
         rest = sum((norms(m)[1] for m in changes[:n]), norms([whole.r])[1])
         rest += sum(map(frobenius, changes[n:]), arb(0))
-        sizes.append((low - rest, high + rest, norms([right.r + f.cubic(f_size, size)])[1]))
+        sizes.append((low - rest, high + rest, norms([right.r + f.cubic(x, n)])[1]))
     (low, high, lack), (_, left, defect) = sizes
     if not defect < 1:
         return arb(0), arb(inf)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -55,22 +56,19 @@ def find(root: Any) -> Iterator[Declaration]:
         text = f"the {label} (line {last.sourceline}) declare a loop"
         other = f"--loop {shell_word(name[:-2])}=revolute for a hinge about their z axes"
         note = f"the {label} don't state the kind of loop: their origins coincide; {other}"
+        also = tuple(str(one.get("name")) for one in pair.values())
         yield Declaration(
-            first.sourceline, DIALECT, label, text, name[:-2], read=_reader(first, last, kind), also=tuple(
-                str(one.get("name")) for one in pair.values()
-            ), notes=(note,) if kind == "ball" else (),
+            first.sourceline, DIALECT, label, text, name[:-2], read=partial(_read, first=first, last=last, kind=kind),
+            also=also, notes=(note,) if kind == "ball" else (),
         )  # fmt: skip
 
 
-def _reader(first: Any, last: Any, kind: str) -> Any:
-    def read(tree: UrdfTree) -> LoopJoint:
-        (one, at), (other, there) = _end(tree, first), _end(tree, last)
-        if tree.body(one)[0] == tree.body(other)[0]:
-            names = f"'{first.get('name')}' and '{last.get('name')}'"
-            raise tree.error(first, f"the frames {names} are on one rigid body: put each on another link")
-        return LoopJoint(kind, one, other, (at, there))
-
-    return read
+def _read(tree: UrdfTree, first: Any, last: Any, kind: str) -> LoopJoint:
+    (one, at), (other, there) = _end(tree, first), _end(tree, last)
+    if tree.body(one)[0] == tree.body(other)[0]:
+        names = f"'{first.get('name')}' and '{last.get('name')}'"
+        raise tree.error(first, f"the frames {names} are on one rigid body: put each on another link")
+    return LoopJoint(kind, one, other, (at, there))
 
 
 def _end(tree: UrdfTree, element: Any) -> tuple[str, Array]:

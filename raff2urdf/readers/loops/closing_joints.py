@@ -19,7 +19,7 @@ import numpy as np
 from raff2urdf.arrays import Array
 from raff2urdf.placement import from_origin, inverse
 from raff2urdf.readers.loops import successive
-from raff2urdf.readers.loops.declaration import Declaration, label_of, local, tag_of
+from raff2urdf.readers.loops.declaration import Declaration, declared, label_of, local, tag_of
 from raff2urdf.readers.loops.loop_elements import kind_of
 from raff2urdf.readers.loops.loop_joint import LoopJoint
 from raff2urdf.readers.screw import lead
@@ -85,13 +85,13 @@ def cut(root: Any, name: str, ignored: Callable[[str], bool]) -> list[Declaratio
     Raises:
         RaffError: two joints have one name.
     """
-    declared = _cut(root, name, ignored)
+    found = _cut(root, name, ignored)
     for joint in joints(root):
         if joint.get("type") == "universal":
             steps = (successive.ROTATIONS["X"], successive.ROTATIONS["Y"])
             added = {*successive.replace(root, joint, steps, name)}
             root[:0] = [link for link in links(root) if link.get("name") in added]  # no end of the robot
-    return declared
+    return found
 
 
 def _cut(root: Any, name: str, ignored: Callable[[str], bool]) -> list[Declaration]:
@@ -113,7 +113,7 @@ def _cut(root: Any, name: str, ignored: Callable[[str], bool]) -> list[Declarati
     }
     kept = best if _reached(base, best) == set(best) | {base} else _first_reached(base, all_joints)
     removed = [joint for joint in all_joints if kept.get(ends(joint)[1]) is not joint]
-    declared = []
+    found = []
     for joint in removed:
         joint_name = str(joint.get("name"))
         if joint_name in mimicking and not ignored("mimic"):
@@ -124,13 +124,9 @@ def _cut(root: Any, name: str, ignored: Callable[[str], bool]) -> list[Declarati
         text = f"joint '{joint_name}' closes a loop: its child '{ends(joint)[1]}' has another parent"
         label, low_high = f"joint '{joint_name}'", limits(joint)
         notes = (text,) if low_high is None else (f"{text}; its limits are not enforced",)
-        declared.append(
-            Declaration(
-                joint.sourceline, DIALECT, label, text, joint_name, read=_of_joint(joint), element=joint, notes=notes
-            )
-        )
+        found.append(declared(joint, DIALECT, _of_joint, label, text=text, notes=notes))
         remove(joint)
-    return declared
+    return found
 
 
 def find(root: Any, name: str) -> Iterator[Declaration]:
@@ -149,21 +145,10 @@ def find(root: Any, name: str) -> Iterator[Declaration]:
             label = label_of(element, "gazebo")
             text = f"{label} ({', '.join(map(repr, joined))}) declares a loop"
             if local(element) == "joint":
-                yield Declaration(
-                    element.sourceline, "Gazebo joints", label, text, element.get("name", ""),
-                    read=_of_sdf(element), element=element,
-                )  # fmt: skip
+                yield declared(element, "Gazebo joints", _of_sdf, label, text=text)
             elif _CLOSED_LOOP.search(f"{element.get('name', '')} {element.get('filename', '')}".lower()):
-                joint_name = (element.findtext("joint") or "").strip() or element.get("name", "")
-                yield Declaration(
-                    element.sourceline,
-                    "Gazebo plugins",
-                    label,
-                    text,
-                    joint_name,
-                    read=_of_plugin(element),
-                    element=element,
-                )
+                joint = (element.findtext("joint") or "").strip() or element.get("name", "")
+                yield declared(element, "Gazebo plugins", _of_plugin, label, joint, text=text)
 
 
 def joined_links(element: Any) -> tuple[str, str] | None:
@@ -177,53 +162,49 @@ def joined_links(element: Any) -> tuple[str, str] | None:
     return None
 
 
-def _of_joint(joint: Any) -> Any:
-    def read(tree: UrdfTree) -> LoopJoint:
-        label = f"joint '{joint.get('name')}'"
-        parent, child = (tree.link(joint, link, label) for link in ends(joint))
-        kind, placed = kind_of(tree, joint, joint.get("type")), origin(joint, tree.name)
-        if kind == "universal":  # Drake's: rotations about the joint's x, then y
-            first, second = along(placed, np.array([1.0, 0.0, 0.0])), along(np.eye(4), np.array([0.0, 1.0, 0.0]))
-        else:
-            axis = np.array([0.0, 0.0, 1.0]) if kind in ("rigid", "ball") else tree.vector(joint.find("axis"))
-            first, second = along(placed, axis), along(np.eye(4), axis)
-        return LoopJoint(kind, parent, child, (first, second))
-
-    return read
+def _of_joint(tree: UrdfTree, element: Any) -> LoopJoint:
+    label = f"joint '{element.get('name')}'"
+    parent, child = (tree.link(element, link, label) for link in ends(element))
+    kind, placed = kind_of(tree, element, element.get("type")), origin(element, tree.name)
+    if kind == "universal":  # Drake's: rotations about the joint's x, then y
+        first, second = along(placed, np.array([1.0, 0.0, 0.0])), along(np.eye(4), np.array([0.0, 1.0, 0.0]))
+    else:
+        axis = np.array([0.0, 0.0, 1.0]) if kind in ("rigid", "ball") else tree.vector(element.find("axis"))
+        first, second = along(placed, axis), along(np.eye(4), axis)
+    return LoopJoint(kind, parent, child, (first, second))
 
 
-def _of_sdf(element: Any) -> Any:
-    def read(tree: UrdfTree) -> LoopJoint:
-        parent, child = (
-            tree.link(element.find(word), element.findtext(word), label_of(element, "gazebo"))
-            for word in ("parent", "child")
-        )
-        is_screw = (element.get("type") or "").strip() == "screw"
-        kind, placed = "screw" if is_screw else kind_of(tree, element, element.get("type")), tree.zero[child]
-        pose = element.find("pose")
-        if pose is not None:
-            around = (pose.get("relative_to") or pose.get("frame") or "").strip()
-            start = tree.zero[tree.link(pose, around, "this <pose>")] if around else tree.zero[child]
-            placed = start @ _pose(tree, pose, pose.text or "")
-        directions = [_sdf_axis(tree, element, word, placed) for word in ("axis", "axis2")]
-        first = along(placed, directions[0])
-        second = along(placed, directions[1]) if kind == "universal" else first
-        placements = inverse(tree.zero[parent]) @ first, inverse(tree.zero[child]) @ second
-        return LoopJoint(kind, parent, child, placements, _lead(tree, element) if is_screw else 0.0)
-
-    return read
+def _of_sdf(tree: UrdfTree, element: Any) -> LoopJoint:
+    parent, child = _ends_of_sdf(tree, element)
+    is_screw = (element.get("type") or "").strip() == "screw"
+    kind, placed = "screw" if is_screw else kind_of(tree, element, element.get("type")), tree.zero[child]
+    pose = element.find("pose")
+    if pose is not None:
+        around = (pose.get("relative_to") or pose.get("frame") or "").strip()
+        start = tree.zero[tree.link(pose, around, "this <pose>")] if around else tree.zero[child]
+        placed = start @ _pose(tree, pose, pose.text or "")
+    directions = [_sdf_axis(tree, element, word, placed) for word in ("axis", "axis2")]
+    first = along(placed, directions[0])
+    second = along(placed, directions[1]) if kind == "universal" else first
+    placements = inverse(tree.zero[parent]) @ first, inverse(tree.zero[child]) @ second
+    return LoopJoint(kind, parent, child, placements, lead(element, label_of(element), tree.name) if is_screw else 0.0)
 
 
-def _lead(tree: UrdfTree, element: Any) -> float:
-    """Return the translation of a screw of SDF by its rotation, m/rad."""
-    pitches = list[float | None]()
-    for word in ("screw_thread_pitch", "thread_pitch"):
-        pitch = element.find(word)
-        values = [0.0] if pitch is None else numbers(pitch.text or "")
-        if values is None or len(values) != 1 or (pitch is not None and values == [0.0] and word == "thread_pitch"):
-            raise tree.error(pitch, f"the {word} of {label_of(element)} must be a number other than 0")
-        pitches.append(None if pitch is None else values[0])
-    return lead(*pitches)
+def _of_plugin(tree: UrdfTree, element: Any) -> LoopJoint:
+    parent, child = _ends_of_sdf(tree, element)
+    words = [element.findtext(word) or "0 0 0" for word in ("position", "rotation")]
+    placed = tree.zero[child] @ _pose(tree, element, " ".join(words))
+    placed = along(placed, placed[:3, :3].T @ np.array([0.0, 1.0, 0.0]))  # ClosedLoopPlugin::Load: y of the model
+    return LoopJoint(
+        "revolute", parent, child, (inverse(tree.zero[parent]) @ placed, inverse(tree.zero[child]) @ placed)
+    )
+
+
+def _ends_of_sdf(tree: UrdfTree, element: Any) -> tuple[str, str]:
+    """Return the links that an element of SDF joins."""
+    words, label = ("parent", "child"), label_of(element, "gazebo")
+    parent, child = (tree.link(element.find(word), element.findtext(word), label) for word in words)
+    return parent, child
 
 
 def _sdf_axis(tree: UrdfTree, element: Any, word: str, placed: Array) -> Array:
@@ -244,26 +225,6 @@ def _sdf_axis(tree: UrdfTree, element: Any, word: str, placed: Array) -> Array:
         return np.asarray(direction)
     turned = np.eye(4) if around == "__model__" else tree.zero[tree.link(xyz, around, "this <xyz>")]
     return np.asarray(placed[:3, :3].T @ turned[:3, :3] @ direction)
-
-
-def _of_plugin(element: Any) -> Any:
-    def read(tree: UrdfTree) -> LoopJoint:
-        parent, child = (
-            tree.link(element.find(word), element.findtext(word), label_of(element, "gazebo"))
-            for word in ("parent", "child")
-        )
-        words = [element.findtext(word) or "0 0 0" for word in ("position", "rotation")]
-        placed = tree.zero[child] @ _pose(tree, element, " ".join(words))
-        axis = placed[:3, :3].T @ np.array([0.0, 1.0, 0.0])  # ClosedLoopPlugin::Load: y of the model
-        placed_axis = along(placed, axis)
-        return LoopJoint(
-            "revolute",
-            parent,
-            child,
-            (inverse(tree.zero[parent]) @ placed_axis, inverse(tree.zero[child]) @ placed_axis),
-        )
-
-    return read
 
 
 def _pose(tree: UrdfTree, element: Any, text: str) -> Array:

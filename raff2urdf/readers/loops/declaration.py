@@ -53,6 +53,30 @@ class Declaration:
         return tuple(word for word in (*tag, self.dialect, self.name, *self.also) if word)
 
 
+def declared(
+    element: Any, dialect: str, reader: Callable[[UrdfTree, Any], LoopJoint | CouplingEntry], label: str = "",
+    name: str | None = None, coupling: bool = False, text: str = "", **settings: Any,
+) -> Declaration:  # fmt: skip
+    """Return what an element declares.
+
+    Args:
+        element: of the file.
+        dialect: its kind.
+        reader: returns what it declares.
+        label: the element, in a few words; its tag and name unless given.
+        name: of the loop or coupling; that of the element unless given.
+        coupling: whether it couples joints.
+        text: the element and what it declares; the label unless given.
+        settings: others of `Declaration`.
+    """
+    label = label or label_of(element)
+    text = text or f"{label} declares a {'coupling' if coupling else 'loop'}"
+    return Declaration(
+        element.sourceline, dialect, label, text, element.get("name", "") if name is None else name, coupling=coupling,
+        read=lambda tree: reader(tree, element), element=element, **settings,
+    )  # fmt: skip
+
+
 class IgnoreList:
     """Elements to be ignored, by their tag or name (`--ignore`).
 

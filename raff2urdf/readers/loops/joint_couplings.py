@@ -12,12 +12,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 from raff2urdf.coupling import coupling_entry
 from raff2urdf.errors import did_you_mean
-from raff2urdf.readers.loops.declaration import CouplingEntry, Declaration, label_of
+from raff2urdf.readers.loops.declaration import CouplingEntry, Declaration, declared, label_of
 from raff2urdf.readers.urdf import joints, number, numbers
 from raff2urdf.readers.urdf_tree import UrdfTree
 
@@ -38,17 +38,9 @@ def find(root: Any) -> Iterator[Declaration]:
             label = f"<mimic> in joint '{follower}'"
             yield _mimic(mimic, "mimic", label, follower, leader, given)
     for element in root.iterchildren("coupling"):
-        label = label_of(element)
-        yield Declaration(
-            element.sourceline, "URDF+", label, f"{label} declares a coupling", element.get("name", ""),
-            coupling=True, read=_urdf_plus(element), element=element,
-        )  # fmt: skip
+        yield declared(element, "URDF+", _urdf_plus, coupling=True)
     for element in root.iterfind(f"constraint[@type='{COUPLING}']"):
-        label = label_of(element)
-        yield Declaration(
-            element.sourceline, "constraint elements", label, f"{label} declares a coupling", element.get("name", ""),
-            coupling=True, read=_constraint(element), element=element,
-        )  # fmt: skip
+        yield declared(element, "constraint elements", _constraint, coupling=True)
     for plugin in root.iterfind("gazebo/plugin"):
         leader, follower = ((plugin.findtext(word) or "").strip() for word in ("joint", "mimicJoint"))
         if leader in names and follower in names:
@@ -63,7 +55,7 @@ def find(root: Any) -> Iterator[Declaration]:
 
 
 def _mimic(element: Any, dialect: str, label: str, follower: str, leader: str, given: Any) -> Declaration:
-    def read(tree: UrdfTree) -> CouplingEntry:
+    def read(tree: UrdfTree, element: Any) -> CouplingEntry:
         multiplier, offset = (_number(tree, element, label, given.get(word), word) for word in ("multiplier", "offset"))
         if leader == follower:
             raise tree.error(element, f"{label} mimics the joint itself: name another joint, or remove it")
@@ -73,54 +65,44 @@ def _mimic(element: Any, dialect: str, label: str, follower: str, leader: str, g
         terms = {follower: [1.0], **({leader: [-multiplier]} if multiplier else {})}
         return coupling_entry(follower, terms, offset)
 
-    text = f"{label} declares a coupling"
-    return Declaration(
-        element.sourceline, dialect, label, text, follower, coupling=True, read=read, element=element, also=("mimic",)
-    )
+    return declared(element, dialect, read, label, follower, coupling=True, also=("mimic",))
 
 
-def _urdf_plus(element: Any) -> Callable[[UrdfTree], CouplingEntry]:
-    def read(tree: UrdfTree) -> CouplingEntry:
-        label = label_of(element)
-        links = []
-        for word in ("predecessor", "successor"):
-            end = element.find(word)
-            if end is None:
-                raise tree.error(element, f"{label} declares a coupling, but has no <{word}>: add it")
-            links.append(tree.link(end, end.get("link"), f"<{word}> of {label}"))
-        found = element.find("ratio")
-        if found is None:
-            raise tree.error(element, f'{label} has no <ratio>: add <ratio value="..."/>')
-        ratio = _number(tree, found, label, found.get("value", ""), "ratio")
-        terms: dict[str, list[float]] = {}
-        for chain, coefficient in zip(tree.between(*links), (ratio, -1.0), strict=True):
-            for joint in chain:
-                if joint.get("type") != "fixed" and coefficient:
-                    _check(tree, element, str(joint.get("name")), label)
-                    terms[str(joint.get("name"))] = [coefficient]
-        if not terms:
-            raise tree.error(element, f"{label} couples no joint: '{links[0]}' and '{links[1]}' are one rigid body")
-        return coupling_entry(element.get("name") or "-".join(links), terms)
-
-    return read
+def _urdf_plus(tree: UrdfTree, element: Any) -> CouplingEntry:
+    label, links = label_of(element), []
+    for word in ("predecessor", "successor"):
+        end = element.find(word)
+        if end is None:
+            raise tree.error(element, f"{label} declares a coupling, but has no <{word}>: add it")
+        links.append(tree.link(end, end.get("link"), f"<{word}> of {label}"))
+    found = element.find("ratio")
+    if found is None:
+        raise tree.error(element, f'{label} has no <ratio>: add <ratio value="..."/>')
+    ratio = _number(tree, found, label, found.get("value", ""), "ratio")
+    terms: dict[str, list[float]] = {}
+    for chain, coefficient in zip(tree.between(*links), (ratio, -1.0), strict=True):
+        for joint in chain:
+            if joint.get("type") != "fixed" and coefficient:
+                _check(tree, element, str(joint.get("name")), label)
+                terms[str(joint.get("name"))] = [coefficient]
+    if not terms:
+        raise tree.error(element, f"{label} couples no joint: '{links[0]}' and '{links[1]}' are one rigid body")
+    return coupling_entry(element.get("name") or "-".join(links), terms)
 
 
-def _constraint(element: Any) -> Callable[[UrdfTree], CouplingEntry]:
-    def read(tree: UrdfTree) -> CouplingEntry:
-        label, terms = label_of(element), dict[str, list[float]]()
-        for term in element.iterchildren("term"):
-            joint, coefficients = term.get("joint", ""), numbers(term.get("coefficients", ""))
-            _check(tree, element, joint, label)
-            if not coefficients or not any(coefficients) or joint in terms:
-                raise tree.error(term, f"the <term> of joint '{joint}' in {label} must have coefficients, and be one")
-            terms[joint] = coefficients
-        if not terms:
-            raise tree.error(element, f"{label} has no <term>: add one for each joint")
-        constant = element.find("constant")
-        value = 0.0 if constant is None else _number(tree, constant, label, constant.get("value", ""), "constant")
-        return coupling_entry(element.get("name") or "-".join(terms), terms, value)
-
-    return read
+def _constraint(tree: UrdfTree, element: Any) -> CouplingEntry:
+    label, terms = label_of(element), dict[str, list[float]]()
+    for term in element.iterchildren("term"):
+        joint, coefficients = term.get("joint", ""), numbers(term.get("coefficients", ""))
+        _check(tree, element, joint, label)
+        if not coefficients or not any(coefficients) or joint in terms:
+            raise tree.error(term, f"the <term> of joint '{joint}' in {label} must have coefficients, and be one")
+        terms[joint] = coefficients
+    if not terms:
+        raise tree.error(element, f"{label} has no <term>: add one for each joint")
+    constant = element.find("constant")
+    value = 0.0 if constant is None else _number(tree, constant, label, constant.get("value", ""), "constant")
+    return coupling_entry(element.get("name") or "-".join(terms), terms, value)
 
 
 def _number(tree: UrdfTree, element: Any, label: str, text: str | None, word: str) -> float:

@@ -18,8 +18,8 @@ import numpy as np
 
 from raff2urdf.arrays import Array
 from raff2urdf.errors import did_you_mean
-from raff2urdf.placement import translation
-from raff2urdf.readers.loops.declaration import Declaration, label_of, local, tag_of
+from raff2urdf.placement import from_origin, translation
+from raff2urdf.readers.loops.declaration import Declaration, declared, label_of, local, tag_of
 from raff2urdf.readers.loops.joint_couplings import COUPLING
 from raff2urdf.readers.loops.loop_joint import KINDS, LoopJoint
 from raff2urdf.readers.urdf import origin, three
@@ -37,14 +37,8 @@ def find(root: Any) -> Iterator[Declaration]:
         if word not in READERS or element.get("type") == COUPLING:
             continue
         dialect, reader = READERS[word]
-
-        def read(tree: UrdfTree, element: Any = element, reader: _Reader = reader) -> LoopJoint:
-            return reader(tree, element)
-
         notes = (f"{label_of(element)}: its stiffness is read as rigid",) if "bushing" in word else ()
-        name, label = element.get("name", ""), label_of(element)
-        text = f"{label} declares a loop"
-        yield Declaration(element.sourceline, dialect, label, text, name, read=read, element=element, notes=notes)
+        yield declared(element, dialect, reader, notes=notes)
 
 
 def kind_of(tree: UrdfTree, element: Any, word: str | None) -> str:
@@ -174,8 +168,6 @@ def _bushing(tree: UrdfTree, element: Any) -> LoopJoint:
 
 def _pose(tree: UrdfTree, element: Any) -> Array:
     """Return the placement (4, 4) that an element's own xyz and rpy give."""
-    from raff2urdf.placement import from_origin
-
     return from_origin(three(element, "xyz", tree.name), three(element, "rpy", tree.name))
 
 

@@ -15,9 +15,9 @@ import numpy as np
 from raff2urdf.arrays import Array
 from raff2urdf.errors import RaffError, did_you_mean, limits_reversed, run_all
 from raff2urdf.readers import drives
-from raff2urdf.readers.screw import lead
+from raff2urdf.readers.screw import lead, parameter
 from raff2urdf.readers.sdf.poses import SdfPoses, named, pose
-from raff2urdf.readers.urdf import SIZE, UNLIMITED, check_friction, direction, limit_value, number, numbers
+from raff2urdf.readers.urdf import UNLIMITED, check_friction, direction, limit_value, number
 from raff2urdf.readers.urdf_builder import UNBOUNDED
 from raff2urdf.readers.urdf_file import MEANT, by_name
 from raff2urdf.readers.xml_file import NAMESPACE, error_at, own_element
@@ -185,33 +185,15 @@ class SdfModelReader:
             raise self._error(element, f"{label} has {len(axes)} of {_AXES[kind]} axes: add <axis> or <axis2>")
         joint = SdfJoint(element, name, kind, ends[0], ends[1], placement, axes)
         if kind == "screw":
-            joint.lead = self._lead(element, label)
+            joint.lead = lead(element, label, self.name)
         if kind == GEARBOX:
             body = element.find("gearbox_reference_body")
             if body is None:
                 raise self._error(element, f"{label} has no <gearbox_reference_body>: add it")
             text = (body.text or "").strip()
             joint.reference = poses.link(text, body, f"{label} counts its angles from '{text}', which is not a link")
-            joint.ratio = self._parameter(element, "gearbox_ratio", label, 1.0)
+            joint.ratio = parameter(element, "gearbox_ratio", label, self.name, 1.0)
         return joint
-
-    def _lead(self, element: Any, label: str) -> float:
-        """Return the translation of a screw by its rotation, m/rad."""
-        words = ("screw_thread_pitch", "thread_pitch")
-        pitches = [None if element.find(w) is None else self._parameter(element, w, label, 1.0) for w in words]
-        if pitches == [None, 0.0]:
-            raise self._error(element.find("thread_pitch"), f"the thread_pitch of {label} must not be 0 rad/m")
-        return lead(*pitches)
-
-    def _parameter(self, element: Any, word: str, label: str, default: float) -> float:
-        """Return the number in an element of a joint or a mimic."""
-        child = element.find(word)
-        if child is None:
-            return default
-        value = numbers(child.text or "")
-        if value is None or len(value) != 1:
-            raise self._error(child, f"the {word} '{(child.text or '').strip()}' of {label} must be a number{SIZE}")
-        return value[0]
 
     def _mimic(self, element: Any, label: str, poses: SdfPoses) -> SdfMimic:
         axis = element.get("axis", "axis")
@@ -219,7 +201,7 @@ class SdfModelReader:
             raise self._error(element, f"{label} mimics the axis '{axis}', which must be axis or axis2")
         owner, joint_name = poses.owner(element.get("joint", ""))
         words = (("multiplier", 1.0), ("offset", 0.0), ("reference", 0.0))
-        values = [self._parameter(element, word, label, default) for word, default in words]
+        values = [parameter(element, word, label, self.name, default) for word, default in words]
         return SdfMimic(element, owner.prefix + joint_name, int(axis == "axis2"), *values)
 
     def _axis(self, element: Any, label: str, frame: Array, poses: SdfPoses) -> SdfAxis:

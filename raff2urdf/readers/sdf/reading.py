@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from raff2urdf.constraints import Constraints
 from raff2urdf.graphics.names import find
@@ -15,20 +15,10 @@ from raff2urdf.readers.loops.loop_joint import LoopJoint
 from raff2urdf.readers.sdf.conversion import SdfConversion
 from raff2urdf.readers.sdf.included import robot_of
 from raff2urdf.readers.sdf.model import SdfModel, SdfModelReader
+from raff2urdf.readers.urdf_builder import Converted
 from raff2urdf.readers.urdf_file import parse
 from raff2urdf.readers.urdf_tree import UrdfTree
 from raff2urdf.readers.xml_file import NAMESPACE, error_at, parse_xml
-
-
-class SdfRobot(NamedTuple):
-    """A robot of an SDF: its URDF, its constraints, the elements that were ignored, notes about what was read, and the
-    joints that plugins control."""
-
-    urdf: str
-    constraints: Constraints
-    ignored: list[str]
-    notes: list[str]
-    driven: set[str]
 
 
 def read(
@@ -37,7 +27,7 @@ def read(
     robot: str | None = None,
     ignore: Collection[str] = (),
     find: Callable[[str, Path], Path] = find,
-) -> SdfRobot:
+) -> Converted:
     """Read an SDF.
 
     Args:
@@ -57,7 +47,7 @@ def read(
     urdf, values = conversion.run()
     frames = _close_frames(name, urdf, values, ignore)
     ignored = [*conversion.ignored, *frames, *_unread(name, chosen, model, ignore)]
-    return SdfRobot(urdf, values, ignored, conversion.notes, conversion.driven)
+    return Converted(urdf, values, ignored, conversion.notes, conversion.driven)
 
 
 def _close_frames(name: str, urdf: str, values: Constraints, ignore: Collection[str]) -> list[str]:

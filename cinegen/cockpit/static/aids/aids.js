@@ -16,9 +16,9 @@ export const AIDS = [
   { id: "ellipsoid", label: "Manipulability ellipsoid", hint: "Long where the tool moves easily, flat where hardly" },
   { id: "reactions", label: "Reactions", hint: "Forces of joints and loops on the parts behind them, at rest" },
   { id: "frames", label: "Frames", hint: "Axes of the tool: red x, green y, blue z" },
-  { id: "loops", label: "Loop marks", hint: "Balls where a loop is closed" },
+  { id: "loops", label: "Loop marks", hint: "Balls where loops are closed; those of an open loop are always shown" },
 ];
-const OFF = ["ellipsoid", "reactions"]; // until they are chosen
+const OFF = ["ellipsoid", "reactions", "loops"]; // until they are chosen
 export const BODIES = ["parts", "skeleton"];
 
 /**

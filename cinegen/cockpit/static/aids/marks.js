@@ -44,6 +44,7 @@ export class Marks {
         const where = this.view.stage.worldToLocal(mark.getWorldPosition(new Vector3()));
         this.labels.put(`gap ${robot.name} ${loop.name}`, open ? `open by ${units.length(gap * robot.length)}` : "", where, "far");
       }
+      this.#show();
       this.view.changed();
     }
   }
@@ -59,7 +60,7 @@ export class Marks {
       for (const { name } of robot.nodes) {
         for (const child of this.view.group(robot.name, name).children) {
           if (child.name === "triad") child.visible = this.aids.shows("frames");
-          else if (child.name.startsWith("loop ")) child.visible = this.aids.shows("loops");
+          else if (child.name.startsWith("loop ")) child.visible = this.aids.shows("loops") || (this.#open.has(robot.name) && !this.aids.none);
         }
       }
     }

@@ -3,7 +3,7 @@
 // A page without a server places its robots as its address has them (cinegen/page/static/session/link.js). Here others
 // may drive the same robots: a user is asked before they move.
 //
-// For tests: #section-share with #picture, #film-video, #copy-link and #page-copy.
+// For tests: #section-share with #picture, #film-video, #copy-link, #copy-view-link and #page-copy.
 
 import { pageUrl } from "../base/address.js";
 import { button, make } from "../base/dom.js";
@@ -21,8 +21,12 @@ export class Share {
     const { body } = new Section(panel, "share", "Share", "Links, pictures and films of what the view shows");
     const press = (/** @type {string} */ id, /** @type {string} */ title, /** @type {string} */ text, click = () => {}) =>
       button({ id, class: "small", title }, click, text);
+    const viewers = press("copy-view-link", "Copy the same link for people who only view", "View-only link", () =>
+      this.copy(`?view=${session.hello?.view_token}`));
+    session.on("hello", ({ view_token: token }) => (viewers.hidden = !token));
     body.append(
-      press("copy-link", "Copy a link to this page with the present view and configuration", "Copy link", () => this.copy()),
+      press("copy-link", "Copy a link to this page with the present view and configuration", "Copy link", () => this.copy("")),
+      viewers,
       press("picture", "Download what the view shows as a PNG", "Picture", () => this.picture()),
       press("film-video", "Record what the view shows, at most 60 s, and download it", "Film"),
       make("a", { id: "page-copy", class: "button small", href: location.search ? pageUrl("snapshot.html") : "snapshot.html", download: "", title: "Download the scene as it is now: one HTML file to look at" }, "Snapshot"),
@@ -45,18 +49,17 @@ export class Share {
     download(this.view.picture(), `${this.session.hello?.title ?? "cinegen"}.png`);
   }
 
-  /** Copy a link to the clipboard, or put it into the address bar where the browser refuses that. */
-  async copy() {
+  /**
+   * Copy a link to the clipboard, or show it where the browser refuses that.
+   * @param {string} query of its address; empty: as the page's
+   */
+  async copy(query) {
     const fragment = fragmentOf(this.session.configurations(), this.view.cameraNumbers());
-    const url = new URL(fragment, location.href);
-    const token = url.searchParams.has("token") ? " It contains the session's token: whoever has it can drive." : "";
-    try {
-      await navigator.clipboard.writeText(url.href);
-      this.session.emit("notice", { text: `The link to this view and configuration is copied.${token}` });
-    } catch {
-      history.replaceState(null, "", fragment);
-      this.session.emit("notice", { text: `The link is in the address bar: this browser does not copy it.${token}` });
-    }
+    const url = new URL(query + fragment, location.href);
+    const { searchParams: has } = url;
+    const token = has.has("token") ? " It contains the session's token: whoever has it can drive." : has.has("view") ? " Whoever has it can only view." : "";
+    const copied = await navigator.clipboard?.writeText(url.href).then(() => true, () => false);
+    this.session.emit("notice", { text: `${copied ? "The link to this view and configuration is copied." : `Copy this link: ${url.href}.`}${token}` });
   }
 
   #read() {

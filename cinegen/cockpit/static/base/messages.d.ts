@@ -72,7 +72,7 @@ export type ClientMessage = Ack | RequestControl | RequestReactions | RequestRat
 export interface HelloMessage { type: "hello"; protocol: number; client: number; title: string; robots:
   RobotDescription[]; obstacles: ObstacleDescription[]; sensors: SensorDescription[]; switches: SensorSwitch[]; frames:
   ("base" | "tool" | "view" | "world")[]; playback: PlaybackStatus | null; stops: [number, string][]; map: string |
-  null; caption?: string; view_only?: boolean }
+  null; caption?: string; view_only?: boolean; view_token?: string | null }
 export interface RobotDescription { name: string; robot: string; length: number; mobility: number; end: string; base:
   [string, string] | null; nodes: NodeDescription[]; joints: JointDescription[]; loops: LoopDescription[]; couplings:
   CouplingDescription[]; forces: ForcesDescription; root?: string | null; lost?: string }

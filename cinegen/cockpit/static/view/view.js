@@ -28,6 +28,8 @@ export class View {
   #before = [];
   /** @type {(() => void)[]} */
   #last = [];
+  /** @type {Map<string, import("three").BufferGeometry>} */
+  #geometries = new Map(); // of the scene, by what the server calls them
   #heard = 0;
   #seen = false; // whether a picture was drawn since it was framed
   /** @type {Pyramid[]} */
@@ -110,21 +112,35 @@ export class View {
     const handle = viewer.handle_command.bind(viewer);
     const put = viewer.set_object.bind(viewer);
     viewer.set_object = (path, object) => {
+      this.#share(object);
       dress(object);
       put(path, object);
     };
     viewer.handle_command = (command) => {
       if (this.framed && command.path?.startsWith("/Cameras")) return;
-      if (command.type === "delete" && command.path === `/${ROOT.join("/")}`) this.whole = false;
+      if (command.type === "delete" && command.path === `/${ROOT.join("/")}`) {
+        this.whole = false;
+        this.#geometries.clear();
+      }
       handle(command);
       this.whole ||= command.property === LAST;
     };
+  }
+
+  /** Give an object its geometry, which the server sends with the first object that has it. @param {Object3D} object */
+  #share(object) {
+    const shape = /** @type {Mesh} */ (object);
+    if (shape.geometry === undefined) return;
+    const { uuid, attributes } = shape.geometry;
+    if (attributes.position === undefined) shape.geometry = this.#geometries.get(uuid) ?? shape.geometry;
+    else this.#geometries.set(uuid, shape.geometry);
   }
 
   /** What was drawn is forgotten: the server draws its scene anew. */
   clear() {
     if (this.viewer.scene_tree.children[ROOT[0]] !== undefined) this.viewer.delete_path([ROOT[0]]);
     this.whole = false;
+    this.#geometries.clear();
     this.forget();
   }
 
