@@ -19,6 +19,7 @@ from leftovers import Snapshot, left_since
 from repository import load as load_robot
 
 import cinegen
+from cinegen.cli import main
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -51,7 +52,14 @@ def pytest_collection_finish():
     gc.freeze()
 
 
+NO_PORT = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
+"""Robots of the repository name a port for their sensor, which is not there."""
+
+
 def pytest_collection_modifyitems(items):
+    for item in items:
+        if item.path.parent.name in ("browser", "cockpit", "devices", "session"):
+            item.add_marker(NO_PORT)
     for function in {item.obj.__func__ if hasattr(item.obj, "__func__") else item.obj for item in _laws(items)}:
         own = getattr(function, "_hypothesis_internal_use_settings", None) or settings.default
         count = max(3, round(EXAMPLES * own.max_examples))
@@ -76,6 +84,18 @@ def nothing_is_left(request):
     yield
     left = left_since(before)
     assert not left, f"left behind: {'; '.join(left)}"
+
+
+@pytest.fixture
+def typed(capsys):
+    """`typed("info", path, code=1)`: what `cinegen` prints (`.out`, `.err`), with this exit code."""
+
+    def command(*words, code=0):
+        capsys.readouterr()
+        assert main([*map(str, words)]) == code
+        return capsys.readouterr()
+
+    return command
 
 
 @pytest.fixture

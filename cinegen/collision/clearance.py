@@ -64,7 +64,7 @@ class Clearance(OneThread):
     Distances are those of the convex bodies; where these are nearer to each other than `exact_within`, those of the
     exact shapes that they contain, up to a few times as far. So no distance is overestimated, and those below
     `exact_within` are exact: to 3e-6 m between shapes that coal iterates (hulls, boxes), to 1e-9 m between meshes and
-    between capsules (tests/collision/test_error_bounds.py). Longer ones are too short by the excess of both convex
+    between capsules (tests/collision/test_exact_distances.py). Longer ones are too short by the excess of both convex
     bodies at most, which `cinegen info --collision` lists as measured. Where meshes overlap, the distance is the
     negative penetration depth of the convex bodies, which is at least as deep.
 

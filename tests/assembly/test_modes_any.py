@@ -151,13 +151,11 @@ STRAIGHT = np.arccos((1.0 - 2.0 * np.hypot(0.5, 0.7)) / 2.0 / 0.5)  # from the x
 
 
 @pytest.fixture(scope="module")
-def symmetric(tmp_path_factory):
+def symmetric():
     """A five-bar with cranks of 0.5, upright at home on feet that are 1 apart, and equal rods."""
     q = np.array([[0.0, 0.0], [0.0, 0.5], [0.5, 1.2], [1.0, 0.5], [1.0, 0.0]])
     legs = [[hinge(q[0], motor=True), hinge(q[1]), hinge(q[2])], [hinge(q[4], motor=True), hinge(q[3])]]
-    path = tmp_path_factory.mktemp("symmetric") / "five.raff"
-    path.write_text("RAFF five\n" + legged(legs).text(joint_digits=None), encoding="utf-8")
-    return cinegen.load(path)
+    return cinegen.load("RAFF five\n" + legged(legs).text(joint_digits=None))
 
 
 @pytest.mark.parametrize(("method", "past"), [("auto", 0.0), ("auto", -1e-13), ("monodromy", 1e-14)])

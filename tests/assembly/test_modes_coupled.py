@@ -8,13 +8,12 @@ from assembled import nothing_beside, sound, traced
 import cinegen
 
 
-def test_a_passive_joint_follows_another_one(root, tmp_path):
+def test_a_passive_joint_follows_another_one(root):
     """A five-bar with one motor, and a gear between the joints of the other arm."""
     text = (root / "robots/five_bar.raff").read_text(encoding="utf-8")
     gear = "coupling { link 4 link 3 ratio -1 offset 137.792189 }\n\n  constraint { link 5 frame 20 }"
     motors = text.replace("actuated 1", "actuated 0").replace("actuated 0", "actuated 1", 1)
-    (tmp_path / "geared.raff").write_text(motors.replace("constraint { link 5 frame 20 }", gear), encoding="utf-8")
-    geared = cinegen.load(tmp_path / "geared.raff")
+    geared = cinegen.load(motors.replace("constraint { link 5 frame 20 }", gear))
     assert (geared.mobility, geared.actuated) == (1, ("joint1",))
     modes = cinegen.assembly_modes(geared)
     traced(modes)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from playwright.sync_api import sync_playwright
-from tabs import CHROMIUM, FLAGS, PICTURES, READY, SIZE, UNDRAWN, becomes
+from tabs import CHROMIUM, FLAGS, IN_BROWSER, PICTURES, READY, SIZE, UNDRAWN, becomes
 
 from cinegen.cockpit import Cockpit
 from cinegen.page import build_page
@@ -33,6 +33,14 @@ class OneChromium:
         if cls.playwright is not None:
             cls.playwright.stop()
         cls.playwright = cls.browser = None
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    for item in items:
+        if item.path.parent == Path(__file__).parent:
+            for mark in IN_BROWSER:
+                item.add_marker(mark)
 
 
 @pytest.hookimpl(trylast=True)

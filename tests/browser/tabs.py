@@ -16,7 +16,6 @@ FLAGS = [
 ]
 IN_BROWSER = [
     pytest.mark.browser,
-    pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning"),
     pytest.mark.skipif(CHROMIUM is None, reason="NO CHROMIUM: pages are not tested in a real browser"),
 ]
 SIZE = {"width": 900, "height": 560}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from axe import needs_axe, violations
-from tabs import IN_BROWSER, becomes, tools
+from tabs import becomes, tools
 
 HIGH = {"width": 900, "height": 3200}  # the panel does not scroll: axe-core judges no colours of what is scrolled away
 LOW = "document.getElementById('pane').style.maxHeight = '400px'"  # drawing in software takes long
@@ -22,7 +22,7 @@ BARE = """() => [...document.querySelectorAll("button, input, select, [role=butt
   return !label || !hint;
 }).map((control) => control.outerHTML.slice(0, 120))"""
 
-pytestmark = [*IN_BROWSER, needs_axe]
+pytestmark = needs_axe
 
 
 @pytest.fixture

@@ -5,13 +5,11 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-from tabs import IN_BROWSER, PIXELS, becomes, find, grab, held, picture, place, rests, tools
+from tabs import PIXELS, becomes, find, grab, held, picture, place, rests, tools
 
 import cinegen
 from cinegen.mission.results import record_modes
 from cinegen.session import replay_setup
-
-pytestmark = IN_BROWSER
 
 
 def easiest(cockpit, name, node, at):

@@ -5,13 +5,11 @@ import shutil
 import numpy as np
 import pytest
 from PIL import Image
-from tabs import IN_BROWSER
 
 from cinegen.cockpit import film
 from cinegen.cockpit.film import FPS, FilmError
 from cinegen.session import arrange
 
-pytestmark = IN_BROWSER
 SIZE = (320, 180)
 
 

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 import umsgpack
-from tabs import IN_BROWSER, becomes, find, grab, picture
+from tabs import becomes, find, grab, picture
 
 import cinegen
 from cinegen.cockpit import Cockpit
@@ -81,8 +81,6 @@ FAR = 20.0
 """Difference of a pixel that is made of 400, of 255: a small part that is missing."""
 
 LOADS = 20
-
-pytestmark = IN_BROWSER
 
 
 @pytest.fixture(scope="module")

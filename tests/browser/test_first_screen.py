@@ -1,7 +1,7 @@
 """The first screen: the robot, and next to nothing else. Everything else is a few clicks away."""
 
 import pytest
-from tabs import IN_BROWSER, becomes, picture
+from tabs import becomes, picture
 
 import cinegen
 from cinegen.collision import scene_of
@@ -31,8 +31,6 @@ UNCOVERED = """() => {
   return bottom <= innerHeight && points.every((point) => cockpit.pick.touched(point) === null);
 }"""
 POLE = {"name": "pole", "kind": "capsule", "radius": 0.03, "length": 1.0, "point": [0.45, 0.25, 0.5]}
-
-pytestmark = IN_BROWSER
 
 
 @pytest.fixture

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 from headset import Headset, needs_emulator
-from tabs import IN_BROWSER, becomes, grab, held, place, rests
+from tabs import becomes, grab, held, place, rests
 
 RIGHT, LEFT = (0.15, 1.35, -0.3), (-0.16, 1.03, -0.6)
 POINT = (0.1, 0.2, 0.3)
 EXACT = 2e-5  # m: a task that follows, of robots of a metre or more
 
-pytestmark = [*IN_BROWSER, needs_emulator]
+pytestmark = needs_emulator
 
 
 @pytest.fixture

@@ -10,7 +10,6 @@ import sys
 import threading
 
 import pytest
-from tabs import IN_BROWSER
 
 import cinegen.cli
 
@@ -23,7 +22,7 @@ new PerformanceObserver((list) => {
 }).observe({ type: "largest-contentful-paint", buffered: true });
 """
 
-pytestmark = [*IN_BROWSER, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pinocchio as pin
-from tabs import IN_BROWSER, becomes, held, place
+from tabs import becomes, held, place
 
 FOCUSED = """() => {
   const { activeElement: one } = document;
@@ -13,8 +13,6 @@ FOCUSED = """() => {
     ring: outlineStyle !== "none" && parseFloat(outlineWidth) >= 2,
   };
 }"""
-
-pytestmark = IN_BROWSER
 
 
 def announced(page):

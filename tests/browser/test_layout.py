@@ -1,7 +1,7 @@
 """What stands over the scene, in windows of all sizes: nothing covers the part's toolbar, and no text is cut off."""
 
 import pytest
-from tabs import IN_BROWSER, becomes
+from tabs import becomes
 
 # The page as a server has it: all parts are shown that a page without a server hides.
 PREPARE = """() => {
@@ -65,8 +65,6 @@ CUT = """() => [...document.querySelectorAll("#bar, #pane > :not(#scene), #panel
 TOGETHER = (["hint"], ["toasts"], ["crowd"], ["legend"], ["cover"])
 ALL = ["hint", "toasts", "crowd", "legend", "cover"]
 SIZES = [(360, 640), (640, 360), (900, 560), (2560, 1440)]  # the second: 1280 x 720 at a zoom of 200 %
-
-pytestmark = IN_BROWSER
 
 
 def test_nothing_covers_the_toolbar_and_no_text_is_cut(page_of, tab):

@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 from hostile_names import JOINTS, LINKS, urdf
 from PIL import Image
-from tabs import IN_BROWSER, WHERE, becomes, picture, tools
+from tabs import WHERE, becomes, picture, tools
 
 import cinegen
 from cinegen.page import build_page
 from cinegen.session import Setup
-
-pytestmark = IN_BROWSER
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,7 @@
 import json
 
 import numpy as np
-from tabs import IN_BROWSER, becomes, picture, tools
+from tabs import becomes, picture, tools
 
 from cinegen.session import map_setup
 from cinegen.workspace import GridAxis, MapSpecification, Region, make_map
@@ -24,8 +24,6 @@ CELL = """() => {
   }
   return null;
 }"""
-
-pytestmark = IN_BROWSER
 
 
 def seen(tab):

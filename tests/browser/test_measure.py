@@ -4,11 +4,9 @@ import re
 
 import numpy as np
 import pytest
-from tabs import IN_BROWSER, PIXELS, WHERE, becomes, picture
+from tabs import PIXELS, WHERE, becomes, picture
 
 NUMBERS = re.compile(r"(distance|dx|dy|dz|at) (-?[\d.]+)")
-
-pytestmark = IN_BROWSER
 
 
 def shown(page):

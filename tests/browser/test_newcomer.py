@@ -2,11 +2,9 @@
 
 import numpy as np
 import pytest
-from tabs import IN_BROWSER, READY, becomes, find, grab, held, picture, rests
+from tabs import READY, becomes, find, grab, held, picture, rests
 
 MOST = 3
-
-pytestmark = IN_BROWSER
 
 
 class Hand:

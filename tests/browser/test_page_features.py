@@ -5,11 +5,9 @@ import json
 import numpy as np
 import pytest
 from browsers import Browser
-from tabs import IN_BROWSER, READY, becomes, find, picture, tools
+from tabs import READY, becomes, find, picture, tools
 
 from cinegen.mission import Recording
-
-pytestmark = IN_BROWSER
 
 
 @pytest.fixture

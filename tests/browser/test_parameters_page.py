@@ -6,14 +6,11 @@ import re
 
 import numpy as np
 import pytest
-from tabs import IN_BROWSER
 
 from raff2urdf.raff.kleinfinger import Kleinfinger, transform
 
 NAMES = ("gamma", "epsilon", "alpha", "d", "theta", "r")
 PATTERN = re.compile(r"(\w+) (-?\d+)")
-
-pytestmark = IN_BROWSER
 
 
 @pytest.fixture(scope="module")

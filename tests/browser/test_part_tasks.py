@@ -4,18 +4,15 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import two_armed
-from tabs import IN_BROWSER, becomes, find, grab, picture, place, rests
+from tabs import becomes, find, grab, picture, place, rests
 
 import cinegen
 from cinegen.session import arrange
 
-pytestmark = IN_BROWSER
-
 
 @pytest.fixture
-def duo(cockpit, tmp_path):
-    (tmp_path / "two_armed.urdf").write_text(two_armed.URDF)
-    return cockpit(setup=arrange({"duo": cinegen.load(tmp_path / "two_armed.urdf")}))
+def duo(cockpit):
+    return cockpit(setup=arrange({"duo": cinegen.load(two_armed.URDF)}))
 
 
 def pose(duo, node):

@@ -4,7 +4,7 @@ import os
 
 import pytest
 from axe import AXE, violations
-from tabs import IN_BROWSER, becomes, find, picture
+from tabs import becomes, find, picture
 
 import cinegen
 from cinegen.cockpit import SetupFiles
@@ -18,8 +18,6 @@ robot arm {
   frame 4 { pred 3 name "tip" parameters { d 200 } }
 }
 """
-
-pytestmark = IN_BROWSER
 
 
 class Edited:

@@ -1,12 +1,10 @@
 """A user inverts, swaps and scales the axes of a sensor in the panel."""
 
-from tabs import IN_BROWSER, READY, becomes, picture, tools
+from tabs import READY, becomes, picture, tools
 
 import cinegen
 from cinegen.cockpit import Cockpit, SetupFiles
 from cinegen.session import arrange
-
-pytestmark = IN_BROWSER
 
 ARM = """RAFF arm
 sensor 1 { port "tcp://127.0.0.1:0" axes "x, y, -z" }

@@ -4,9 +4,8 @@ wider than the window."""
 import re
 
 import pytest
-from tabs import IN_BROWSER
 
-pytestmark = [*IN_BROWSER, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 LINK = re.compile(r'<a class="reference internal" href="([^"#]*)#([^"]+)"[^>]*><code')
 
 

@@ -6,12 +6,9 @@ import ezdxf
 import numpy as np
 import pytest
 from PIL import Image
-from tabs import IN_BROWSER
 
 import cinegen
 from cinegen.cockpit import Page, RobotScene
-
-pytestmark = IN_BROWSER
 
 
 @pytest.fixture

@@ -1,7 +1,7 @@
 """What goes wrong is told in one sentence, with what to do."""
 
 import pytest
-from tabs import IN_BROWSER, becomes, picture, tools
+from tabs import becomes, picture, tools
 
 import cinegen
 from cinegen.cockpit import Cockpit
@@ -12,8 +12,6 @@ LOST_MESH = """<robot name="arm"><link name="base"/>
 <joint name="j" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 0 1"/>
 <limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
 COVER = "document.getElementById('cover')"
-
-pytestmark = IN_BROWSER
 
 
 def cover(page, text):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tabs import IN_BROWSER, becomes, find, grab
+from tabs import becomes, find, grab
 
 import cinegen
 from cinegen.cockpit.cockpit import draw
@@ -61,8 +61,6 @@ LIT = """(complete) => {
   picture.drawImage(view.canvas, 0, 0);
   return [...picture.getImageData((1 + x) / 2 * width, (1 - y) / 2 * height, 1, 1).data].slice(0, 3);
 }"""
-
-pytestmark = IN_BROWSER
 
 
 def chain(count):

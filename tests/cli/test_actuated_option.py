@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from cinegen.cli import main
@@ -19,23 +20,57 @@ MJCF = """<mujoco model="arm"><worldbody><body name="upper"><joint name="joint1"
 
 
 @pytest.mark.parametrize(("ending", "text"), [("urdf", URDF), ("sdf", SDF), ("xml", MJCF)])
-def test_named_joints_are_actuated_in_every_format(tmp_path, capsys, ending, text):
+def test_named_joints_are_actuated_in_every_format(tmp_path, typed, ending, text):
     path = tmp_path / f"arm.{ending}"
     path.write_text(text)
-    assert main(["info", str(path), "--actuated", "joint2", "--json"]) == 0
-    (found,) = json.loads(capsys.readouterr().out)
+    (found,) = json.loads(typed("info", path, "--actuated", "joint2", "--json").out)
     assert found["actuated"] == ["joint2"]
-    assert main(["info", str(path), "--actuated", "joint2 joint1", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)[0]["actuated"] == ["joint1", "joint2"]
-    assert main(["info", str(path), "--actuated", "joint3"]) == 1
-    assert "no joint 'joint3': did you mean 'joint" in capsys.readouterr().err
+    said = typed("info", path, "--actuated", "joint2 joint1", "--json")
+    assert json.loads(said.out)[0]["actuated"] == ["joint1", "joint2"]
+    assert "no joint 'joint3': did you mean 'joint" in typed("info", path, "--actuated", "joint3", code=1).err
 
 
-def test_a_scene_and_a_closed_robot_take_it_too(root, capsys, tmp_path):
+def test_a_scene_and_a_closed_robot_take_it_too(root, typed, tmp_path):
     robot = str(root / "robots/five_bar.raff")
-    assert main(["modes", robot, "--actuated", "joint1,joint2", "--json"]) == 0
-    assert {*json.loads(capsys.readouterr().out)[0]["actuated"]} == {"joint1", "joint2"}
+    said = typed("modes", robot, "--actuated", "joint1,joint2", "--json")
+    assert {*json.loads(said.out)[0]["actuated"]} == {"joint1", "joint2"}
     scene = {"robot": robot, "node": "tool", "goal": {"point": [0.0, 0.35]}}
     (tmp_path / "scene.json").write_text(json.dumps(scene))
-    assert main(["plan", str(tmp_path / "scene.json"), "--actuated", "joint1,jont3"]) == 1
-    assert "no joint 'jont3': did you mean" in capsys.readouterr().err
+    said = typed("plan", tmp_path / "scene.json", "--actuated", "joint1,jont3", code=1)
+    assert "no joint 'jont3': did you mean" in said.err
+
+
+# --- lock option ------------------------------------------------------------------------------------------------------
+# `--lock` of `cinegen plan`, `drive` and `ik`: joints that do not move.
+
+
+@pytest.fixture
+def scene(tmp_path, root):
+    """A scene of an arm whose tool is to go a little upwards."""
+    text = {
+        "robot": str(root / "robots/planar_3r.raff"),
+        "node": "tool",
+        "start": {"joints": {"joint1": -67.61, "joint2": 56.72, "joint3": 50.42}},
+        "goal": {"point": [0.62, -0.25]},
+    }
+    (tmp_path / "scene.json").write_text(json.dumps(text))
+    return str(tmp_path / "scene.json")
+
+
+def test_a_plan_does_not_move_what_is_locked(scene, typed):
+    found = json.loads(typed("plan", scene, "--lock", "joint3", "--json").out)
+    assert found["locked"] == ["joint3"]
+    assert {q["joint3"] for q in found["path"]} == {np.radians(50.42)}
+    assert np.ptp([q["joint1"] for q in found["path"]]) > 0.01
+
+
+def test_ik_holds_a_joint_at_a_value(root, typed):
+    arm = str(root / "robots/planar_3r.raff")
+    (solution,) = json.loads(typed("ik", arm, "--at", "0.5,0.1,0", "--lock", "joint2=70", "--json").out)["solutions"]
+    assert solution["joints"]["joint2"] == pytest.approx(np.radians(70.0))
+
+
+def test_a_snapshot_with_a_locked_joint_is_drawn(root, tmp_path, capsys):
+    arm, to = str(root / "robots/planar_3r.raff"), tmp_path / "arm.html"
+    assert main(["drive", arm, "--lock", "joint2", "--snapshot", str(to)]) == 0
+    assert to.stat().st_size > 1000

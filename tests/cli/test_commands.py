@@ -6,16 +6,24 @@ import os
 import pty
 import re
 import select
+import shutil
 import signal
 import subprocess
 import sys
 import time
 import urllib.request
+from pathlib import Path
 
 import pytest
 import typer
+from matplotlib.figure import Figure
 
-from cinegen.cli import app, main, served_page
+from cinegen.cli import app, main, progress, served_page
+from cinegen.cli.files import write_figure
+from cinegen.cli.progress import Progress
+from cinegen.plotting import sheet
+from raff2urdf import shipped
+from raff2urdf.cli import main as main_of_raff2urdf
 
 
 @pytest.fixture
@@ -124,12 +132,11 @@ def test_errors_are_red_at_a_terminal(monkeypatch, no_color):
     assert stream.getvalue().startswith("cinegen: " if no_color else "\x1b[1;31mcinegen: \x1b[0mnone.raff: ")
 
 
-def test_help_shows_all_that_is_said_about_every_option(capsys, monkeypatch):
+def test_help_shows_all_that_is_said_about_every_option(typed, monkeypatch):
     """Brackets are not taken for colours."""
     monkeypatch.setenv("COLUMNS", "2000")  # no text is broken
     for name, command in typer.main.get_command(app).commands.items():
-        assert main([name, "--help"]) == 0
-        text = capsys.readouterr().out
+        text = typed(name, "--help").out
         assert f"Usage: cinegen {name}" in text
         for paragraph in command.help.split("\n\n"):
             assert paragraph in text
@@ -138,8 +145,173 @@ def test_help_shows_all_that_is_said_about_every_option(capsys, monkeypatch):
             assert parameter.help in text
 
 
-def test_pairs_are_printed(capsys):
-    assert main(["info", "planar_3r", "--collision"]) == 0
-    out = capsys.readouterr().out
+def test_pairs_are_printed(typed):
+    out = typed("info", "planar_3r", "--collision").out
     assert "link1 - link2: adjacent" in out
     assert "base - link2: checked" in out
+
+
+# --- demo command -----------------------------------------------------------------------------------------------------
+# `cinegen demo`, and the names of shipped robots and scenes in other commands, from a folder without any file.
+
+
+@pytest.fixture
+def run(capsys, monkeypatch, tmp_path):
+    """Runs a command in an empty folder; what it returns, and what it prints on both streams."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*words, command=main):
+        code = command(list(words))
+        said = capsys.readouterr()
+        return code, said.out, said.err
+
+    return call
+
+
+def test_the_list_has_a_line_for_everything(run, root):
+    code, out, _ = run("demo", "--list")
+    assert code == 0
+    listed = [line.split(maxsplit=1) for line in out.splitlines() if line.startswith("  ")]
+    examples = [path.stem[3:] for path in sorted((root / "examples").glob("*.py"))]
+    assert [name for name, _ in listed] == [*shipped.robots(), *shipped.scenes(), *examples]
+    assert all(20 < len(text) < 125 for _, text in listed)
+
+
+@pytest.mark.parametrize(("name", "says"), [("two_arms", "right: 4 joints"), ("disc", "clear of 1 obstacle")])
+@pytest.mark.usefixtures("session_in_a_thread")
+def test_a_robot_or_a_scene_is_driven(run, name, says):
+    code, out, err = run("demo", name, "--seconds", "0.2", "--no-browser")
+    assert code == 0
+    assert says in out
+    assert "page: http://127.0.0.1:" in out
+    assert "warning" not in err
+
+
+def test_an_example_is_run(run):
+    code, out, _ = run("demo", "kleinfinger")
+    assert code == 0
+    assert out.strip()
+
+
+def test_commands_take_the_names_of_robots_and_scenes(run, tmp_path):
+    assert run("info", "four_bar")[1].startswith("four_bar: robot 'linkage', mobility 1")
+    assert run("plan", "disc", "--json")[0] == 0
+    assert run("four_bar", command=main_of_raff2urdf)[0] == 0
+    assert (tmp_path / "generated" / "four_bar.urdf").is_file()
+    assert run("--check", "delta4", command=main_of_raff2urdf)[1].startswith("delta4: robot 'r1': 17 links")
+
+
+def test_a_file_comes_before_a_shipped_robot_of_its_name(run, root, tmp_path):
+    (tmp_path / "delta4").write_bytes((root / "robots/four_bar.raff").read_bytes())
+    assert run("info", "delta4")[1].startswith("delta4: robot 'linkage'")
+
+
+# --- progress ---------------------------------------------------------------------------------------------------------
+# Progress of long computations: for people at a terminal who wait, and gone in the end.
+
+
+def shown(screen):
+    """The text on the terminal, without control sequences."""
+    return re.sub(r"\x1b\[[\d;?]*[a-zA-Z]", "", screen.getvalue())
+
+
+def test_text_fractions_and_cells_are_shown(terminal):
+    screen = terminal()
+    with Progress() as bar:
+        bar.text("trying")
+    with Progress() as bar:
+        bar.fraction(0.25)
+    with Progress() as bar:
+        bar.cells(1000, 4000)
+        bar.cells(3000, 4000)
+    assert "trying" in shown(screen)
+    assert "25%" in shown(screen)
+    assert "75%" in shown(screen)
+    assert re.search(r"3,000 of 4,000 cells, [\d,]+/s", shown(screen))
+
+
+@pytest.mark.parametrize("error", [None, KeyboardInterrupt])
+def test_nothing_of_it_stays(terminal, error):
+    screen = terminal()
+    try:
+        with Progress() as bar:
+            bar.text("trying")
+            if error:
+                raise error
+    except KeyboardInterrupt:
+        pass
+    assert screen.getvalue().endswith("\r\x1b[1A\x1b[2K")  # the line above is empty again
+    assert "\x1b[?25h" in screen.getvalue()  # the cursor is visible again
+
+
+def test_nobody_else_is_bothered(terminal, monkeypatch, capsys):
+    screen = terminal()
+    with monkeypatch.context() as patient:
+        patient.setattr(progress, "_PATIENCE", 60.0)
+        with Progress() as bar:
+            bar.fraction(0.5)
+    assert screen.getvalue() == ""
+    monkeypatch.undo()
+    with Progress() as bar:
+        bar.fraction(0.5)
+    assert capsys.readouterr().err == ""
+
+
+# --- pictures ---------------------------------------------------------------------------------------------------------
+# Pictures of all commands with --plot: PNG, SVG and PDF, which name the robot as its file does, the same each time.
+
+
+ROOT = Path(__file__).resolve().parents[2]
+
+# What is drawn, and how titles begin.
+COMMANDS = {
+    "modes": ("modes arm.raff --plot {}", "arm: 2 assembly modes"),
+    "plan": ("plan scenes/disc.toml --plot {0} --plot-joints joints-{0}", "planar_3r: ", "planar_3r"),
+    "tolerance": ("tolerance arm.raff --sigma link2.d=0.05mm --samples 0 --plot {}", "arm: accuracy of tool"),
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A robot called arm whose file calls it linkage, and scenes."""
+    folder = tmp_path_factory.mktemp("pictures")
+    shutil.copy(ROOT / "robots/five_bar.raff", folder / "arm.raff")
+    shutil.copy(ROOT / "robots/planar_3r.raff", folder)
+    shutil.copytree(ROOT / "robots/scenes", folder / "scenes")
+    return folder
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_picture_names_the_robot_as_its_file_does(command, folder, monkeypatch, capsys):
+    monkeypatch.chdir(folder)
+    titles = []
+    savefig = Figure.savefig
+
+    def watched(figure, *arguments, **options):
+        titles.append(figure.get_suptitle())
+        titles.extend(part.get_suptitle() for part in figure.subfigs)
+        titles.extend(text.get_text() for text in figure.texts)
+        savefig(figure, *arguments, **options)
+
+    monkeypatch.setattr(Figure, "savefig", watched)
+    words, *begin = COMMANDS[command]
+    assert main(words.format(f"{command}.svg").split()) == 0
+    assert all(any(text.startswith(title) for text in titles) for title in begin), titles
+
+
+def figure():
+    drawn, body = sheet.sheet(4.0, 2.0, "arm: a picture", "of a line")
+    body.add_subplot().plot([0.0, 1.0], [0.0, 1.0], label="a line")
+    sheet.finish(drawn)
+    return drawn
+
+
+def test_each_format_is_written(tmp_path):
+    for suffix, begin in (("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")):
+        write_figure(tmp_path / f"p.{suffix}", figure(), quiet=True)
+        first = (tmp_path / f"p.{suffix}").read_bytes()
+        assert first.startswith(begin)
+        write_figure(tmp_path / f"p.{suffix}", figure(), quiet=True)
+        assert (tmp_path / f"p.{suffix}").read_bytes() == first
+    assert b"/TrueType" in first or b"/CIDFontType2" in first
+    assert b"/Type3" not in first

@@ -7,33 +7,19 @@ import pytest
 
 from cinegen.cli import main
 
+LOADED = ("--massless", "--payload", "2kg", "--at", "joint1=0", "joint2=0", "joint3=0")
+
 
 @pytest.fixture
-def typed(root, capsys, monkeypatch, tmp_path):
+def typed(typed, monkeypatch, tmp_path):
     """`typed("planar_3r", "--massless")`: what the command prints."""
     monkeypatch.chdir(tmp_path)
-
-    def call(robot, *words, code=0):
-        assert main(["forces", robot, *map(str, words)]) == code
-        return capsys.readouterr().out
-
-    return call
+    return lambda *words: typed("forces", *words).out
 
 
 def test_an_arm_holds_a_payload_by_its_levers(typed):
     """Links of 0.4, 0.3 and 0.2 m that lie flat; the tool is at their end."""
-    words = (
-        "--massless",
-        "--payload",
-        "2kg",
-        "--gravity",
-        "0,-10,0",
-        "--at",
-        "joint1=0",
-        "joint2=0",
-        "joint3=0",
-        "--json",
-    )
+    words = (*LOADED, "--gravity", "0,-10,0", "--json")
     found = json.loads(typed("planar_3r", *words))
     levers = [0.9, 0.5, 0.2]
     assert [one["value"] for one in found["torques"]] == pytest.approx([20.0 * lever for lever in levers])
@@ -43,7 +29,7 @@ def test_an_arm_holds_a_payload_by_its_levers(typed):
 
 
 def test_velocities_are_in_degrees_and_the_power_is_printed(typed):
-    words = ("--massless", "--payload", "2kg", "--gravity", "0,0,0", "--at", "joint1=0", "joint2=0", "joint3=0")
+    words = (*LOADED, "--gravity", "0,0,0")
     found = json.loads(typed("planar_3r", *words, "--acceleration", "joint1=90", "--velocity", "joint1=180", "--json"))
     assert found["torques"][0]["value"] == pytest.approx(2.0 * 0.9**2 * math.pi / 2.0)
     assert found["power"] == pytest.approx(2.0 * 0.9**2 * math.pi**2 / 2.0)

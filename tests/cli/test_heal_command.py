@@ -21,12 +21,11 @@ def tilted(root, tmp_path):
     return path
 
 
-def test_only_numbers_change_and_each_is_listed(tilted, tmp_path, capsys):
+def test_only_numbers_change_and_each_is_listed(tilted, tmp_path, typed, capsys):
     out = tmp_path / "healed.raff"
     with pytest.warns(cinegen.CinegenWarning, match="nearly redundant"):
         cinegen.load(tilted)
-    assert main(["heal", str(tilted), str(out)]) == 0
-    said = capsys.readouterr().out
+    said = typed("heal", tilted, out).out
     assert f"tilted.raff:27: link 2 alpha: {TILTED} -> 0.0 (-0.003 degrees)" in said
     before, after = tilted.read_bytes(), out.read_bytes()
     number = re.compile(rb"-?\d+(\.\d+)?(e-?\d+)?")
@@ -48,24 +47,22 @@ def test_raff2urdf_tells_what_it_heals(tilted, capsys):
     assert "healed: placements changed by up to" in said
 
 
-def test_nothing_to_heal(root, tmp_path, capsys):
+def test_nothing_to_heal(root, tmp_path, typed):
     for robot in ("four_bar", "arm7"):
-        assert main(["heal", str(root / f"robots/{robot}.raff"), str(tmp_path / "out.raff")]) == 1
-        assert "there is nothing to heal" in capsys.readouterr().err
+        said = typed("heal", root / f"robots/{robot}.raff", tmp_path / "out.raff", code=1)
+        assert "there is nothing to heal" in said.err
         assert not (tmp_path / "out.raff").exists()
 
 
-def test_what_is_no_rounding_is_not_healed(root, tmp_path, capsys):
+def test_what_is_no_rounding_is_not_healed(root, tmp_path, typed):
     path = tmp_path / "bent.raff"
     text = (root / "robots/four_bar.raff").read_text(encoding="utf-8")
     path.write_text(text.replace("d 120.0 }", "d 120.0 alpha 5.0 }"), encoding="utf-8")
-    assert main(["heal", str(path), str(tmp_path / "out.raff")]) == 1
-    assert "cinegen: " in capsys.readouterr().err
+    assert "cinegen: " in typed("heal", path, tmp_path / "out.raff", code=1).err
 
 
-def test_existing_files_and_other_formats_are_refused(tilted, tmp_path, capsys):
-    assert main(["heal", str(tilted), str(tmp_path / "healed.urdf")]) == 1
-    assert "keeps the format" in capsys.readouterr().err
+def test_existing_files_and_other_formats_are_refused(tilted, tmp_path, typed):
+    assert "keeps the format" in typed("heal", tilted, tmp_path / "healed.urdf", code=1).err
     out = tmp_path / "healed.raff"
     out.write_text("mine")
     assert main(["heal", str(tilted), str(out)]) == 1
@@ -85,14 +82,13 @@ OUT_OF_REACH = """
 """
 
 
-def test_what_could_not_be_closed_is_not_written(tilted, tmp_path, capsys):
+def test_what_could_not_be_closed_is_not_written(tilted, tmp_path, typed):
     """Beside the linkage that can be healed is one that is out of reach: no number of it is wrong by rounding."""
     text = tilted.read_text(encoding="utf-8").replace("} // end of robot definition", OUT_OF_REACH)
     tilted.write_text(text, encoding="utf-8")
     out = tmp_path / "out" / "healed.raff"
     out.parent.mkdir()
-    assert main(["heal", str(tilted), str(out)]) == 1
-    said = capsys.readouterr()
+    said = typed("heal", tilted, out, code=1)
     assert said.out == ""
     assert "what would be written can't be loaded: healed.raff: robot 'linkage'" in said.err
     assert "'frame34-frame35' (revolute" in said.err
@@ -122,12 +118,12 @@ def bars(tmp_path):
     return path
 
 
-def test_loops_that_would_be_lost_are_told_and_the_remedy_works(bars, tmp_path, capsys):
+def test_loops_that_would_be_lost_are_told_and_the_remedy_works(bars, tmp_path, typed):
     out = tmp_path / "healed.urdf"
     with pytest.warns(cinegen.CinegenWarning, match="nearly redundant"):
         cinegen.load(bars)
-    assert main(["heal", str(bars), str(out)]) == 1
-    assert f"{out}: would lack the loops 'pin-hole': copy bars.yaml to healed.yaml first" in capsys.readouterr().err
+    said = typed("heal", bars, out, code=1)
+    assert f"{out}: would lack the loops 'pin-hole': copy bars.yaml to healed.yaml first" in said.err
     assert not out.exists()
     (tmp_path / "healed.yaml").write_bytes(bars.with_suffix(".yaml").read_bytes())
     assert main(["heal", str(bars), str(out)]) == 0

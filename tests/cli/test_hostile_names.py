@@ -17,16 +17,7 @@ from cinegen.errors import CinegenError
 from cinegen.mission import MissionRecorder, RobotSample
 from raff2urdf.command import output
 
-SHOWN = r"a\u009b2Jb\nchecked: all is well\u202edc\u200b"
 CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b\u200e\u200f\u2028-\u202e\u2066-\u2069]")
-
-
-@pytest.fixture
-def arm(tmp_path):
-    """A robot whose own name has control characters."""
-    path = tmp_path / "arm.urdf"
-    path.write_text(urdf(CONTROLS, LINKS[:3], JOINTS[:3]), encoding="utf-8")
-    return path
 
 
 @pytest.fixture
@@ -48,19 +39,7 @@ def recording(tmp_path):
     return tmp_path / "run.jsonl"
 
 
-def test_the_name_of_a_robot_is_one_printable_line(arm, capsys):
-    assert main(["info", str(arm)]) == 0
-    said = capsys.readouterr().out
-    assert f"robot '{SHOWN}'" in said
-    assert not CONTROL.search(said)
-    assert "\nchecked" not in said
-    assert main(["info", str(arm), "--json"]) == 0
-    said = capsys.readouterr().out
-    assert not CONTROL.search(said)
-    assert json.loads(said)[0]["robot"] == SHOWN
-
-
-def test_a_certificate_adds_no_line_to_what_is_said_of_it(root, tmp_path, capsys):
+def test_a_certificate_adds_no_line_to_what_is_said_of_it(root, tmp_path, typed, capsys):
     path = str(tmp_path / "proof.json")
     assert main(["prove", str(root / "robots/five_bar.raff"), "--over", "x=-10..10mm,y=450..460mm", "-o", path]) == 0
     certificate = json.loads(Path(path).read_text(encoding="utf-8"))
@@ -68,8 +47,7 @@ def test_a_certificate_adds_no_line_to_what_is_said_of_it(root, tmp_path, capsys
         variable["name"] += CONTROLS
     Path(path).write_text(json.dumps(certificate | {"robot": CONTROLS}), encoding="utf-8")
     capsys.readouterr()
-    assert main(["check-proof", path]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    lines = typed("check-proof", path).out.splitlines()
     assert len(lines) == 2  # the result and the region
     assert all(line.isprintable() for line in lines)
 
@@ -99,41 +77,28 @@ def test_whatever_reaches_a_stream_of_a_command_is_text(capsys):
     assert "\x1b" not in said.err
 
 
-def test_the_name_of_a_file_is_text_in_a_picture(root, tmp_path, capsys):
+def test_the_name_of_a_file_is_text_in_a_picture(root, tmp_path, typed):
     """Comments of an SVG quote titles."""
     path = tmp_path / f"\x1b{CONTROLS}--><script>.raff"
     shutil.copy(root / "robots/four_bar.raff", path)
     picture = str(tmp_path / "a.svg")
-    assert main(["tolerance", str(path), "--sigma", "link*.d=1mm", "--samples", "0", "--plot", picture]) == 0
-    said = capsys.readouterr()
+    said = typed("tolerance", path, "--sigma", "link*.d=1mm", "--samples", "0", "--plot", picture)
     assert not CONTROL.search(said.out + said.err)
     tags = {one.tag.rpartition("}")[2] for one in ElementTree.parse(picture).iter()}
     assert "script" not in tags
 
 
-def test_a_recording_adds_no_statement_to_urscript(recording, capsys):
-    assert main(["export", str(recording), "--to", "urscript"]) == 0
-    assert not CONTROL.search(capsys.readouterr().out)
-    lines = recording.with_suffix(".script").read_text(encoding="utf-8").splitlines()
-    code = [line for line in lines if not line.startswith("#")]
-    assert code[0] == "def cinegen_motion():"
-    assert code[-1] == "end"
-    assert all(re.fullmatch(r"  (movej\(\[|servoj\(\[|stopj\()[-\d., \[\]a-z=]*\)", line) for line in code[1:-1])
-    assert sum("movej" in line for line in code) == 1
-    assert sum(JOINTS[-1] in line for line in lines) == 1
-
-
-def test_two_names_that_are_shown_alike_are_refused(recording, capsys):
+def test_two_names_that_are_shown_alike_are_refused(recording, typed):
     first, *moments = recording.read_text().splitlines()
     header = json.loads(first)
     ((_, robot),) = header["robots"].items()
     header["robots"] = {"a\nb": robot, "a\\nb": robot}
     recording.write_text("\n".join([json.dumps(header), *moments, ""]))
-    assert main(["export", str(recording), "--to", "csv"]) == 1
-    assert "two names differ only in characters that can't be printed" in capsys.readouterr().err
+    said = typed("export", recording, "--to", "csv", code=1)
+    assert "two names differ only in characters that can't be printed" in said.err
 
 
-def test_code_of_a_robot_with_such_a_name_stays_in_its_folder(arm, tmp_path):
+def test_code_of_a_robot_with_such_a_name_stays_in_its_folder(tmp_path):
     path = tmp_path / "in" / "x.urdf"
     path.parent.mkdir()
     path.write_text(urdf("../../owned", LINKS[:2], JOINTS[:2]), encoding="utf-8")
@@ -143,12 +108,11 @@ def test_code_of_a_robot_with_such_a_name_stays_in_its_folder(arm, tmp_path):
 
 
 @pytest.mark.filterwarnings("default::raff2urdf.errors.RaffWarning")
-def test_commands_that_messages_propose_are_one_word(tmp_path, capsys):
+def test_commands_that_messages_propose_are_one_word(tmp_path, typed):
     path = tmp_path / "a; touch owned.urdf"
     path.write_text(urdf("x", ("a", "b"), ("j", "k")), encoding="utf-8")
     sidecar = tmp_path / "a; touch owned.constraints.json"
     sidecar.mkdir()
-    assert main(["info", str(path)]) == 1
-    proposed = shlex.split(capsys.readouterr().err.partition("leave it out with ")[2])
+    proposed = shlex.split(typed("info", path, code=1).err.partition("leave it out with ")[2])
     assert proposed == ["--ignore", sidecar.name]
     assert main(["info", str(path), *proposed]) == 0

@@ -16,7 +16,6 @@ import yaml
 from hostile_names import CONTROLS, IN_RAFF, NAMES, UNPRINTABLE, arm_of, mjcf, raff, sdf
 
 import cinegen
-from cinegen.cli import main
 from cinegen.cli.files import write_figure
 from cinegen.codegen import Function, Language, generate
 from cinegen.collision import load_scene
@@ -64,24 +63,23 @@ class Tags(HTMLParser):
         self.text += data
 
 
-def terminal(mechanism, path, tmp_path, capsys):
-    assert main(["info", str(path)]) == 0
-    said = capsys.readouterr().out
+def terminal(mechanism, path, tmp_path, typed):
+    said = typed("info", path).out
     assert not CONTROL.search(said)
+    assert "\nchecked" not in said
     assert all(one in said for one in mechanism.joints)
-    assert main(["info", str(path), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = json.loads(typed("info", path, "--json").out)
     assert [one["name"] for one in found[0]["joints"]] == list(mechanism.joints)
 
 
-def notebook(mechanism, path, tmp_path, capsys):
+def notebook(mechanism, path, tmp_path, typed):
     page = Tags(mechanism._repr_html_())
     assert set(page.tags) <= TABLES
     assert page.attributes <= {"class", "style", "colspan", "scope"}
     assert all(one in page.text for one in mechanism.joints)
 
 
-def local_page(mechanism, path, tmp_path, capsys):
+def local_page(mechanism, path, tmp_path, typed):
     plain = tmp_path / "plain.urdf"
     plain.write_text(arm_of(tuple(f"n{k}" for k in range(len(mechanism.joints))), "plain"), encoding="utf-8")
     titles = ("</title><script>window.owned = 1</script>", "plain")
@@ -93,44 +91,51 @@ def local_page(mechanism, path, tmp_path, capsys):
     assert hostile.attributes == known.attributes
 
 
-def c(mechanism, path, tmp_path, capsys):
+def c(mechanism, path, tmp_path, typed):
     found = generate(mechanism, Language.C, functions=[Function("fk")], name="arm", source=NAMES[5])
     for name, text in found.items():
         (tmp_path / name).write_text(text, encoding="utf-8")
     if shutil.which("gcc"):
         strict = ["-std=c99", "-trigraphs", "-Wall", "-Wextra", "-Werror"]
-        subprocess.run(["gcc", *strict, "-fsyntax-only", "arm.c"], cwd=tmp_path, check=True)
+        subprocess.run(["gcc", *strict, "-c", "arm.c"], cwd=tmp_path, check=True)
+        sections = subprocess.run(["objdump", "-ht", "arm.o"], cwd=tmp_path, check=True, capture_output=True, text=True)
+        assert not re.search(r"\bowned\b|\.(init_array|ctors|fini_array)", sections.stdout)
     assert not re.search(r"^\s*(?:void owned|__attribute__)", "\n".join(found.values()), re.MULTILINE)
 
 
-def javascript(mechanism, path, tmp_path, capsys):
+def javascript(mechanism, path, tmp_path, typed):
     found = generate(mechanism, Language("js"), functions=[Function("fk")], name="arm", source=NAMES[5])
     (tmp_path / "arm.mjs").write_text(found["arm.mjs"], encoding="utf-8")
     if node := shutil.which("node"):
-        program = 'const { names } = await import("./arm.mjs"); console.log(JSON.stringify(names));'
+        program = """const before = Object.getOwnPropertyNames(globalThis).length;
+            const { default: create, names } = await import("./arm.mjs");
+            create().place();
+            const added = Object.getOwnPropertyNames(globalThis).length - before;
+            console.log(JSON.stringify({ ...names, added }));"""
         run = [node, "--input-type=module", "-e", program]
         done = subprocess.run(run, cwd=tmp_path, check=True, capture_output=True, text=True)
-        assert json.loads(done.stdout)["q"] == list(mechanism.joints)
+        names = json.loads(done.stdout)
+        assert (names["q"], names["added"]) == (list(mechanism.joints), 0)
 
 
-def table(mechanism, path, tmp_path, capsys):
+def table(mechanism, path, tmp_path, typed):
     text = FORMATS["csv"].write(moved(mechanism), mechanism.joints).decode()
     heads = next(csv.reader(io.StringIO(text)))
     assert not any(one.startswith(("=", "+", "-", "@", "\t", "\r")) for one in heads)
     assert [csv_text(one) for one in heads] == ["time", *mechanism.joints]
 
 
-def ros2(mechanism, path, tmp_path, capsys):
+def ros2(mechanism, path, tmp_path, typed):
     goal = yaml.safe_load(FORMATS["ros2"].write(moved(mechanism), mechanism.joints))
     assert goal["trajectory"]["joint_names"] == list(mechanism.joints)
 
 
-def npz(mechanism, path, tmp_path, capsys):
+def npz(mechanism, path, tmp_path, typed):
     found = np.load(io.BytesIO(FORMATS["npz"].write(moved(mechanism), mechanism.joints)), allow_pickle=False)
     assert found["joints"].tolist() == list(mechanism.joints)
 
 
-def urscript(mechanism, path, tmp_path, capsys):
+def urscript(mechanism, path, tmp_path, typed):
     for k in range(0, len(mechanism.joints) - 5, 6):
         lines = FORMATS["urscript"].write(moved(mechanism), mechanism.joints[k : k + 6]).decode().splitlines()
         code = [line for line in lines if not line.startswith("#")]
@@ -139,14 +144,14 @@ def urscript(mechanism, path, tmp_path, capsys):
         assert all(re.fullmatch(r"  (movej\(\[|servoj\(\[|stopj\()[-\d., \[\]a-z=]*\)", line) for line in code[1:-1])
 
 
-def recording(mechanism, path, tmp_path, capsys):
+def recording(mechanism, path, tmp_path, typed):
     with MissionRecorder(tmp_path / "run.jsonl", {NAMES[6]: mechanism}) as recorder:
         for tick in range(2):
             recorder.write(0.1 * tick, {NAMES[6]: RobotSample(mechanism.q_home, "IDLE")})
     assert resampled(Recording.load(tmp_path / "run.jsonl"), NAMES[6]).mechanism.joints == mechanism.joints
 
 
-def robot_files(mechanism, path, tmp_path, capsys):
+def robot_files(mechanism, path, tmp_path, typed):
     """RAFF, and what is made of it: URDF in each dialect, SDF and MJCF."""
     file, kinds = path, [["urdf", "--loops", dialect] for dialect in DIALECTS] + [["sdf"], ["mjcf"]]
     if path.suffix != ".raff":
@@ -166,7 +171,7 @@ def robot_files(mechanism, path, tmp_path, capsys):
         assert cinegen.load(made).joints == mechanism.joints
 
 
-def map_and_picture(mechanism, path, tmp_path, capsys):
+def map_and_picture(mechanism, path, tmp_path, typed):
     marked = [name for name in mechanism.actuated if "frac" in name or "onload" in name]
     first, second = marked or mechanism.actuated[:2]
     axes = (GridAxis(first, 0.0, 0.1, 2), GridAxis(second, 0.0, 0.1, 2))
@@ -193,8 +198,8 @@ WRITERS = (
 
 
 @pytest.mark.parametrize("writer", WRITERS, ids=lambda one: one.__name__)
-def test_names_stay_text(arm, writer, tmp_path, capsys):
-    writer(*arm, tmp_path, capsys)
+def test_names_stay_text(arm, writer, tmp_path, typed):
+    writer(*arm, tmp_path, typed)
 
 
 @pytest.mark.parametrize("name", UNPRINTABLE)
@@ -230,7 +235,7 @@ def test_titles_of_pictures(tmp_path, robot):
             assert (tmp_path / f"{k}.png").stat().st_size > 5000
 
 
-def test_obstacles_of_a_scene(tmp_path, root, capsys):
+def test_obstacles_of_a_scene(tmp_path, root, typed):
     balls = "".join(
         f"[[obstacle]]\nname = {json.dumps(name, ensure_ascii=False)}\n"
         "kind = 'sphere'\nradius = 0.1\npoint = [5, 5, 5]\n"
@@ -242,13 +247,12 @@ def test_obstacles_of_a_scene(tmp_path, root, capsys):
     assert [one.name for one in scene.obstacles] == [*NAMES]
     page = Tags(scene._repr_html_())
     assert set(page.tags) <= TABLES
-    assert main(["plan", str(path)]) == 1
-    said = capsys.readouterr().out
+    said = typed("plan", path, code=1).out
     assert not CONTROL.search(said)
 
 
 @pytest.mark.parametrize("name", [*NAMES[::8], *UNPRINTABLE])
-def test_columns_of_measurements_and_keys_of_tasks(tmp_path, root, capsys, name):
+def test_columns_of_measurements_and_keys_of_tasks(tmp_path, root, typed, name):
     file = io.StringIO()
     csv.writer(file).writerows([["pose", name], ["a", "0"]])
     (tmp_path / "m.csv").write_text(file.getvalue(), encoding="utf-8")
@@ -258,7 +262,6 @@ def test_columns_of_measurements_and_keys_of_tasks(tmp_path, root, capsys, name)
         ["calibrate", robot, str(tmp_path / "m.csv")],
         ["synthesize", robot, "--task", f"{tmp_path}/task.toml"],
     ):
-        assert main(command) == 1
-        said = capsys.readouterr().err
+        said = typed(*command, code=1).err
         assert not CONTROL.search(said)
         assert len(said.splitlines()) <= 5  # of a task four: nothing else is there either

@@ -125,31 +125,6 @@ def test_two_maps_are_compared(typed, tmp_path):
     assert (tmp_path / "both.png").stat().st_size > 10_000
 
 
-@pytest.mark.parametrize(
-    ("options", "code", "says"),
-    [
-        ("--over x=2..3:5,y=2..3:5", 1, "no cell of this region is reached"),
-        ("--over xy --at z=-0.9", 1, "can't move along z"),
-        ("--over joint1=-60..60rad", 1, "joint1: -3438 deg is far beyond its limits"),
-        ("--over xq", 1, "did you mean 'x'"),
-        ("--over x,joint1", 1, "can't be mixed"),
-        ("-q clearance", 1, "--scene"),
-        ("-q solutions", 1, "infinitely many"),
-        ("--vary link2.d+link2.alpha=1..2:3", 1, "must be all lengths or all angles"),
-        ("--over x=0..1:none", 2, "is not a number of cells"),
-        ("--at rz", 2, "write NAME=VALUE"),
-        ("--at rz=1deg,rz=2deg", 2, "rz is given twice"),
-        ("--line 0,0,0", 2, "write X,Y,Z..X,Y,Z"),
-        ("--centre 0,0", 2, "a point is x,y,z"),
-        ("--json --view", 2, "leave one out"),
-        ("--json -0.5,0", 2, "unknown option '-0'"),
-    ],
-)
-def test_what_makes_no_sense_is_refused_and_leaves_no_folder(typed, tmp_path, options, code, says):
-    assert says in typed("map", "planar_3r", *options.split(), code=code, err=True)
-    assert not list(tmp_path.iterdir())
-
-
 def test_a_folder_of_something_else_stays_as_it_is(typed, tmp_path):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine/file").write_text("mine")

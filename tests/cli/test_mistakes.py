@@ -6,6 +6,7 @@ test_outputs.py.
 
 import errno
 import io
+import math
 import os
 import shlex
 import shutil
@@ -89,6 +90,30 @@ MISTAKES: list[tuple[str, int, str]] = [
     ("cinegen map planar_3r.raff --over x,y --grid 9999", 1, "Add --yes to start it, or use a coarser --grid"),
     ("cinegen map planar_3r.raff --over x,y --workers 99999999999", 1, "workers (99999999999) must be 1 to "),
     ("cinegen drive four_bar.raff --port 99999", 2, "invalid value for '--port'"),
+    ("cinegen map planar_3r.raff --over x=2..3:5,y=2..3:5", 1, "no cell of this region is reached"),
+    ("cinegen map planar_3r.raff --over xy --at z=-0.9", 1, "can't move along z"),
+    ("cinegen map planar_3r.raff --over joint1=-60..60rad", 1, "joint1: -3438 deg is far beyond its limits"),
+    ("cinegen map planar_3r.raff --over xq", 1, "did you mean 'x'"),
+    ("cinegen map planar_3r.raff --over x,joint1", 1, "can't be mixed"),
+    ("cinegen map planar_3r.raff -q clearance", 1, "--scene"),
+    ("cinegen map planar_3r.raff -q solutions", 1, "infinitely many"),
+    ("cinegen map planar_3r.raff --vary link2.d+link2.alpha=1..2:3", 1, "must be all lengths or all angles"),
+    ("cinegen map planar_3r.raff --over x=0..1:none", 2, "is not a number of cells"),
+    ("cinegen map planar_3r.raff --at rz", 2, "write NAME=VALUE"),
+    ("cinegen map planar_3r.raff --at rz=1deg,rz=2deg", 2, "rz is given twice"),
+    ("cinegen map planar_3r.raff --line 0,0,0", 2, "write X,Y,Z..X,Y,Z"),
+    ("cinegen map planar_3r.raff --centre 0,0", 2, "a point is x,y,z"),
+    ("cinegen map planar_3r.raff --json --view", 2, "leave one out"),
+    ("cinegen map planar_3r.raff --json -0.5,0", 2, "unknown option '-0'"),
+    ("cinegen modes five_bar --values 1 2 3", 1, "joint1 (125.000 deg at home), joint3 (50.000 deg at home)"),
+    ("cinegen modes five_bar --values joint2=1", 1, "no actuated joint 'joint2'"),
+    ("cinegen modes tssm --values joint3=21.7", 1, "did you mean 21.7 mm?"),
+    ("cinegen modes five_bar --at 1,2", 1, "not 2 numbers"),
+    ("cinegen modes five_bar --at x=0.1,u=2", 1, "no coordinate 'u'"),
+    ("cinegen modes five_bar --at 0,1.5,0", 1, f"misses it by {1.5 - math.sqrt(0.65**2 - 0.15**2):.4g} m"),
+    ("cinegen modes rx90", 1, "has no loops"),
+    ("cinegen modes five_bar --values joint3=1 2", 2, "write NAME=VALUE"),
+    ("cinegen modes five_bar --values joint3=1 joint3=2", 2, "--values: joint3 is given twice"),
     # options without effect
     ("cinegen plan disc --modes any --planner rrtconnect", 2, "--planner has no effect with --modes: leave one out"),
     ("cinegen demo --list --port 7001", 2, "--port has no effect with --list: leave it out"),
@@ -155,7 +180,7 @@ def test_a_mistake_is_answered_in_three_lines(folder, monkeypatch, capsys, typed
         pytest.skip("no /dev/full here")
     monkeypatch.chdir(folder)
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO()))
-    before = {path: path.read_bytes() for path in folder.iterdir() if path.is_file() and path.name != "secret.raff"}
+    before, there = {path: path.read_bytes() for path in folder.glob("[!s]*.*")}, {*folder.rglob("*")}
     program, *words = shlex.split(typed)
     assert PROGRAMS[program](words) == code
     said = capsys.readouterr().err
@@ -164,6 +189,7 @@ def test_a_mistake_is_answered_in_three_lines(folder, monkeypatch, capsys, typed
     assert "Traceback" not in said
     assert code == 1 or f"Try '{program}" in said
     assert all(path.read_bytes() == content for path, content in before.items())
+    assert {*folder.rglob("*")} == there
 
 
 def test_a_full_disk_for_kernels_is_told_with_a_remedy(monkeypatch, capsys):

@@ -14,8 +14,6 @@ from cinegen.cockpit.handlers import LARGEST
 from cinegen.cockpit.server import ServerError
 from cinegen.session import arrange
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
-
 
 @pytest.fixture
 def cockpit(robot, closing):

@@ -1,8 +1,15 @@
 """Clients that ask for scenes without end, and one that only watches: it still sees the robot move."""
 
 import asyncio
+import base64
+import contextlib
+import gc
 import http.client
+import json
+import logging
+import os
 import socket
+import struct
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -12,13 +19,13 @@ from urllib.parse import urlsplit
 import pytest
 import tornado.websocket
 from browsers import Browser, becomes, get
+from tornado.httpclient import HTTPClientError
 
 from cinegen.cockpit import Cockpit
 from cinegen.cockpit.handlers import _TURN
 from cinegen.cockpit.server import CONNECTIONS
 from cinegen.session import arrange
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
 GREEDY = 8
 
 
@@ -134,3 +141,201 @@ def test_who_asks_slowly_is_disconnected(robot, monkeypatch, deadline):
             peer.sendall(half)
             assert peer.recv(1) == b""
             peer.close()
+
+
+# --- hostile ----------------------------------------------------------------------------------------------------------
+# Clients that say nonsense or vanish, over real sockets: they are answered, or forgotten, and nothing is logged.
+
+
+@pytest.fixture
+def served(robot, caplog):
+    """`served()`: a cockpit that is still served in the end, and in which nobody may have raised anything."""
+    caplog.set_level(logging.WARNING)
+    used = []
+
+    def use(host="127.0.0.1"):
+        setup, token = arrange({"delta4": robot("delta4")}, follow="circle"), None if host == "0.0.0.0" else ""
+        used.append(Cockpit(setup, host=host, port=0, token=token, own_process=False))
+        return used[-1]
+
+    yield use
+    for _ in range(2):
+        for one in used:
+            browser = Browser(one.server.local_url)
+            assert becomes(lambda browser=browser: browser.state is not None), "the page is served no more"
+            browser.leave()
+            assert becomes(lambda one=one: not one.hub.clients)
+        gc.collect()  # asyncio logs a failure that nobody looked at when it is collected
+    for one in used:
+        one.close()
+    records = [record for phase in ("setup", "call", "teardown") for record in caplog.get_records(phase)]
+    logged = [record.getMessage() for record in records if record.exc_info or record.levelno >= logging.ERROR]
+    assert logged == []
+
+
+class Peer:
+    """A client with its hands on the socket."""
+
+    def __init__(self, url, room=None):
+        self.address = urlsplit(url)
+        self.socket = socket.socket()
+        self.socket.settimeout(10)
+        if room is not None:  # bytes that it takes without reading
+            self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, room)
+        self.socket.connect(("127.0.0.1", self.address.port))
+
+    def ask(self, path, *headers, host=None):
+        lines = [f"GET /{path} HTTP/1.1", f"Host: {self.address.netloc if host is None else host}", *headers]
+        self.socket.sendall("\r\n".join([*lines, "", ""]).encode())
+        return self
+
+    def upgrade(self, path):
+        key = base64.b64encode(os.urandom(16)).decode()
+        wanted = ("Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13")
+        return self.ask(path, *wanted, f"Sec-WebSocket-Key: {key}")
+
+    def status(self):
+        answer = b""
+        while b"\r\n" not in answer:
+            answer += self.socket.recv(1000)
+        self.socket.close()
+        return int(answer.split()[1])
+
+    def say(self, **said):
+        payload, mask = json.dumps(said).encode(), os.urandom(4)
+        masked = bytes(byte ^ mask[k % 4] for k, byte in enumerate(payload))
+        self.socket.sendall(bytes([0x81, 0x80 | len(payload)]) + mask + masked)
+
+    def vanish(self):
+        """Without a word: the connection is reset."""
+        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        self.socket.close()
+
+
+@pytest.mark.parametrize(
+    ("said", "why"),
+    [
+        ('{"type": "\\ud83d"}', "Input data was truncated"),
+        (json.dumps({"type": "😀" * 40}, ensure_ascii=False), "Invalid value '" + "😀" * 26),
+        (json.dumps({"type": "ä" * 40}), "Invalid value '" + "ä" * 40 + "'"),
+        (json.dumps({"type": "undo", "😀" * 40: 1}), "Object contains unknown field `" + "😀" * 20),
+        (json.dumps({"type": "pin", "robot": "ä" * 100, "node": "link5"}), "Unknown robot '" + "ä" * 50),
+    ],
+    ids=["surrogate", "emoji", "umlauts", "field", "robot"],
+)
+def test_a_name_that_no_close_frame_can_hold(served, said, why):
+    browser = Browser(served().url)
+    assert becomes(lambda: browser.state is not None)
+    browser.say(said)
+    assert becomes(lambda: browser.closed is not None)
+    code, reason = browser.closed
+    assert code == 1008
+    assert reason.startswith(why)
+    assert len(reason.encode()) <= 123
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
+def test_static_files_that_there_are_not(served, host):
+    """Where others may come too, without the token."""
+    url = f"http://127.0.0.1:{served(host=host).server.port}/"
+    names = ("a" * 4000, "%F0%9F%98%80" * 300, "a/" * 2000, "a%00b", "base/" + "a" * 300, "base", "no")
+    outside = ("../cockpit.py", "%2e%2e/cockpit.py", "/etc/passwd")
+    assert {name[:20]: get(url, f"static/{name}")[0] for name in names} == {name[:20]: 404 for name in names}
+    assert {get(url, f"static/{name}")[0] for name in outside} <= {403, 404}
+
+
+def test_hosts_that_are_none(served):
+    url = served().url
+    for host in ("evil.example:80", "127.0.0.1.evil.example", "[::1", "[", "]", "a]b", "[x]", "[127.0.0.1]", ""):
+        for path in ("", "session", "page", "snapshot.html", "static/cockpit.js", "map/about.json"):
+            assert (host, path, Peer(url).ask(path, host=host).status()) == (host, path, 403)
+
+
+def test_origins_that_are_none(served):
+    url = served().url
+    for origin in ("http://evil.example", "http://[x", "http://]", "http://[x]:80", "null", "", "😀"):
+        for path in ("session", "page"):
+            with pytest.raises(HTTPClientError, match="403"):
+                Browser(url, path=path, Origin=origin.encode().decode("latin-1"))
+
+
+def test_tokens_that_are_none(served):
+    url = served(host="0.0.0.0").server.local_url
+    for token in ("%ff", "%ed%a0%80", "%00", "a" * 9000):
+        for path in ("", "session", "snapshot.html"):
+            assert Peer(url).ask(f"{path}?token={token}").status() in (400, 403)
+
+
+def test_who_asks_and_vanishes(served):
+    url = served().url
+    for path in ("", "viewer.js", "snapshot.html", "static/cockpit.js"):
+        for delay in (0.0, 0.001, 0.01, 0.05):
+            for _ in range(3):
+                peer = Peer(url, 2048).ask(path)
+                time.sleep(delay)
+                peer.vanish()
+
+
+@pytest.mark.parametrize("path", ["session", "page"])
+def test_who_looks_and_vanishes(served, path):
+    """At once, in the middle of the first words, or after some time."""
+    one = served()
+    for delay in (0.0, 0.0005, 0.001, 0.005, 0.02, 0.1):
+        for _ in range(5):
+            peer = Peer(one.url, 2048).upgrade(path)
+            time.sleep(delay)
+            peer.vanish()
+    assert becomes(lambda: not one.hub.clients and not one.server.pages)
+
+
+def test_who_commands_and_vanishes(served):
+    one = served()
+    for said in ({"hand": True}, {"nonsense": 1}, {"ack": 1}, {"pause": True}, {"pause": False}):
+        for _ in range(4):
+            peer = Peer(one.url, 2048).upgrade("session")
+            assert becomes(lambda: one.hub.clients)
+            peer.say(**said)
+            peer.vanish()
+    assert becomes(lambda: not one.hub.clients and one.hub.controller is None)
+
+
+def test_who_acknowledges_without_reading_and_vanishes(served):
+    """What is sent piles up; it is in the middle of being sent when the connection ends."""
+    one = served()
+    peers = [Peer(one.url, 2048).upgrade("session") for _ in range(3)]
+    for frame in range(200):
+        for peer in peers:
+            peer.say(type="ack", frame=frame)
+        time.sleep(0.005)
+    assert len(one.hub.clients) == 3
+    for peer in peers:
+        peer.vanish()
+    assert becomes(lambda: not one.hub.clients)
+
+
+@pytest.mark.parametrize("path", ["session", "page"])
+@pytest.mark.parametrize("half", [socket.SHUT_WR, socket.SHUT_RD], ids=["says no more", "hears no more"])
+def test_a_connection_that_is_half_open(served, path, half):
+    one = served()
+    peers = [Peer(one.url, 2048).upgrade(path) for _ in range(5)]
+    assert becomes(lambda: len(one.hub.clients) == 5)
+    for peer in peers:
+        peer.socket.shutdown(half)
+    time.sleep(0.1)
+    for peer in peers:
+        with contextlib.suppress(OSError):
+            peer.vanish()
+    assert becomes(lambda: not one.hub.clients and not one.server.pages)
+
+
+def test_who_answers_no_ping_is_given_up(served, monkeypatch):
+    monkeypatch.setattr("cinegen.cockpit.handlers._PING", 0.1)
+    one = served()
+    peers = [Peer(one.url).upgrade(path) for path in ("session", "page")]
+    assert becomes(lambda: len(one.hub.clients) == 2 and one.server.pages)
+    for peer in peers:
+        said = b""
+        while b"ping timed out" not in said:
+            said += peer.socket.recv(1 << 16) or pytest.fail("it ended without a word")
+        peer.vanish()  # else tornado waits 5 s for its last word
+    assert becomes(lambda: not one.hub.clients and not one.server.pages)

@@ -1,14 +1,28 @@
 """What is drawn is kept, handed to whoever looks, and written whole into one file."""
 
+import base64
 import re
+import threading
+from pathlib import Path
 
+import coal
 import numpy as np
+import pinocchio as pin
+import psutil
 import pytest
+import trimesh
 import umsgpack
+from browsers import Browser, becomes, get
 from meshcat import Visualizer
-from meshcat.geometry import Box, MeshLambertMaterial, TriangularMeshGeometry
+from meshcat.geometry import Box, MeshLambertMaterial, Sphere, TriangularMeshGeometry
 
-from cinegen.cockpit import Page, RobotScene
+import cinegen
+from cinegen.cockpit import Page, RobotScene, draw, title_of
+from cinegen.cockpit.build_messages import NodePoses, hello_message, state_message
+from cinegen.cockpit.surfaces import surface_of
+from cinegen.collision import load_scene, scene_of
+from cinegen.collision.convex_hull import hull
+from cinegen.session import Session, Setup, scene_setup
 
 
 def _taken(feed):
@@ -82,3 +96,169 @@ def test_every_part_is_drawn_where_it_is(robot):
 def test_what_can_not_be_undone_yet_looks_so_before_the_first_report(root, button):
     text = (root / "cinegen/cockpit/static/index.html").read_text()
     assert re.search(rf'<button id="{button}"[^>]* disabled ', text)
+
+
+# --- viewer -----------------------------------------------------------------------------------------------------------
+# `cinegen.Viewer` shows configurations in meshcat's viewer, from a server that only this user reaches.
+
+
+COMMAND = re.compile(r"octet-binary;base64,([\w+/=]+)")
+
+
+@pytest.fixture
+def viewer(robot):
+    with cinegen.Viewer(robot("delta4")) as viewer:
+        yield viewer
+
+
+def shown(viewer):
+    """The newest transform (4, 4) of each path."""
+    commands = map(umsgpack.unpackb, map(base64.b64decode, COMMAND.findall(viewer.meshcat.static_html())))
+    moves = (one for one in commands if one["type"] == "set_transform")
+    return {one["path"]: np.reshape(one["matrix"], (4, 4)).T for one in moves}
+
+
+def test_nodes_are_where_pinocchio_has_them_in_metres(viewer):
+    mechanism = viewer.mechanism
+    q = mechanism.q_home + 0.05
+    viewer.display(q)
+    model, data = mechanism.model, mechanism.model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    found = shown(viewer)
+    np.testing.assert_array_equal(found["/meshcat/cinegen"], np.eye(4))
+    for node in mechanism.nodes:
+        expected = data.oMf[model.getFrameId(node)].homogeneous
+        np.testing.assert_allclose(found[f"/meshcat/cinegen/:{mechanism.name}/:{node}"], expected, atol=1e-12)
+
+
+def test_own_objects_are_shown_beside_the_robot_and_configurations_of_another_size_are_refused(viewer):
+    viewer.meshcat["ball"].set_object(Sphere(0.1))
+    viewer.meshcat["ball"].set_transform(pin.SE3(np.eye(3), np.ones(3)).homogeneous)
+    np.testing.assert_array_equal(shown(viewer)["/meshcat/ball"][:3, 3], np.ones(3))
+    with pytest.raises(cinegen.CinegenError, match="15 numbers"):
+        viewer.display(np.zeros(3))
+
+
+def test_its_server_is_for_this_machine_and_its_commands_for_this_user_and_nothing_is_left_of_it(viewer):
+    port = int(viewer.meshcat.url().split(":")[2].split("/")[0])
+    listening = [one.laddr for one in psutil.Process().net_connections() if one.status == psutil.CONN_LISTEN]
+    assert {ip for ip, bound in listening if bound == port} == {"127.0.0.1"}
+    socket = Path(viewer.meshcat.window.zmq_url.removeprefix("ipc://"))
+    assert socket.parent.stat().st_mode & 0o077 == 0
+    for _ in range(2):
+        viewer.stop()  # again: nothing happens
+    assert not socket.parent.exists()
+    assert "cinegen viewer" not in [thread.name for thread in threading.enumerate()]
+
+
+# --- obstacles in page ------------------------------------------------------------------------------------------------
+# Obstacles in the page: what is drawn of them, and what the page is told.
+
+
+POLE = {"name": "pole", "kind": "capsule", "radius": 0.03, "length": 1.0, "point": [0.45, 0.25, 0.5]}
+FLOOR = {"name": "floor", "kind": "half_space", "normal": [0, 0, 1], "point": [0, 0, -0.05]}
+
+
+@pytest.fixture
+def setup(robot):
+    said = {"robot": "arm7.raff", "goal": {"point": [0.3, 0.3, 0.3]}, "obstacle": [POLE, FLOOR]}
+    return scene_setup(scene_of(said, mechanism=robot("arm7")))
+
+
+@pytest.mark.parametrize(("radius", "length"), [(0.1, 0.5), (1.0, 1e-3)])
+def test_a_capsule_is_drawn_with_its_round_ends(radius, length):
+    points, faces = surface_of(pin.GeometryObject("", 0, pin.SE3.Identity(), coal.Capsule(radius, length)))
+    beyond = points - np.stack([0.0 * points[:, 0], 0.0 * points[:, 1], points[:, 2].clip(-length / 2, length / 2)], 1)
+    assert np.linalg.norm(beyond, axis=1) == pytest.approx(radius)
+    assert np.ptp(points[:, 2]) == pytest.approx(length + 2.0 * radius)
+    mesh = trimesh.Trimesh(points, faces)
+    mesh.update_faces(mesh.nondegenerate_faces())  # a ring at each end is a point
+    assert mesh.is_watertight
+    volume = np.pi * radius**2 * (length + 4.0 / 3.0 * radius)
+    assert mesh.volume == pytest.approx(volume, rel=0.03)  # above 0: seen from outside
+
+
+def test_a_hull_is_drawn_with_all_its_faces_turned_outwards():
+    points = np.random.default_rng(0).normal(size=(30, 3))
+    corners, faces = surface_of(pin.GeometryObject("", 0, pin.SE3.Identity(), hull(points).shape))
+    mesh = trimesh.Trimesh(corners, faces)
+    mesh.merge_vertices()
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(trimesh.convex.convex_hull(points).volume)
+
+
+def test_the_page_is_told_what_is_an_obstacle_and_its_title_names_robots_only(setup):
+    hello = hello_message(setup, title_of(setup), 1)
+    assert title_of(setup) == "arm7"
+    assert [robot.name for robot in hello.robots] == ["arm7"]
+    assert {one.name: one.mobility for one in hello.obstacles} == {"pole": 6, "floor": 0}
+    assert hello.obstacles[0].length == hello.robots[0].length  # marks on it are as large as on the robot
+    session = Session(setup)
+    message = state_message(session.state(), NodePoses(setup.robots), {})
+    session.close()
+    assert message.obstacles["pole"][:3] == pytest.approx([0.45, 0.25, 0.5])
+    assert message.statuses["pole"].name == "IDLE"
+
+
+def test_attached_objects_are_drawn_on_the_node_that_holds_them(robot):
+    bar = {"name": "a/bar", "kind": "box", "size": [0.04, 0.04, 0.3], "point": [0.0, 0.0, 0.2]}
+    said = {"robot": "arm7.raff", "goal": {"point": [0.3, 0.3, 0.3]}, "obstacle": [POLE], "attached": [bar]}
+    setup, page = scene_setup(scene_of(said, mechanism=robot("arm7"))), Page()
+    draw(page, setup)
+    found = {(path, kind): command for (path, kind, _), command in page.scene().items() if "attached" in path}
+    (path,) = {path for path, kind in found if kind == "set_object"}
+    assert path.startswith("/meshcat/cinegen/:arm7/:tool/attached a-bar")  # moves as the tool does
+    at = next(command for (_, kind), command in found.items() if kind == "set_transform")
+    matrix = np.reshape(umsgpack.unpackb(at)["matrix"], (4, 4)).T  # by columns
+    assert matrix[:3, 3] == pytest.approx([0.0, 0.0, 0.2])
+
+
+def test_robot_obstacles_and_goal_are_in_the_page_where_the_scene_has_them(root):
+    scene = load_scene(root / "robots" / "scenes" / "disc.toml")
+    setup, page = scene_setup(scene), Page()
+    draw(page, setup)
+    paths = {path for path, kind, _ in page.scene() if kind == "set_object"}
+    assert any(path.startswith("/meshcat/cinegen/:disc/:disc/") for path in paths)
+    assert "/meshcat/cinegen/:planar_3r/goal/ball" in paths
+    assert not any("disc/disc/triad" in path for path in paths)
+
+
+# --- node axes --------------------------------------------------------------------------------------------------------
+# The axes of joints that the page is told of are those about or along which the nodes move.
+
+
+@pytest.mark.parametrize("name", ["rx90", "delta4", "scara", "gough", "planetary_gear"])
+def test_a_node_moves_about_its_axis_through_its_origin(robot, name):
+    mechanism, step = robot(name), 1e-6
+    (described,) = hello_message(Setup({name: mechanism}), name, 1).robots
+    moved = [node for node in described.nodes if node.joint is not None]
+    assert {node.joint for node in moved} == set(mechanism.joints)
+    assert all(node.axis is None for node in described.nodes if node.joint is None)
+    for node in moved:
+        q, change = mechanism.q_home, np.zeros(mechanism.model.nv)
+        change[mechanism.model.joints[mechanism.model.getJointId(node.joint)].idx_v] = step
+        before, after = (
+            mechanism.placement(there, node.name) for there in (q, pin.integrate(mechanism.model, q, change))
+        )
+        twist = pin.log6(before.actInv(after)).vector / step  # in the node's frame
+        expected = [*node.axis, 0, 0, 0] if mechanism.is_prismatic(node.joint) else [0, 0, 0, *node.axis]
+        assert twist == pytest.approx(np.array(expected), abs=1e-5)
+
+
+# --- notebook ---------------------------------------------------------------------------------------------------------
+# `cinegen.show`: a live page in a cell.
+
+
+def test_a_cell_holds_the_live_page(robot):
+    with cinegen.show(robot("delta4"), port=0) as shown:
+        html = shown._repr_html_()
+        url = re.search(r'src="([^"]+)"', html)[1]
+        assert url == shown.url
+        assert get(url)[0] == 200
+        assert repr(shown) == f"<r1 at {url}>"
+        browser = Browser(url)
+        assert becomes(lambda: browser.state is not None)
+        before = shown.q["r1"]
+        browser.say("start_drag", robot="r1", node="platform", point=[0, 0, 0])
+        browser.say("move_drag", position=[0.1, 0.0, -2.0])
+        assert becomes(lambda: np.abs(shown.q["r1"] - before).max() > 0.01)

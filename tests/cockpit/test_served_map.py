@@ -4,17 +4,17 @@ import json
 import shutil
 
 import numpy as np
+import pinocchio as pin
 import pytest
 import trimesh
 from browsers import Browser, becomes, get
 
 import cinegen
 from cinegen.cockpit import Cockpit, show_map
-from cinegen.cockpit.served_map import ServedMap
-from cinegen.session import map_setup
-from cinegen.workspace import GridAxis, MapSpecification, Region, make_map
-
-pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
+from cinegen.cockpit.served_map import MOST, ServedMap
+from cinegen.session import Session, SetupError, map_setup
+from cinegen.session.setup import MapOverlay
+from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map
 
 SLICE = Region((GridAxis("x", -0.4, 0.4, 8), GridAxis("y", 0.1, 0.5, 5)))
 
@@ -143,3 +143,149 @@ def test_a_map_has_no_meshes_shown_that_are_far_from_it(tmp_path, monkeypatch):
     monkeypatch.setenv("RAFF2URDF_MESH_PATH", str(urdf.parent))
     (shape,) = map_setup(made).robots["arm"].visual.geometryObjects
     assert shape.meshPath == str(urdf.parent / "part.stl")
+
+
+# --- map cells --------------------------------------------------------------------------------------------------------
+# Cells of maps, as they are shown beside a robot.
+
+
+BOX = GridAxis("x", -1.3, 1.3, 6), GridAxis("y", -1.2, 1.2, 5), GridAxis("z", -2.7, -1.2, 6)
+
+
+@pytest.fixture(scope="module")
+def made(robot, tmp_path_factory):
+    """`made(robot, region, *quantities)`: a map on disk, and what xarray says is in it."""
+    folder, known = tmp_path_factory.mktemp("maps"), {}
+
+    def make(name, region, *quantities):
+        key = name, repr(region), quantities
+        if key not in known:
+            path = folder / f"{len(known)}.zarr"
+            known[key] = path, make_map(MapSpecification(robot(name), region, quantities), path, workers=1)
+        return known[key]
+
+    return make
+
+
+def serve(path, most=MOST):
+    """The cells of a map, as they are served beside its robot."""
+    return ServedMap(MapOverlay(str(path), "robot", "platform"), most)
+
+
+def where(mechanism, dataset, numbers):
+    """(n, 3) the end in the configurations of cells, by Pinocchio."""
+    q = dataset["configuration"].values.reshape(-1, mechanism.model.nq)[numbers]
+    return np.array([mechanism.placement(one, mechanism.end).translation for one in q])
+
+
+def test_all_reached_cells_are_shown_where_the_robot_is_in_them(made, robot):
+    path, dataset = made("delta4", Region(BOX), "sigma_1", "margin")
+    shown = serve(path)
+    cloud = shown.cells()
+    assert cloud.arrays["numbers"].tolist() == np.flatnonzero(dataset["reachable"].values).tolist()
+    assert 0 < len(cloud.arrays["numbers"]) < cloud.description.cells == cloud.description.done == 6 * 5 * 6
+    assert cloud.arrays["points"] == pytest.approx(where(robot("delta4"), dataset, cloud.arrays["numbers"]), abs=1e-8)
+    assert "edges" not in cloud.arrays
+    assert cloud.description.size == pytest.approx(0.25)  # to the next cell, along z
+    for axis, index in zip(cloud.description.axes, cloud.arrays["indices"].T, strict=True):
+        assert axis.low + axis.step * index == pytest.approx(cloud.arrays["points"][:, "xyz".index(axis.name)])
+    for quantity in cloud.description.quantities:
+        values = dataset[quantity.name].values.ravel()[cloud.arrays["numbers"]]
+        assert cloud.arrays[f"value {quantity.name}"].tolist() == values.tolist()
+        assert quantity.least == values.min() <= quantity.low < quantity.high <= values.max() == quantity.most
+        assert quantity.text == dataset[quantity.name].attrs["long_name"]
+    some = int(cloud.arrays["numbers"][len(cloud.arrays["numbers"]) // 2])
+    assert json.loads(shown.cell(some))["q"] == dataset["configuration"].values.reshape(-1, 15)[some].tolist()
+    missed = int(np.flatnonzero(~dataset["reachable"].values)[0])
+    assert shown.cell(missed) is None
+    assert shown.cell(cloud.description.cells) is None
+
+
+@pytest.mark.parametrize("most", [60, 3])
+def test_of_a_large_map_fewer_cells_are_shown_each_still_where_it_is(made, robot, most):
+    path, dataset = made("delta4", Region(BOX), "sigma_1", "margin")
+    cloud = serve(path, most).cells()
+    assert 0 < len(cloud.arrays["numbers"]) <= most
+    assert max(axis.every for axis in cloud.description.axes) > 1
+    assert dataset["reachable"].values.ravel()[cloud.arrays["numbers"]].all()
+    assert cloud.arrays["points"] == pytest.approx(where(robot("delta4"), dataset, cloud.arrays["numbers"]), abs=1e-8)
+    assert cloud.arrays["value margin"].tolist() == dataset["margin"].values.ravel()[cloud.arrays["numbers"]].tolist()
+    for axis, index in zip(cloud.description.axes, cloud.arrays["indices"].T, strict=True):
+        assert index.max() < axis.count
+        assert axis.low + axis.step * index == pytest.approx(cloud.arrays["points"][:, "xyz".index(axis.name)])
+
+
+def test_all_of_a_sphere_is_shown_with_every_second_cell(made):
+    """The chord of an angle a on a circle of radius r is 2 r sin(a / 2)."""
+    region = Region(
+        (GridAxis("azimuth", -np.pi, np.pi, 8), GridAxis("elevation", -0.5 * np.pi, 0.5 * np.pi, 8)),
+        {"radius": 0.1}, centre=(0.0, 0.0, -1.8),
+    )  # fmt: skip
+    cloud = serve(made("delta4", region)[0], 32).cells()
+    assert len(cloud.arrays["points"]) == 32
+    assert np.linalg.norm(cloud.arrays["points"] - [0.0, 0.0, -1.8], axis=1) == pytest.approx(0.1)
+    around, up = np.linalg.norm(cloud.arrays["edges"], axis=2).T
+    every = [axis.every for axis in cloud.description.axes]
+    elevation = cloud.description.axes[1].low + cloud.description.axes[1].step * cloud.arrays["indices"][:, 1]
+    assert around == pytest.approx(0.2 * np.cos(elevation) * np.sin(every[0] * np.pi / 8.0))
+    assert up == pytest.approx(0.2 * np.sin(every[1] * np.pi / 16.0))
+    assert np.einsum("ni,ni->n", *np.moveaxis(cloud.arrays["edges"], 1, 0)) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_cells_of_motors_are_where_these_lead_the_end(made, robot):
+    path, dataset = made("delta4", Region((GridAxis("joint1", -0.6, 0.6, 4), GridAxis("joint6", -0.6, 0.6, 3))))
+    cloud = serve(path).cells()
+    assert cloud.arrays["points"] == pytest.approx(where(robot("delta4"), dataset, cloud.arrays["numbers"]), abs=1e-8)
+    assert all(axis.unit == "rad" and axis.translates for axis in cloud.description.axes)
+    assert cloud.description.quantities == ()
+
+
+def test_turns_in_one_place_are_shown_on_a_ball_about_it(made, robot):
+    gough = robot("gough")
+    path, dataset = made("gough", Region((GridAxis("rx", -0.3, 0.3, 4), GridAxis("ry", -0.3, 0.3, 3))))
+    cloud = serve(path).cells()
+    home = gough.placement(gough.q_home, gough.end).translation
+    for point, number in zip(cloud.arrays["points"], cloud.arrays["numbers"], strict=True):
+        q = dataset["configuration"].values.reshape(-1, gough.model.nq)[number]
+        assert (point - home) / np.linalg.norm(point - home) == pytest.approx(
+            gough.placement(q, gough.end).rotation[:, 2]
+        )
+    assert not any(axis.translates for axis in cloud.description.axes)
+
+
+@pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
+def test_beside_the_map_stands_its_robot(made, robot):
+    path, _ = made("delta4", Region(BOX), "sigma_1", "margin")
+    setup = map_setup(path, "margin", robot("delta4"))
+    assert setup.map.path == str(path)
+    assert (setup.map.robot, setup.map.node, setup.map.quantity) == ("r1", "platform", "margin")
+    assert setup.robots == {"r1": robot("delta4")}
+    session = Session(map_setup(path))
+    session.tick()
+    assert session.robots["r1"].q == pytest.approx(robot("delta4").q_home)
+    session.close()
+
+
+def test_what_makes_no_sense_is_refused(made, robot, tmp_path):
+    path, _ = made("delta4", Region(BOX), "sigma_1", "margin")
+    with pytest.raises(SetupError, match=r"no quantity 'sigma_2'.*it has sigma_1, margin"):
+        map_setup(path, "sigma_2")
+    with pytest.raises(SetupError, match="of another robot"):
+        map_setup(path, None, robot("gough"))
+    with pytest.raises(MapError):
+        map_setup(tmp_path / "nothing.zarr")
+    shutil.copytree(path, tmp_path / "file.zarr")
+    (tmp_path / "file.zarr" / "zarr.json").write_text("no map")
+    with pytest.raises(MapError):
+        serve(tmp_path / "file.zarr")
+
+
+def test_a_map_in_a_scene_has_its_obstacles_beside_it(robot, tmp_path):
+    pole = {"name": "pole", "kind": "capsule", "radius": 0.03, "length": 1.0, "point": [0.45, 0.25, 0.5]}
+    scene = {"robot": "arm7.raff", "goal": {"point": [0.3, 0.3, 0.3]}, "obstacle": [pole]}
+    region = Region((GridAxis("x", 0.2, 0.4, 2), GridAxis("y", 0.2, 0.4, 2)))
+    make_map(MapSpecification(robot("arm7"), region, ("clearance",), scene=scene), tmp_path / "a.zarr", workers=1)
+    setup = map_setup(tmp_path / "a.zarr")
+    assert set(setup.robots) == {setup.map.robot}
+    assert setup.avoidance.robot == setup.map.robot
+    assert setup.obstacles["pole"].placement.isApprox(pin.SE3(np.eye(3), np.array([0.45, 0.25, 0.5])))

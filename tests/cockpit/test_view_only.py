@@ -10,8 +10,6 @@ from cinegen.cockpit import Cockpit
 from cinegen.cockpit.hub import VIEW_ONLY
 from cinegen.session import arrange
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
-
 COMMANDS = [
     {"said": "request_control", "on": True},
     {"said": "start_drag", "robot": "delta4", "node": "link5", "point": [0, 0, 0]},

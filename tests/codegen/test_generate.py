@@ -7,6 +7,7 @@ import subprocess
 
 import numpy as np
 import pytest
+from small_robots import rssr
 from variants import slow
 
 import cinegen
@@ -110,18 +111,6 @@ def test_frames_and_singular_values_at_random_configurations(robot, tmp_path, na
     assert compared > 0.2 * count
 
 
-RSSR = """
-RAFF RSSR
-robot rssr {
-  link 1 { parameters { theta 40 } type 2 pred 0 actuated 1 }
-  frame 10 { parameters { d 100 alpha 70 theta 10 } pred 1 }
-  link 2 { parameters { } joint ball pred 10 }
-  link 3 { parameters { gamma 20 d 300 alpha 80 theta 85 epsilon 30 } type 2 pred 0 }
-  frame 4 { parameters { d 320 } pred 2 }
-  frame 5 { parameters { d 200 } pred 3 }
-  constraint { frame 4 frame 5 type 3 }
-}
-"""
 ROVER = """
 RAFF Rover
 robot rover {
@@ -143,12 +132,11 @@ NUMBERS = {
 @needs_node
 @pytest.mark.parametrize(
     ("text", "name", "language"),
-    [(ROVER, "rover", Language.JAVASCRIPT), *slow((ROVER, "rover", Language.C), (RSSR, "rssr", Language.JAVASCRIPT))],
+    [(ROVER, "rover", Language.JAVASCRIPT), *slow((ROVER, "rover", Language.C), (rssr(), "rssr", Language.JAVASCRIPT))],
 )
 def test_ball_joints_and_floating_bases(tmp_path, text, name, language):
     """The rod of an RSSR rotates about itself, which no actuated joint determines: that must agree, too."""
-    (tmp_path / "robot.raff").write_text(text)
-    mechanism = cinegen.load(tmp_path / "robot.raff")
+    mechanism = cinegen.load(text)
     written(tmp_path, mechanism, language, functions=[Function.FORWARD, Function.TICK])
     command = [compiled(tmp_path, *STRICT)] if language is Language.C else [NODE, "robot_test.mjs"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
@@ -223,15 +211,12 @@ def test_a_kernel_that_cannot_be_translated_is_named(kernel, message):
         KernelTranslation(Language.C, Heap()).function(kernel, given)
 
 
-def test_the_command(capsys, root, tmp_path):
+def test_the_command(typed, root, tmp_path):
     made = tmp_path / "made"
     call = ["generate", str(root / "robots/four_bar.raff"), "--to", "c", "-o", str(made), "--functions", "fk"]
-    assert main(call) == 0
-    assert capsys.readouterr().out.split() == [str(made / f"four_bar{end}") for end in (".h", ".c", "_test.c")]
+    assert typed(*call).out.split() == [str(made / f"four_bar{end}") for end in (".h", ".c", "_test.c")]
     assert main(call) == 0  # they can be made again
     (made / "four_bar.c").write_text("mine")
-    assert main(call) == 1
-    assert "exists already" in capsys.readouterr().err
+    assert "exists already" in typed(*call, code=1).err
     assert (made / "four_bar.c").read_text() == "mine"
-    assert main([*call[:-1], "fk,jump"]) == 2
-    assert "there is no 'jump'; use fk, close, tick, sigma, ik" in capsys.readouterr().err
+    assert "there is no 'jump'; use fk, close, tick, sigma, ik" in typed(*call[:-1], "fk,jump", code=2).err

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from variants import slow
 
-from cinegen.cli import main
 from cinegen.codegen import Function, Language, generate
 from cinegen.codegen.precision import CLOSURE_ERROR, POSITION_ERROR
 from cinegen.errors import ClosureError
@@ -91,8 +90,7 @@ def test_the_header_states_the_error(robot):
     assert f"{1000.0 * POSITION_ERROR * mechanism.length:.2g} mm." in comment
 
 
-def test_javascript_has_no_floats(capsys, root, tmp_path):
+def test_javascript_has_no_floats(typed, root, tmp_path):
     call = ["generate", str(root / "robots/four_bar.raff"), "--to", "js", "--precision", "float", "-o", str(tmp_path)]
-    assert main(call) == 2
-    assert "JavaScript computes with doubles only" in capsys.readouterr().err
+    assert "JavaScript computes with doubles only" in typed(*call, code=2).err
     assert not list(tmp_path.iterdir())

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from reference import PANDA, load
 from test_mesh_check import READY, panda, scene
-from test_srdf import AC, chain
+from test_self_collision import AC, chain
 
 import cinegen
 from cinegen.collision.mesh_check import MeshCheck

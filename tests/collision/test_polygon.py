@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cinegen.collision import SceneError, scene_of
 from cinegen.collision.polygon import convex_pieces, polygon_error
 
 integers = st.integers(-4, 4)
@@ -118,22 +117,3 @@ def test_pieces_are_convex_and_fill_the_polygon(seed):
 def test_a_polygon_that_crosses_or_touches_itself_is_told_from_one_that_does_not(points):
     exact = [(Fraction(x), Fraction(y)) for x, y in points]
     assert (polygon_error(np.array(points, dtype=float)) is None) == _is_simple(exact)
-
-
-@pytest.mark.parametrize(
-    ("points", "said"),
-    [
-        ([[0, 0], [1, 0]], "must be at least 3, not 2"),
-        ([[0, 0], [1, 1], [1, 0], [0, 1]], "cross or touch each other: the side from point 1 meets the side from"),
-        ([[0, 0], [1, 0], [2, 0]], "enclose no area"),
-        ([[0, 0], [1, 0], [1, 0], [0, 1]], "repeat [1.0, 0.0] (points 2 and 3)"),
-        (7, "must be a list of points, not 7"),
-        (np.zeros((2002, 2)), "are 2001: the largest number is 2000"),
-    ],
-)
-def test_what_is_no_polygon_is_refused(points, said):
-    values = {"mobile": {"radius": 0}, "goal": {"point": [0, 0]}, "obstacle": [{"kind": "polygon", "points": points}]}
-    with pytest.raises(SceneError) as error:
-        scene_of(values)
-    assert str(error.value).startswith("scene: obstacle 1: points")
-    assert said in str(error.value)

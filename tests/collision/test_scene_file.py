@@ -1,17 +1,20 @@
 """Scenes as files: those of the repository, what is wrong with others, and starts and goals of all robots."""
 
+import copy
 import json
 import math
 
 import numpy as np
 import pinocchio as pin
 import pytest
+import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes_of_tables import refused
 
 import cinegen
 from cinegen.collision import PlanningError, SceneError, load_scene, scene_of
+from cinegen.collision.obstacle_kinds import KINDS
 from cinegen.errors import CinegenError
 
 FIGURES = ("rod", "generic")
@@ -96,6 +99,70 @@ def test_what_is_wrong_with_a_file_is_said_with_its_place(tmp_path, old, new, sa
     with pytest.raises(SceneError) as error:
         load_scene(path)
     assert str(error.value).startswith(said.format(path=path))
+
+
+BALL = {"kind": "sphere", "radius": 1}
+BAR = {"name": "bar", "kind": "box", "size": [0.05, 0.05, 0.4], "node": "tool"}
+
+# a robot, or None for a mobile; values of a scene, and what is said of them
+SENSELESS = [
+    (None, {"obstacle": [{"kind": "sphere", "name": "post", "radius": 0.0}]},
+     "obstacle 1 'post': radius must be above 0, not 0.0"),
+    (None, {"obstacle": [{"kind": "sphere", "radius": math.nan}]}, "radius must be finite, not nan"),
+    (None, {"obstacle": [{"kind": "sphere", "radius": 1e7}]}, "radius is 1e+07: the largest value is 1e+06"),
+    (None, {"obstacle": [{"kind": "sphere", "radius": 1e-9}]}, "radius is 1e-09 m: the least size"),
+    (None, {"obstacle": [{"kind": "sphere", "radius": "0.1 pc"}]}, "radius is wrong: '0.1 pc': unknown unit 'pc'"),
+    (None, {"obstacle": [{"kind": "sphere", "raduis": 1.0}]}, "radius is missing: is 'raduis' misspelled?"),
+    (None, {"obstacle": [{"kind": "disc", "radius": 1, "hieght": 2}]}, "unknown key 'hieght': did you mean 'height'?"),
+    (None, {"obstacle": [{"kind": "spheer", "radius": 1}]}, "kind 'spheer' is unknown: did you mean 'sphere'?"),
+    (None, {"obstacle": [{"kind": "box", "size": [1]}]}, "size must be a list of 2 or 3 numbers"),
+    (None, {"obstacle": [{"kind": "capsule", "radius": 1, "ends": [[0, 0], [0, 0, 0]]}]},
+     "ends coincide: for a sphere, write kind"),
+    (None, {"obstacle": [{"kind": "half_plane", "normal": [0, 0]}]},
+     "normal must be a direction: [0.0, 0.0] has length 0"),
+    (None, {"obstacle": [{"kind": "disc", "radius": 1, "angle": 1, "rpy": [0, 0, 0]}]},
+     "angle cannot be combined with rpy"),
+    (None, {"obstacle": [BALL | {"name": "a"}, BALL | {"name": "a"}]}, "obstacle 2 'a': name 'a' is used by another"),
+    (None, {"obstacle": [BALL | {"name": "sphere 2"}, BALL]}, "name 'sphere 2' is used by another"),
+    (None, {"obstacle": [{"kind": "polygon", "points": [[0, 0], [1, 0]]}]}, "must be at least 3, not 2"),
+    (None, {"obstacle": [{"kind": "polygon", "points": [[0, 0], [1, 1], [1, 0], [0, 1]]}]},
+     "cross or touch each other: the side from point 1 meets the side from"),
+    (None, {"obstacle": [{"kind": "polygon", "points": [[0, 0], [1, 0], [2, 0]]}]}, "enclose no area"),
+    (None, {"obstacle": [{"kind": "polygon", "points": [[0, 0], [1, 0], [1, 0], [0, 1]]}]},
+     "repeat [1.0, 0.0] (points 2 and 3)"),
+    (None, {"obstacle": [{"kind": "polygon", "points": 7}]}, "must be a list of points, not 7"),
+    (None, {"obstacle": [{"kind": "polygon", "points": np.zeros((2002, 2))}]}, "are 2001: the largest number is 2000"),
+    ("arm7", {"allowed_collisions": [["tool", "lnk5"]]}, "'lnk5' is not a node of arm: did you mean 'link5'?"),
+    ("arm7", {"allowed_collisions": [["tool", "tool"]]}, "names 'tool' twice"),
+    ("arm7", {"allowed_collisions": ["tool", "link5"]}, "list of pairs of names"),
+    ("arm7", {"weights": {"elbow": 1.0}}, "weights: 'elbow' is not a joint of"),
+    ("arm7", {"weights": {"joint2": 0.0}}, "weights: joint2 must be a weight from 0.01 to 100, not 0"),
+    ("arm7", {"weights": {"joint2": "heavy"}}, "joint2 must be a number"),
+    ("arm7", {"goal": {"joints": {"joint9": 0.0}}}, "'joint9' is not a joint"),
+    ("arm7", {"goal": {"joints": {"joint4": 2.5}}}, "its limits are"),
+    ("arm7", {"goal": {"joints": {"joint1": 0.1}}, "locked": ["joint1"]}, "also a joint of the goal"),
+    ("arm7", {"goal": {"joints": {"joint1": 0.1}}, "locked": ["jiont1"]}, "did you mean 'joint1'"),
+    ("arm7", {"path": {"line": [0, 0, 1], "plane": [0, 0, 1]}}, "cannot be combined"),
+    ("arm7", {"path": {"lien": [0, 0, 1]}}, "did you mean 'line'"),
+    ("arm7", {"goal": {"point": [0.4, 0, 0.4], "tolerance": [0.1, -0.1, 0]}}, "tolerance must not be below 0"),
+    ("arm7", {"goal": {"point": [0.4, 0, 0.4], "cone": 0.1}}, "cone needs rpy"),
+    ("arm7", {"goal": {"point": [0.4, 0, 0.4], "rpy": [0, 0, 0], "cone": 4.0}}, "0 to 180 deg"),
+    ("arm7", {"attached": [BAR | {"node": "hand"}]}, "attached 1 'bar': node 'hand' is not a node of"),
+    ("arm7", {"attached": [BAR | {"touches": ["finger"]}]}, "touches 'finger' is not a node of"),
+    ("arm7", {"attached": [BAR | {"name": "link2"}]}, "name 'link2' is used by another object or node"),
+    ("arm7", {"attached": [{"kind": "half_space", "normal": [0, 0, 1], "node": "tool"}]},
+     "'half_space' is unbounded: it can't be attached"),
+    ("arm7", {"attached": [BAR | {"weight": 3}]}, "unknown key 'weight'"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "values", "said"), SENSELESS, ids=[row[2] for row in SENSELESS])
+def test_what_makes_no_sense_is_refused_by_its_key(robot, name, values, said):
+    base = {"goal": {"point": [0.4, 0.3, 0.4]}} if name else {"mobile": {"radius": 0.0}, "goal": {"point": [1.0, 0.0]}}
+    with pytest.raises(SceneError) as error:
+        scene_of(base | values, mechanism=robot(name) if name else None)
+    assert str(error.value).startswith("scene: ")
+    assert said in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -358,3 +425,87 @@ def test_an_angle_is_that_of_the_nodes_x_axis_seen_from_above(robot, angle, seed
 
 
 # --- values ---------------------------------------------------------------------------------------------------------
+
+
+# --- scene garbage ----------------------------------------------------------------------------------------------------
+# Whatever stands in a scene: it is read, or refused with a SceneError that names a place.
+
+
+FULL = {
+    "name": "all",
+    "robot": "planar_3r.raff",
+    "node": "tool",
+    "safety": 0.02,
+    "influence": 0.3,
+    "up": [0, 0, 1],
+    "start": {"joints": {"joint1": 0.1, "joint2": 0.2}},
+    "goal": {"point": [0.5, 0.2], "angle": 0.1},
+    "obstacle": [
+        {"kind": "sphere", "name": "a", "radius": 0.1, "point": [2, 2, 0]},
+        {"kind": "box", "size": [0.1, 0.2, 0.3], "rpy": [0.1, 0.2, 0.3]},
+        {"kind": "capsule", "radius": 0.1, "ends": [[0, 0], [1, 1]]},
+        {"kind": "half_plane", "normal": [1, 0]},
+        {"kind": "disc", "radius": 0.1, "height": 1, "angle": 1},
+        {"kind": "polygon", "points": [[0, 0], [1, 0], [0, 1]]},
+        {"kind": "mesh", "file": "box.stl", "scale": 0.1, "convex": "hull"},
+    ],
+}
+
+json_values = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.floats()
+    | st.text(max_size=4)
+    | st.sampled_from([*KINDS, "tool", "joint1", [], {}, [0, 0], [[0, 0], [1, 0], [0, 1]]]),
+    lambda inner: (
+        st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from([*FULL, "kind", "x"]), inner, max_size=3)
+    ),
+    max_leaves=6,
+)
+
+
+def _places(value, path=()):
+    yield path
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, inner in items:
+        yield from _places(inner, (*path, key))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Where the mesh lies."""
+    made = tmp_path_factory.mktemp("scenes")
+    trimesh.creation.box((1, 1, 1)).export(made / "box.stl")
+    return made
+
+
+PLACES = list(_places(FULL))
+
+
+def _put(path, value):
+    values = copy.deepcopy(FULL)
+    if not path:
+        return value
+    at = values
+    for key in path[:-1]:
+        at = at[key]
+    at[path[-1]] = value
+    return values
+
+
+@settings(max_examples=500)
+@given(st.sampled_from(PLACES), json_values)
+def test_any_value_anywhere_is_read_or_refused(robot, folder, path, value):
+    values = _put(path, value)
+    try:
+        scene = scene_of(values, folder, robot("planar_3r"))
+    except SceneError as refusal:
+        said = str(refusal)
+        assert said.startswith("scene"), said
+        assert path == () or any(str(key) in said for key in path if isinstance(key, str)), said
+        return
+    # what is read is read the same again
+    again = scene_of(json.loads(json.dumps(scene.document(), allow_nan=False)), folder, robot("planar_3r"))
+    assert again.start.tolist() == scene.start.tolist()
+    assert len(again.obstacles) == len(scene.obstacles)

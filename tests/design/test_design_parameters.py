@@ -2,16 +2,34 @@
 
 import pickle
 import warnings
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import raff2urdf
-from cinegen.design import Design, DesignError, Parameters, Tolerances, tolerance
+from cinegen.design import Design, DesignError, Parameters, Tolerances, holding_torques, tolerance
+from cinegen.dynamics import InverseDynamics, Payload
 from cinegen.errors import CinegenWarning, ClosureError
+from cinegen.model import Mechanism
+from cinegen.model.masses import stated
+from raff2urdf.raff.compound import VARIABLES
+from raff2urdf.raff.document import (
+    CompoundKind,
+    Document,
+    JointType,
+    RaffBase,
+    RaffFrame,
+    RaffLink,
+    RaffParameters,
+    RaffRobot,
+    RaffVariable,
+)
 
 ROBOTS = Path(__file__).parents[2] / "robots"
 
@@ -179,3 +197,228 @@ def test_designs_go_to_other_processes():
     assert design.names == ("link1.d", "link2.d", "link3.d", "link5.d", "joint2.x")
     tolerances = pickle.loads(pickle.dumps(Tolerances("five_bar", {"link2.d": 1e-4})))
     assert tolerances.at().position == tolerance("five_bar", {"link2.d": 1e-4}).position
+
+
+# --- design derivatives -----------------------------------------------------------------------------------------------
+# Derivatives by parameters, against central differences of documents that are edited and loaded again.
+
+
+FEW = ["arm7", "delta4", "sr400", "differential_wrist"]
+STEPS = np.array([1.0, -1.0, 2.0, -2.0, 3.0, -3.0])
+WEIGHTS = np.array([45.0, -45.0, -9.0, 9.0, 1.0, -1.0]) / 60.0  # of a sixth-order difference
+SAMPLED = 6  # parameters of each robot
+
+
+@cache
+def design(name: str) -> Design:
+    return Design(Parameters(name))
+
+
+def edited(parameters: Parameters, k: int, step: float) -> Mechanism:
+    """Return the mechanism of the edited document, measured by the length of the one as written."""
+    p = parameters.values.copy()
+    p[k] += step
+    return replace(parameters.mechanism_with(p), length=parameters.mechanism.length)
+
+
+def difference(values: list[np.ndarray], step: float) -> np.ndarray:
+    return np.tensordot(WEIGHTS, np.array(values), 1) / step
+
+
+def jacobian_by_fixed(design: Design, mechanism: Mechanism, q: np.ndarray, node: str) -> np.ndarray:
+    """Return the Jacobian of a node by the fixed joints, by the loops of a mechanism as Pinocchio places them."""
+    jacobian, loops = mechanism.jacobian(q, node), mechanism.structure.system.evaluate(q)[1] / mechanism.scale
+    fixed, moving = [mechanism.v_index(name) for name in design.fixed], design.moving
+    follow = np.zeros((mechanism.model.nv, len(fixed)))
+    if len(loops):
+        scaled = loops * mechanism.scale
+        follow[moving] = -np.linalg.pinv(scaled[:, moving], rcond=1e-9) @ loops[:, fixed]
+        follow *= mechanism.scale[:, None]
+    return jacobian[:, fixed] + jacobian @ follow
+
+
+@pytest.mark.parametrize("name", FEW)
+def test_edited_documents(name: str) -> None:
+    one = design(name)
+    parameters, mechanism = one.parameters, one.mechanism
+    q = [mechanism.q_home, *mechanism.random_closed(1, 5)][-1]
+    here, node, length = one.evaluate(q=q), mechanism.end, mechanism.length
+    assert here.gap[0] < 1e-12
+    nominal, opening = mechanism.placement(here.q[0], node), set(here.opening)
+    scale = np.repeat([1.0 / length, 1.0], 3)
+    amplified = here.amplification(node)[0]
+    np.testing.assert_allclose(
+        amplified, jacobian_by_fixed(one, mechanism, here.q[0], node), atol=1e-9 * max(1.0, length)
+    )
+    by_p = here.amplification_derivative(node)[0]
+    chosen = np.random.default_rng(3).permutation(len(one.names))[:SAMPLED]
+    for k in (k for k in chosen if one.names[k] not in opening):
+        unit = length if parameters.all[parameters.find(one.names[k])].unit == "m" else 1.0
+        step = 1e-3 * unit
+        changed = [edited(parameters, k, s * step) for s in STEPS]
+        open_poses = [pin.log6(nominal.actInv(m.placement(here.q[0], node))).vector * scale for m in changed]
+        moved = here.node_parameters(node)[0, :, k] * scale
+        np.testing.assert_allclose(unit * moved, unit * difference(open_poses, step), atol=1e-8)
+        residuals = [m.structure.system.evaluate(here.q[0])[0] for m in changed]
+        np.testing.assert_allclose(unit * here.loop_parameters[0, :, k], unit * difference(residuals, step), atol=1e-8)
+        closed = [m.close(here.q[0], mechanism.actuated) for m in changed]
+        poses = [
+            pin.log6(nominal.actInv(m.placement(c, node))).vector * scale for m, c in zip(changed, closed, strict=True)
+        ]
+        moved = here.pose_derivative(node)[0, :, k] * scale
+        np.testing.assert_allclose(unit * moved, unit * difference(poses, step), atol=1e-8)
+        jacobians = [jacobian_by_fixed(one, m, c, node) for m, c in zip(changed, closed, strict=True)]
+        numeric = difference(jacobians, step) * scale[:, None] * unit
+        np.testing.assert_allclose(
+            by_p[..., k] * scale[:, None] * unit, numeric, atol=1e-8 * max(1.0, np.abs(numeric).max())
+        )
+
+
+WRENCH = np.array([3.0, -2.0, 5.0, 0.3, 0.7, -0.4])
+
+
+@pytest.mark.parametrize("name", FEW)
+def test_torques_that_hold(name: str) -> None:
+    """Against the inverse dynamics of edited documents; masses that follow from dimensions stay those of the file."""
+    one = design(name)
+    parameters, mechanism = one.parameters, one.mechanism
+    loads = [Payload(mechanism.end, wrench=tuple(WRENCH))]
+    here = one.evaluate(q=[mechanism.q_home, *mechanism.random_closed(1, 5)][-1])
+    torques, by_p = holding_torques(here, {mechanism.end: WRENCH}, massless=True)
+    expected = InverseDynamics(mechanism, loads, massless=True).torques(here.q[0])
+    size = max(1.0, float(np.abs(expected).max()))
+    np.testing.assert_allclose(torques[0], expected, atol=1e-9 * size)
+    opening = set(here.opening)
+    fixed = [i for i, k in enumerate(one.names) if k not in opening]
+    chosen = np.random.default_rng(7).permutation(fixed)[:4]
+    torques, by_p = holding_torques(here, {mechanism.end: WRENCH}, gravity=(0.0, 0.0, 0.0))
+    weights, by_weight = holding_torques(here, massless=True)
+    for k in chosen:
+        unit = mechanism.length if parameters.all[parameters.find(one.names[k])].unit == "m" else 1.0
+        step = 1e-3 * unit
+        changed = [edited(parameters, k, s * step) for s in STEPS]
+        closed = [m.close(here.q[0], mechanism.actuated) for m in changed]
+        pairs = list(zip(changed, closed, strict=True))
+        held = [InverseDynamics(m, loads, (0.0, 0.0, 0.0), True).torques(c) for m, c in pairs]
+        size = max(1.0, float(np.abs(torques).max()))
+        np.testing.assert_allclose(unit * by_p[0, :, k], unit * difference(held, step), atol=1e-8 * size)
+        if same_masses(changed[0], mechanism):
+            held = [InverseDynamics(m, massless=True).torques(c) for m, c in pairs]
+            size = max(1.0, float(np.abs(weights).max()))
+            np.testing.assert_allclose(unit * by_weight[0, :, k], unit * difference(held, step), atol=1e-8 * size)
+
+
+def same_masses(one: Mechanism, other: Mechanism) -> bool:
+    masses = [{link: (body.mass, *body.centre) for link, body in stated(m).items()} for m in (one, other)]
+    same = masses[0].keys() == masses[1].keys()
+    return same and all(np.allclose(masses[0][link], masses[1][link], 1e-12, 1e-12) for link in masses[0])
+
+
+# --- design of random robots ------------------------------------------------------------------------------------------
+# Parameters of random trees with joints of all kinds, and of linkages with ball joints, against edited documents.
+
+
+RSSR = """RAFF Rssr
+units mm
+robot rssr {
+  link 1 { parameters { theta 70 alpha 10 epsilon 20 } type 2 pred 0 actuated 1 }
+  link 2 { parameters { gamma 5 theta -40 alpha 15 d 120 epsilon 10 r 30 } joint ball pred 1 }
+  frame 4 { parameters { d 360 r 20 theta 12 } pred 2 }
+  link 3 { parameters { theta 89 d 400 alpha 20 r 60 } type 2 pred 0 }
+  frame 5 { parameters { d 240 alpha 30 } pred 3 }
+  constraint { frame 4 frame 5 type 3 }
+}
+"""
+
+
+def random_robot(rng: np.random.Generator, size: int) -> Document:
+    """Return a document of a tree whose links have joints of all kinds."""
+
+    def written() -> RaffParameters:
+        numbers = rng.uniform(-1.0, 1.0, 6) * rng.integers(0, 2, 6)
+        theta, alpha, gamma = (150.0 * numbers[:3]).tolist()
+        r, d, epsilon = (400.0 * numbers[3:]).tolist()
+        return RaffParameters(theta, r, d, alpha, gamma, epsilon)
+
+    parts: list[RaffLink | RaffFrame] = []
+    for number in range(1, size + 1):
+        pred, kind = int(rng.integers(0, number)), rng.integers(0, 5)
+        if kind == 0:
+            parts.append(RaffFrame(number, written(), pred))
+        elif kind < 3:
+            parts.append(RaffLink(number, written(), JointType(int(rng.integers(0, 3))), pred))
+        else:
+            compound = list(CompoundKind)[rng.integers(0, 4)]
+            variables = tuple(
+                RaffVariable(name, float(rng.uniform(-40.0, 40.0)))
+                for name, own in VARIABLES[compound].items()
+                if own is None
+            )
+            parts.append(RaffLink(number, written(), JointType.FIXED, pred, compound=compound, variables=variables))
+    return Document("random", (RaffRobot("random", RaffBase(written()), tuple(parts)),))
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 10**6), st.integers(1, 6))
+def test_random_trees(seed: int, size: int):
+    rng = np.random.default_rng(seed)
+    parameters = Parameters(random_robot(rng, size))
+    design, mechanism = Design(parameters), parameters.mechanism
+    q = mechanism.structure.system.integrate(mechanism.q_home, rng.normal(size=mechanism.model.nv))
+    p = parameters.values + rng.uniform(-0.3, 0.3, len(parameters))
+    here, changed = design.evaluate(p, q), parameters.mechanism_with(p)
+    for node in mechanism.nodes:
+        np.testing.assert_allclose(here.placements(node)[0], changed.placement(q, node).homogeneous, atol=1e-12)
+    k, node, step = int(rng.integers(len(p))), mechanism.nodes[int(rng.integers(len(mechanism.nodes)))], 1e-4
+    ahead, behind = (design.evaluate(p + sign * step * np.eye(len(p))[k], q) for sign in (1.0, -1.0))
+    seen = pin.SE3(here.placements(node)[0])
+    moved = [pin.log6(seen.actInv(pin.SE3(one.placements(node)[0]))).vector for one in (ahead, behind)]
+    np.testing.assert_allclose(here.pose_derivative(node)[0, :, k], (moved[0] - moved[1]) / (2.0 * step), atol=1e-7)
+    by_p = (ahead.amplification(node)[0] - behind.amplification(node)[0]) / (2.0 * step)
+    np.testing.assert_allclose(here.amplification_derivative(node)[0, ..., k], by_p, atol=1e-6)
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 10**6))
+def test_own_variables_are_offsets_of_encoders(seed: int):
+    """A joint whose encoder is off by some value is where it would be with that much more in its reading."""
+    rng = np.random.default_rng(seed)
+    document = random_robot(rng, 5)
+    own = [one for one in Parameters(document).all if one.joint]
+    if not own:
+        return
+    one = own[int(rng.integers(len(own)))]
+    parameters = Parameters(document, one.name)
+    design, mechanism = Design(parameters), parameters.mechanism
+    q = mechanism.q_home.copy()
+    q[mechanism.q_index(one.joint)] += 0.1
+    off = design.evaluate(parameters.values + 0.1)
+    for node in mechanism.nodes:
+        np.testing.assert_allclose(off.placements(node)[0], mechanism.placement(q, node).homogeneous, atol=1e-12)
+    node = mechanism.end
+    np.testing.assert_allclose(
+        design.evaluate().pose_derivative(node)[0, :, 0],
+        mechanism.jacobian(mechanism.q_home, node)[:, mechanism.v_index(one.joint)],
+        atol=1e-12,
+    )
+
+
+def test_a_linkage_with_a_ball_joint(tmp_path):
+    (tmp_path / "rssr.raff").write_text(RSSR)
+    parameters = Parameters(tmp_path / "rssr.raff")
+    design, mechanism = Design(parameters), parameters.mechanism
+    assert mechanism.balls == ("joint2",)
+    here, end = design.evaluate(), pin.SE3(mechanism.placement(mechanism.q_home, "frame5"))
+    assert here.opening == ()
+    for k, name in enumerate(design.names):
+        step, poses = 1e-4, []
+        for sign in (1.0, -1.0):
+            changed = parameters.mechanism_with(parameters.values + sign * step * np.eye(len(design.names))[k])
+            q = changed.close(mechanism.q_home, mechanism.actuated)
+            there = design.evaluate(parameters.values + sign * step * np.eye(len(design.names))[k])
+            np.testing.assert_allclose(
+                there.placements("frame5")[0], changed.placement(q, "frame5").homogeneous, atol=1e-10, err_msg=name
+            )
+            poses.append(pin.log6(end.actInv(changed.placement(q, "frame5"))).vector)
+        numeric = (poses[0] - poses[1]) / (2.0 * step)
+        np.testing.assert_allclose(here.pose_derivative("frame5")[0, :, k], numeric, atol=1e-6, err_msg=name)

@@ -1,13 +1,16 @@
 """Synthesis against published and elementary optima, and differences of independent evaluations."""
 
 import json
+import warnings
 from functools import partial
 
 import coal
 import numpy as np
 import pinocchio as pin
 import pytest
+from five_bar import FiveBar
 from orthoglide import orthoglide
+from variants import slow
 
 import cinegen
 from cinegen.design import DesignError, Parameters, Tolerances, load_task, synthesize
@@ -275,7 +278,7 @@ def test_poses_of_a_gough_platform(tmp_path):
 
 
 @pytest.mark.slow
-def test_the_written_robot_is_in_the_assembly_mode_that_was_optimised(tmp_path):
+def test_the_written_robot_is_in_the_assembly_mode_that_was_optimised():
     """With upper arms of 3 m and forearms of 3.3 m the file's home is out of reach, and closing it anywhere near ends
     in another mode."""
     task = {
@@ -285,24 +288,20 @@ def test_the_written_robot_is_in_the_assembly_mode_that_was_optimised(tmp_path):
     }  # fmt: skip
     found = synthesize("delta4", task)
     assert found.check.reached == found.check.points == 512
-    path = tmp_path / "best.raff"
-    path.write_text(found.raff, encoding="utf-8")
     with pytest.warns(RaffWarning, match="graphics that can't be shown"):
-        robot = cinegen.load(path)
+        robot = cinegen.load(found.raff)
     goal = pin.SE3(robot.placement(robot.q_home, robot.end).rotation, np.array([0.2, -0.2, -2.3]))
     assert cinegen.inverse_kinematics(robot, {robot.end: goal}).found
 
 
-def test_a_region_is_proved_with_the_result_or_the_task_is_not_done(tmp_path, monkeypatch):
+def test_a_region_is_proved_with_the_result_or_the_task_is_not_done(monkeypatch):
     task = changed(
         constraints={"joint_limits": False, "proved": True}, reach={"x": "-100..100mm", "y": "350..450mm"}, starts=1
     )
     found = synthesize("five_bar", task)
     assert found.holds
     assert "proved 100 % of the region" in found.text
-    path = tmp_path / "best.raff"
-    path.write_text(found.raff, encoding="utf-8")
-    assert cinegen.prove(cinegen.load(path), {"x": (-0.1, 0.1), "y": (0.35, 0.45)})
+    assert cinegen.prove(cinegen.load(found.raff), {"x": (-0.1, 0.1), "y": (0.35, 0.45)})
     monkeypatch.setattr(search, "prove", partial(cinegen.prove, boxes=1))
     found = synthesize("five_bar", task)
     assert found.check.holds
@@ -359,3 +358,168 @@ def test_task_file(tmp_path):
     path.write_text("x = = 2", encoding="utf-8")
     with pytest.raises(DesignError, match=r"task.toml: invalid TOML"):
         load_task(path)
+
+
+# --- linkages ---------------------------------------------------------------------------------------------------------
+# Precision points of a four-bar, judged by circles that intersect.
+
+
+RANGES = {
+    "link1.gamma": "-180..180", "link1.d": "0..3m", "link3.gamma": "-180..180", "link3.d": "0..3m",
+    "link2.d": "0.1..3m", "frame4.d": "0.1..4m", "frame5.d": "0.1..4m",
+    "frame20.gamma": "-180..180", "frame20.d": "0..3m",
+}  # fmt: skip
+NINE = [[0.25, 0.0], [0.52, 0.10], [0.80, 0.70], [1.20, 1.00], [1.40, 1.30], [1.10, 1.48], [0.70, 1.40], [0.20, 1.00],
+        [0.02, 0.40]]  # fmt: skip
+"""Problem 3 of Wampler, Morgan and Sommese, "Complete solution of the nine-point path synthesis problem", 1992."""
+
+
+def joints_of_crank(p: dict[str, float], target: np.ndarray) -> np.ndarray:
+    """Return what the rocker lacks (2,) where the coupler point is at a target, for both places of the crank's end."""
+    pivot, other = (p[f"{k}.d"] * np.exp(1j * p[f"{k}.gamma"]) for k in ("link1", "link3"))
+    wanted, crank, arm = complex(*target), p["link2.d"], p["frame20.d"]
+    apart = wanted - pivot
+    along = (crank**2 - arm**2 + abs(apart) ** 2) / (2.0 * abs(apart))
+    across = np.sqrt(crank**2 - along**2 + 0j).real
+    ends = pivot + apart / abs(apart) * (along + np.array([1j, -1j]) * across)
+    coupler = np.exp(1j * (np.angle(wanted - ends) - p["frame20.gamma"]))
+    return np.abs(ends + p["frame4.d"] * coupler - other) - p["frame5.d"]
+
+
+def values_of(found) -> dict[str, float]:
+    return dict(zip(found.parameters.names, found.p, strict=True))
+
+
+@pytest.mark.parametrize(("points", "starts"), [(NINE[:8:2], 4), *slow((NINE, 24))], ids=["four", "nine"])
+def test_path(points, starts):
+    found = synthesize("four_bar", {"parameters": RANGES, "path": {"points": points}, "starts": starts})
+    assert found.error.max() < 1e-9
+    assert found.one_circuit
+    assert found.in_order
+    values = values_of(found)
+    lack = [np.abs(joints_of_crank(values, np.array(point))).min() for point in points]
+    assert max(lack) < 1e-9
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", cinegen.CinegenWarning)  # home is outside of the limits of joint3
+        assert cinegen.load(found.raff).mobility == 1
+
+
+def test_guidance():
+    poses = [[0.2, 0.4, 10.0], [0.3, 0.45, 30.0], [0.35, 0.42, 55.0]]
+    found = synthesize("four_bar", {"parameters": RANGES, "guidance": {"poses": poses}, "starts": 4})
+    assert found.error.max() < 1e-9
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", cinegen.CinegenWarning)  # home is outside of the limits of joint3
+        robot = found.parameters.mechanism_with(found.p)
+    for q, (x, y, angle) in zip(found.q, poses, strict=True):
+        place = robot.placement(robot.close(q), "tool")
+        np.testing.assert_allclose(place.translation[:2], [x, y], atol=1e-6)
+        turned = np.degrees(np.arctan2(place.rotation[1, 0], place.rotation[0, 0]))
+        assert (turned - angle + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=1e-4)
+
+
+def test_function():
+    ranges = {name: RANGES[name] for name in ("link2.d", "frame4.d", "frame5.d")} | {"link2.d": "50mm..0.8m"}
+    pairs = [[40.0, 95.0], [65.0, 103.0], [90.0, 115.0]]
+    task = {"parameters": ranges, "function": {"input": "joint1", "output": "joint3", "pairs": pairs}, "starts": 2}
+    found = synthesize("four_bar", task)
+    assert found.error.max() < 1e-9
+    p, fixed = values_of(found), Parameters("four_bar").values[Parameters("four_bar").index("link3.d")]
+    for crank, rocker in np.radians(pairs):  # Freudenstein: the coupler's length at each pair
+        ends = p["link2.d"] * np.exp(1j * crank), fixed + p["frame5.d"] * np.exp(1j * rocker)
+        assert abs(ends[0] - ends[1]) == pytest.approx(p["frame4.d"], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("robot", "values", "message"),
+    [
+        ("five_bar", {"parameters": {"link2.d": "0.1..1m"}, "path": {"points": NINE}}, "has mobility 2"),
+        ("four_bar", {"parameters": RANGES, "path": {"points": NINE[:1]}}, "must be two or more"),
+        ("four_bar", {"parameters": RANGES, "path": {"points": NINE, "pionts": 1}}, "did you mean 'points'"),
+        ("four_bar", {"parameters": RANGES, "path": {"points": [[1, 2, 3]]}}, "rows of 2 numbers"),
+        ("four_bar", {"parameters": RANGES, "path": {"points": NINE}, "guidance": {"poses": []}}, "cannot be combined"),
+        ("four_bar", {"parameters": {"link2.alpha": "-1..1"}, "path": {"points": NINE}}, "opens the loops"),
+    ],
+)
+def test_bad_precision_points(robot, values, message):
+    with pytest.raises(DesignError, match=message):
+        synthesize(robot, values)
+
+
+# --- five bar circle --------------------------------------------------------------------------------------------------
+# Five-bars by plane geometry (`tests/helpers/five_bar.py`): synthesis against elementary optima.
+#
+# With coincident base joints, at a distance r from them and with the half angle b between the outer bars, the singular
+# values are r / sqrt(2) and r tan(b) / sqrt(2). So the condition number depends on r alone. By the law of cosines its
+# largest value over r0..r1 is least for inner bars of (r0 + r1) / 2 and outer bars of sqrt(inner^2 + r0 r1): there it
+# is (r0 + r1) / 2 / sqrt(r0 r1) at r0, r1 and sqrt(r0 r1).
+
+
+RECTANGLE = np.stack(np.meshgrid(np.linspace(-0.15, 0.15, 61), np.linspace(0.3, 0.5, 41)), -1).reshape(-1, 2)
+TASK = {
+    "parameters": {"link2.d": "150..500mm", "link5.d": "200..700mm"},
+    "ties": ["link2.d = link4.d", "link5.d = tool.d"],
+    "reach": {"x": "-150..150mm", "y": "300..500mm"},
+    "objective": [{"minimise": "condition"}],
+    "constraints": {"joint_limits": False},
+    "starts": 1,
+}
+
+
+def optimum_with_coincident_base_joints() -> tuple[float, float, float]:
+    """Return inner bar, outer bar and condition number."""
+    nearest, farthest = np.linalg.norm(RECTANGLE, axis=1).min(), np.linalg.norm(RECTANGLE, axis=1).max()
+    inner = (nearest + farthest) / 2.0
+    return inner, float(np.sqrt(inner**2 + nearest * farthest)), float(inner / np.sqrt(nearest * farthest))
+
+
+# --- the geometry alone -----------------------------------------------------------------------------------------
+
+
+def test_closed_forms_of_coincident_base_joints():
+    inner, outer, worst = optimum_with_coincident_base_joints()
+    nearby = {(a, b): FiveBar(inner + a, outer + b, 1e-9).condition(RECTANGLE).max()
+              for a in (-1e-3, 0.0, 1e-3) for b in (-1e-3, 0.0, 1e-3)}  # fmt: skip
+    assert nearby[0.0, 0.0] == pytest.approx(worst, abs=1e-7)
+    assert min(nearby, key=nearby.get) == (0.0, 0.0)
+
+
+def test_speeds_of_the_tool_by_differences():
+    robot, at = FiveBar(0.25, 0.4, 0.15), np.array([[0.05, 0.42]])
+    step, angles = 1e-6, []
+    for change in ([step, 0], [-step, 0], [0, step], [0, -step]):
+        elbows = robot.elbows(at + change)[0] - np.array([[-robot.half, 0.0], [robot.half, 0.0]])
+        angles.append(np.arctan2(elbows[:, 1], elbows[:, 0]))
+    by_point = np.stack([angles[0] - angles[1], angles[2] - angles[3]], axis=1) / (2.0 * step)
+    speeds = 1.0 / np.linalg.svd(by_point, compute_uv=False)[::-1]
+    np.testing.assert_allclose(robot.singular_values(at)[0], speeds, rtol=1e-8)
+
+
+# --- the synthesis ----------------------------------------------------------------------------------------------
+
+
+def test_condition_of_the_written_five_bar():
+    found = synthesize("five_bar", TASK)
+    inner, outer = found.p
+    best = FiveBar(inner, outer, 0.15).condition(RECTANGLE).max()
+    assert found.before[0] == pytest.approx(FiveBar(0.25, 0.4, 0.15).condition(RECTANGLE).max(), rel=1e-6)
+    assert best == pytest.approx(found.values[0], rel=2e-4)  # on a grid that is finer than the optimiser's
+    assert found.check.condition <= best
+    nearby = np.stack(np.meshgrid(*[np.linspace(-0.02, 0.02, 9)] * 2), -1).reshape(-1, 2)
+    anywhere = np.stack(np.meshgrid(np.linspace(0.15, 0.5, 11), np.linspace(0.2, 0.7, 11)), -1).reshape(-1, 2)
+    for a, b in [*(nearby + found.p), *anywhere]:
+        assert FiveBar(a, b, 0.15).condition(RECTANGLE).max() >= best * (1.0 - 2e-4)
+
+
+def test_five_bar_with_coincident_base_joints(tmp_path):
+    path = tmp_path / "coincident.raff"
+    path.write_text(Parameters("five_bar", "link3.d", "link1.d = -1*link3.d").with_values([0.0]), encoding="utf-8")
+    assert np.linalg.norm(cinegen.load(path).placement(cinegen.load(path).q_home, "link1").translation) < 1e-12
+    found = synthesize(path, TASK)
+    inner, outer, worst = optimum_with_coincident_base_joints()
+    np.testing.assert_allclose(found.p, [inner, outer], rtol=1e-5)  # the grid has no point at sqrt(r0 r1)
+    assert worst * (1.0 - 1e-5) < found.values[0] <= worst  # of fewer points
+    assert found.check.condition <= worst * (1.0 + 1e-5)
+
+
+# --- the largest circle -----------------------------------------------------------------------------------------

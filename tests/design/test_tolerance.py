@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from small_robots import four_bar
 
-from cinegen.cli import main
 from cinegen.design import DesignError, Parameters, Tolerances, tolerance
 from cinegen.errors import ClosureError
 
@@ -19,18 +19,7 @@ robot arm {
   frame 3 { name "tool" parameters { d 300 } pred 2 }
 }
 """
-FOUR_BAR = """RAFF Bars
-units mm
-robot bars {
-  link 1 { parameters { theta 50 } type 2 pred 0 actuated 1 }
-  link 2 { parameters { theta -26 d 120 } type 2 pred 1 }
-  link 3 { parameters { theta 89 d 400 } type 2 pred 0 }
-  frame 4 { parameters { d 360 } pred 2 }
-  frame 5 { parameters { d 240 } pred 3 }
-  frame 6 { name "tool" parameters { gamma 20 d 150 } pred 2 }
-  constraint { frame 4 frame 5 type 2 }
-}
-"""
+FOUR_BAR = four_bar(words=("actuated 1", "", ""), more='frame 6 { name "tool" parameters { gamma 20 d 150 } pred 2 }')
 
 
 @pytest.fixture
@@ -201,22 +190,20 @@ def test_errors_say_what_is_wrong(two_r, arguments, message):
     assert message in str(caught.value)
 
 
-def test_the_command(two_r, tmp_path, capsys):
+def test_the_command(two_r, tmp_path, typed):
     picture = tmp_path / "errors.svg"
     options = ["--sigma", "*.d=0.1mm, *.alpha=0.1deg", "--encoder", "joint1=0.05deg", "--samples", "500"]
     tied = ["--tie", "link2.alpha = tool.alpha", "--interval", "2"]
-    assert main(["tolerance", str(two_r), *options, *tied, "--plot", str(picture)]) == 0
-    text = capsys.readouterr().out
+    text = typed("tolerance", two_r, *options, *tied, "--plot", picture).out
     assert "arm: accuracy of tool at home: position " in text
     assert "Monte Carlo, 500 samples with loops closed" in text
     assert "link2.alpha = frame3.alpha" in text
     assert "Worst case within ±2 sigma: each error anywhere within 2 of its standard deviations" in text
     assert b"<svg" in picture.read_bytes()
-    assert main(["tolerance", str(two_r), *options, "--at", "joint1=0", "joint2=90", "--json"]) == 0
-    report = json.loads(capsys.readouterr().out)
+    report = json.loads(typed("tolerance", two_r, *options, "--at", "joint1=0", "joint2=90", "--json").out)
     np.testing.assert_allclose(np.array(report["pose"])[:2, 3], [0.4, 0.3], atol=1e-12)
-    assert main(["tolerance", "two_arms", "--sigma", "link*.d=1mm"]) == 1
-    assert "holds several robots: name one by --robot (" in capsys.readouterr().err
+    said = typed("tolerance", "two_arms", "--sigma", "link*.d=1mm", code=1)
+    assert "holds several robots: name one by --robot (" in said.err
 
 
 def test_a_singular_configuration_has_no_bound():

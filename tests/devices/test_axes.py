@@ -11,7 +11,6 @@ from mouse_streams import magellan_motion
 from played import PlayedMagellan, wait
 
 import cinegen
-from cinegen.cli import main
 from cinegen.devices import SensorError, TwistMapping, open_sensor
 from cinegen.session import Session, SessionRunner, SetupError, arrange
 from cinegen.session import commands as c
@@ -129,13 +128,11 @@ def test_axes_that_would_have_no_effect_are_an_error(raff):
         open_sensor("spnav:#axes=-x")
 
 
-def test_the_list_of_sensors_shows_the_axes(raff, tmp_path, capsys):
+def test_the_list_of_sensors_shows_the_axes(raff, tmp_path, typed):
     raff(RAFF.format(port="gamepad:", axes='axes "x, z, -y"'))
     file = str(tmp_path / "mechanism.raff")
-    assert main(["sensors", file]) == 0
-    assert "1: gamepad: (translation 3, rotation 3, axes x, z, -y) for frame2" in capsys.readouterr().out
-    assert main(["sensors", file, "--sensor", "1=#axes=-x", "--json"]) == 0
-    assert '"axes": "-x"' in capsys.readouterr().out
+    assert "1: gamepad: (translation 3, rotation 3, axes x, z, -y) for frame2" in typed("sensors", file).out
+    assert '"axes": "-x"' in typed("sensors", file, "--sensor", "1=#axes=-x", "--json").out
 
 
 # --- a session -------------------------------------------------------------------------------------------------------
@@ -204,3 +201,43 @@ def test_a_session_keeps_changed_axes_until_the_file_changes_them(raff):
     with pytest.raises(CommandError, match=r"Unknown sensor '2' - at `\$.sensor`"):
         check_names(c.ChangeSensor("2", "x"), session.setup)
     session.close()
+
+
+# --- mice drive a session ---------------------------------------------------------------------------------------------
+# A 3D mouse on a serial line moves a robot of a session; unplugged it comes to rest, plugged in again it goes on.
+
+
+def test_a_mouse_moves_the_node_that_it_is_switched_to(robot, tmp_path):
+    device = PlayedMagellan(tmp_path / "mouse").plug()
+    delta = robot("delta4")
+    with SessionRunner(arrange({"delta": delta}, sensors=[f"1={device.path}"]), own_process=False) as runner:
+
+        def height():
+            return delta.placement(runner.state.robots["delta"].q, "platform").translation[2]
+
+        def sensor():
+            return next(one for one in runner.state.sensors if one.id == "1")
+
+        wait(lambda: runner.state is not None and sensor().state.value == "live")
+        for _ in range(2):
+            begin = height()
+
+            def risen(begin=begin):
+                device.send(b"\x7fnoise\r" + magellan_motion((0, 300, 0, 0, 0, 0)))  # a line is noisy
+                return height() > begin + 0.02
+
+            wait(risen)
+            device.unplug()
+            wait(lambda: sensor().state.value in ("lost", "silent", "opening"))
+            rest = []
+
+            def rests(rest=rest):
+                rest.append(height())
+                return len(rest) > 100 and rest[-1] == rest[-100]
+
+            wait(rests)
+            (task,) = runner.state.robots["delta"].tasks
+            assert np.linalg.norm(task.target.translation[2] - height()) < 1e-6  # held there
+            device.plug()
+            wait(lambda: sensor().state.value == "live", 20.0)
+    device.unplug()

@@ -98,16 +98,14 @@ def test_overrides():
 # --- the command -----------------------------------------------------------------------------------------------------
 
 
-def test_the_command_lists(root, capsys):
-    assert main(["sensors", str(root / "robots" / "delta4.raff")]) == 0
-    said = capsys.readouterr().out
+def test_the_command_lists(root, typed):
+    said = typed("sensors", root / "robots" / "delta4.raff").out
     assert "1: /dev/ttyd2 (translation 3, rotation 3) for platform" in said
     assert "IRIX" in said
     assert "--sensor 1=/dev/ttyUSB0" in said
     assert "spacenav daemon:" in said
     assert all(what in said for _, what in KINDS.values())
-    assert main(["sensors", str(root / "robots" / "two_arms.raff"), "--sensor", "1=spnav:", "--json"]) == 0
-    said = json.loads(capsys.readouterr().out)
+    said = json.loads(typed("sensors", root / "robots" / "two_arms.raff", "--sensor", "1=spnav:", "--json").out)
     (sensors,) = said["files"].values()
     assert sensors[0]["port"] == "spnav:"
     assert sensors[0]["nodes"]
@@ -115,15 +113,12 @@ def test_the_command_lists(root, capsys):
 
 
 @pytest.mark.filterwarnings("default::cinegen.CinegenWarning")
-def test_the_command_says_what_is_wrong(root, capsys):
+def test_the_command_says_what_is_wrong(root, typed):
     file = str(root / "robots" / "delta4.raff")
-    assert main(["sensors", file, "--sensor", "7=spnav:"]) == 1
-    assert "no sensor '7'" in capsys.readouterr().err
-    assert main(["sensors", "--monitor", "spnaw:", "--seconds", "0"]) == 1
-    assert "no kind of sensor" in capsys.readouterr().err
+    assert "no sensor '7'" in typed("sensors", file, "--sensor", "7=spnav:", code=1).err
+    assert "no kind of sensor" in typed("sensors", "--monitor", "spnaw:", "--seconds", "0", code=1).err
     assert main(["sensors", "--monitor", "path:circle", "--seconds", "0"]) == 1
-    assert main(["sensors", "--monitor", "/dev/ttyd2", "--seconds", "0.2"]) == 0
-    assert "IRIX" in capsys.readouterr().err
+    assert "IRIX" in typed("sensors", "--monitor", "/dev/ttyd2", "--seconds", "0.2").err
 
 
 class Watched:
@@ -165,8 +160,7 @@ def test_a_device_is_monitored(tmp_path):
     assert json.loads(recorded.said.splitlines()[-1])["twist"] == [0.5, 0, 0, 0, 1, 0]
 
 
-def test_the_command_monitors(capsys):
-    assert main(["sensors", "--monitor", "tcp://127.0.0.1:0", "--seconds", "0.3", "--json"]) == 0
-    said = capsys.readouterr()
+def test_the_command_monitors(typed):
+    said = typed("sensors", "--monitor", "tcp://127.0.0.1:0", "--seconds", "0.3", "--json")
     assert json.loads(said.out) == {"cinegen": "readings", "version": 1, "timeout": 0.25}
     assert re.fullmatch(r'tcp://127.0.0.1:0: a program sends first: \{"token":"[\w-]{22}"\}\n', said.err)

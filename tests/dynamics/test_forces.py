@@ -7,8 +7,13 @@ import pinocchio as pin
 import pytest
 from random_masses import massive, random_motion
 
-from cinegen.dynamics import Payload, forces
-from cinegen.errors import ClosureError, UnknownNameError
+import cinegen
+from cinegen.dynamics import InverseDynamics, Payload, forces
+from cinegen.dynamics.elasticity import Elasticity
+from cinegen.dynamics.errors import MotionError
+from cinegen.dynamics.node_wrench import node_wrench
+from cinegen.dynamics.trajectory import torques_along
+from cinegen.errors import CinegenError, ClosureError, ConfigurationError, UnknownNameError
 
 STILL = (0.0, 0.0, 0.0)
 
@@ -195,3 +200,199 @@ def test_wrong_names_and_open_loops(engine):
     q[0] += 0.2
     with pytest.raises(ClosureError, match="open by"):
         forces(engine, q, gravity=STILL)
+
+
+# --- ankle ------------------------------------------------------------------------------------------------------------
+# The parallel ankle: actuator forces against the closed form of its leg lengths.
+
+
+# From the file's numbers: on the shank and on the foot, about the ankle, with the shank's axes at home (m).
+SIDE = 0.08 * np.array([np.cos(np.radians(145.0)), np.sin(np.radians(145.0))])
+SHANK = np.array([[SIDE[0], SIDE[1], 0.28], [SIDE[0], -SIDE[1], 0.28]])
+FOOT = np.array([[-0.07, 0.045, -0.015], [-0.07, -0.045, -0.015]])
+
+
+def rotations(pitch, roll):
+    """About the shank's y, then the foot's x; and their derivatives."""
+    (c, s), (k, w) = ((np.cos(angle), np.sin(angle)) for angle in (pitch, roll))
+    y, x = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]), np.array([[1, 0, 0], [0, k, -w], [0, w, k]])
+    dy, dx = np.array([[-s, 0, c], [0, 0, 0], [-c, 0, -s]]), np.array([[0, 0, 0], [0, -w, -k], [0, k, -w]])
+    return y @ x, dy @ x, y @ dx
+
+
+def legs(pitch, roll):
+    """Lengths of both legs (m), and their derivatives by pitch and roll: J (2, 2), m/rad."""
+    turned, *slopes = rotations(pitch, roll)
+    legs = FOOT @ turned.T - SHANK
+    lengths = np.linalg.norm(legs, axis=1)
+    return lengths, np.array([((FOOT @ slope.T) * legs).sum(axis=1) / lengths for slope in slopes]).T
+
+
+def posed(ankle, pitch, roll):
+    guess = ankle.q_home.copy()
+    guess[[ankle.q_index("joint1"), ankle.q_index("joint2")]] = pitch, roll
+    return ankle.close(guess, locked=["joint1", "joint2"])
+
+
+POSES = [*np.random.default_rng(5).uniform([-0.5, -0.3], [0.6, 0.3], (3, 2)), np.zeros(2)]
+
+
+@pytest.mark.parametrize(("pitch", "roll"), POSES)
+def test_motor_forces_are_the_moments_by_the_transposed_inverse_of_the_jacobian(robot, pitch, roll):
+    ankle = robot("ankle")
+    q = posed(ankle, pitch, roll)
+    lengths, jacobian = legs(pitch, roll)
+    np.testing.assert_allclose([q[ankle.q_index(joint)] for joint in ankle.actuated], lengths, atol=1e-9)
+    np.testing.assert_allclose(ankle.placement(q, "platform").rotation, rotations(pitch, roll)[0], atol=1e-9)
+    axes = np.array([[0.0, 1.0, 0.0], rotations(pitch, roll)[0][:, 0]])
+    for moments in ((1.0, 0.0), (0.0, 1.0), (80.0, -20.0)):  # N m on the ground, about pitch and roll axis
+        ground = cinegen.Payload("platform", wrench=(0.0, 0.0, 0.0, *(-np.array(moments) @ axes)))
+        forces = cinegen.forces(ankle, q, payloads=[ground], gravity=(0.0, 0.0, 0.0))
+        expected = np.linalg.solve(jacobian.T, moments)
+        np.testing.assert_allclose(forces.torques, expected, atol=1e-9 * np.abs(expected).max())
+        assert forces.undetermined == ()
+
+
+# --- node wrench ------------------------------------------------------------------------------------------------------
+# Wrenches that torques produce, compliance and natural frequencies, against closed forms.
+
+
+@pytest.fixture(scope="module")
+def gough(robot):
+    return robot("gough")
+
+
+@pytest.fixture(scope="module")
+def arm(robot):
+    return robot("planar_3r")
+
+
+def lines_of(gough, q):
+    """(6, 6) the legs' unit forces as force and moment about the platform's origin."""
+    data = gough.model.createData()
+    pin.forwardKinematics(gough.model, data, q)
+    starts = [data.oMi[gough.model.getJointId(f"joint{k}")].translation for k in (1, 7, 10, 13, 16, 19)]
+    ends = [data.oMi[gough.model.getJointId("joint4")].translation]
+    ends += [(data.oMi[anchor[0]] * anchor[1]).translation for anchor in gough.structure.system.anchors]
+    centre = gough.placement(q, gough.end).translation
+    units = [(b - a) / np.linalg.norm(b - a) for a, b in zip(starts, ends, strict=True)]
+    return np.array([np.concatenate([u, np.cross(a - centre, u)]) for a, u in zip(starts, units, strict=True)])
+
+
+def test_a_platform_exerts_the_sum_of_its_legs_forces(gough):
+    dynamics, rng = InverseDynamics(gough, gravity=STILL), np.random.default_rng(1)
+    for q in gough.random_closed(3):
+        forces = rng.normal(scale=100.0, size=6)
+        found = node_wrench(dynamics, q, forces)
+        assert found.wrench == pytest.approx(forces @ lines_of(gough, q), rel=1e-9, abs=1e-9)
+        assert len(found.supported) == 0
+        assert found.imbalance < 1e-12
+
+
+def test_torques_and_wrenches_are_inverse(gough):
+    """With masses, in motion: the wrench that a payload exerts is given back by the torques that it needs."""
+    mechanism, rng = massive(gough), np.random.default_rng(2)
+    wrench = rng.normal(scale=50.0, size=6)
+    loaded, free = InverseDynamics(mechanism, [Payload(mechanism.end, wrench=wrench)]), InverseDynamics(mechanism)
+    q = mechanism.random_closed(1)[0]
+    v, a = ({name: float(rng.normal()) for name in mechanism.actuated} for _ in range(2))
+    found = node_wrench(free, q, loaded.torques(q, v, a), v=v, a=a)
+    assert found.wrench == pytest.approx(-wrench, rel=1e-8, abs=1e-8)
+
+
+def test_what_the_structure_supports_may_be_added(arm):
+    dynamics, q = InverseDynamics(arm, gravity=STILL), np.array([0.3, 0.5, -0.7])
+    found = node_wrench(dynamics, q, [1.0, 2.0, 3.0])
+    jacobian = arm.jacobian(q, arm.end)
+    rotation = arm.placement(q, arm.end).rotation
+    local = np.concatenate([rotation.T @ found.wrench[:3], rotation.T @ found.wrench[3:]])
+    assert jacobian.T @ local == pytest.approx([1.0, 2.0, 3.0])
+    assert found.supported.shape == (3, 6)
+    assert np.abs(found.supported[:, [0, 1, 5]]).max() < 1e-12  # forces along z, moments about x and y
+    behind = node_wrench(dynamics, q, [1.0, 2.0, 3.0], "link2")
+    assert behind.imbalance == pytest.approx(1.0)  # joint3 is free to rotate
+
+
+def test_compliance_of_a_platform_in_closed_form(gough):
+    """Legs of stiffness k along lines L: the stiffness is L^T k L."""
+    springs = dict(zip(gough.actuated, np.linspace(1e6, 2e6, 6), strict=True))
+    dynamics = InverseDynamics(gough, gravity=STILL)
+    for q in gough.random_closed(3):
+        lines = lines_of(gough, q)
+        expected = np.linalg.inv(lines.T @ np.diag(list(springs.values())) @ lines)
+        found = Elasticity(dynamics, q, springs).compliance()
+        assert found == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
+
+
+def test_frequencies(arm, robot):
+    """A point mass on a lever with a spring: w^2 = k / (m l^2)."""
+    dynamics = InverseDynamics(arm, [Payload(arm.end, 2.0)], massless=True)
+    one = Elasticity(dynamics, np.zeros(3), {"joint1": 300.0}).frequencies()
+    assert one == pytest.approx([np.sqrt(300.0 / (2.0 * 0.9**2)) / (2.0 * np.pi)])
+    heavy = massive(robot("delta4"))
+    body, q = InverseDynamics(heavy), heavy.q_home
+    springs = dict.fromkeys(heavy.actuated, 1e4)
+    mass = body.mass_matrix(q)
+    expected = np.sqrt(np.sort(1e4 / np.linalg.eigvalsh(mass))) / (2.0 * np.pi)
+    assert Elasticity(body, q, springs).frequencies() == pytest.approx(expected)
+
+
+def test_wrong_input(arm, raff):
+    dynamics = InverseDynamics(arm, gravity=STILL)
+    for error, message, call in (
+        (ConfigurationError, "torques of arm are 3 finite", lambda: node_wrench(dynamics, np.zeros(3), [1.0, 2.0])),
+        (UnknownNameError, "no node 'hand'", lambda: node_wrench(dynamics, np.zeros(3), np.zeros(3), "hand")),
+        (UnknownNameError, "no joint 'elbow'", lambda: Elasticity(dynamics, np.zeros(3), {"elbow": 1.0})),
+        (CinegenError, "must be positive", lambda: Elasticity(dynamics, np.zeros(3), {"joint1": 0.0})),
+    ):
+        with pytest.raises(error, match=message):
+            call()
+    swing = raff(
+        "robot swing { link 1 { type 2 pred 0 actuated 1 } link 2 { parameters { d 300 } type 2 pred 1 actuated 0 } "
+        "frame 3 { parameters { d 200 } pred 2 } }"
+    )
+    with pytest.raises(MotionError, match="moves without deforming a spring"):
+        Elasticity(InverseDynamics(swing, gravity=STILL), swing.q_home, {"joint1": 5.0})
+    assert Elasticity(dynamics, np.zeros(3), {}).compliance() == pytest.approx(np.zeros((6, 6)))
+
+
+# --- trajectory torques -----------------------------------------------------------------------------------------------
+# Torques along a trajectory: peaks, means and powers in closed form, and trajectories that are none.
+
+
+@pytest.fixture(scope="module")
+def swing(robot):
+    """An arm that rotates stretched, by 1 - cos(t) rad: 2 kg at 0.9 m; times and configurations."""
+    arm = robot("planar_3r")
+    times = np.linspace(0.0, 2.0 * np.pi, 2001)
+    q = np.zeros((len(times), 3))
+    q[:, arm.q_index("joint1")] = 1.0 - np.cos(times)
+    dynamics = InverseDynamics(arm, [Payload(arm.end, 2.0)], gravity=(0, 0, 0), massless=True)
+    return dynamics, times, q
+
+
+def test_a_swing_in_closed_form(swing):
+    dynamics, times, q = swing
+    found, inertia = torques_along(dynamics, times, q), 2.0 * 0.9**2
+    assert found.torques[:, 0] == pytest.approx(inertia * np.cos(times), abs=1e-5)
+    assert found.speeds[:, 0] == pytest.approx(np.sin(times), abs=1e-5)
+    assert found.peak[0] == pytest.approx(inertia, rel=1e-5)
+    assert found.rms[0] == pytest.approx(inertia / np.sqrt(2.0), rel=1e-3)
+    assert found.peak_power[0] == pytest.approx(inertia / 2.0, rel=1e-5)
+    assert found.peak_time[0] == pytest.approx(0.0, abs=1e-9) or found.peak_time[0] == pytest.approx(np.pi, abs=1e-2)
+    assert len(found.not_held) == 0
+
+
+def test_trajectories_that_are_none(swing, robot):
+    dynamics, times, q = swing
+    with pytest.raises(ConfigurationError, match="evenly spaced"):
+        torques_along(dynamics, times**2, q)
+    with pytest.raises(ConfigurationError, match="three times at least"):
+        torques_along(dynamics, times[:2], q[:2])
+    five_bar = robot("five_bar")
+    still = np.tile(five_bar.q_home, (4, 1))
+    held = InverseDynamics(five_bar, massless=True)
+    assert torques_along(held, np.arange(4.0), still).peak == pytest.approx([0.0, 0.0])
+    still[2, 0] += 0.1
+    with pytest.raises(ClosureError, match=r"at 2 s loops are open by 0\.\d+"):
+        torques_along(held, np.arange(4.0), still)

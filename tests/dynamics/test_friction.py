@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 import pytest
 import scipy.linalg
+from small_robots import parallelogram
 
 import cinegen
-from cinegen.cli import main
 from cinegen.dynamics import InverseDynamics, Payload
 from cinegen.dynamics.node_wrench import node_wrench
 
@@ -35,7 +35,7 @@ def test_a_pendulum_needs_what_textbooks_have():
     )
 
 
-def test_at_rest_coulomb_friction_is_a_band(tmp_path, capsys):
+def test_at_rest_coulomb_friction_is_a_band(tmp_path, typed):
     mechanism = cinegen.load(PENDULUM)
     still, moving = (cinegen.forces(mechanism, [0.3], [v], [0.0]) for v in (0.0, 0.1))
     assert still.torques == pytest.approx([pendulum_torque(0.3, 0.0, 0.0)])
@@ -45,10 +45,8 @@ def test_at_rest_coulomb_friction_is_a_band(tmp_path, capsys):
     assert "rest" not in moving.message
     path = tmp_path / "pendulum.xml"
     path.write_text(PENDULUM)
-    assert main(["forces", str(path)]) == 0
-    assert f"{-MASS * G * ARM:.4g} ± 0.7 N m" in capsys.readouterr().out
-    assert main(["forces", str(path), "--json"]) == 0
-    report = json.loads(capsys.readouterr().out)
+    assert f"{-MASS * G * ARM:.4g} ± 0.7 N m" in typed("forces", path).out
+    report = json.loads(typed("forces", path, "--json").out)
     assert (report["resting"], report["torques"][0]["band"], report["notes"]) == (["pin"], DRY, [])
 
 
@@ -109,22 +107,16 @@ def test_passive_joints_resist_through_the_loops_as_in_mujoco():
         assert abs(found - smooth) > 0.05 * abs(speed)  # else friction would hardly be tested
 
 
-def parallelogram(**friction: float) -> str:
-    """Both cranks turn alike, and the pin between crank and coupler backwards."""
-    words = {joint: f'damping="0.2" frictionloss="{friction.get(joint, 0.0)}"' for joint in ("drive", "pin", "swing")}
-    return """<mujoco><option><flag gravity="disable"/></option><worldbody>
-      <body name="left"><joint name="drive" axis="0 0 1" {drive}/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
-        <body name="coupler" pos="1 0 0"><joint name="pin" axis="0 0 1" {pin}/>
-          <inertial pos="0 0 0" mass="1e-9" diaginertia="1e-9 1e-9 1e-9"/></body></body>
-      <body name="right" pos="0 2 0"><joint name="swing" axis="0 0 1" {swing}/>
-        <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody>
-      <equality><connect name="far" body1="coupler" body2="right" anchor="0 2 0"/></equality>
-      <actuator><motor joint="drive"/></actuator></mujoco>""".format(**words)
+def rubbed(**friction: float) -> str:
+    """Joints with viscous friction, and some with Coulomb friction."""
+    return parallelogram(**{
+        joint: f'damping="0.2" frictionloss="{friction.get(joint, 0.0)}"' for joint in ("drive", "pin", "swing")
+    })  # fmt: skip
 
 
 @pytest.mark.parametrize("speed", [0.7, -2.0])
 def test_coulomb_friction_of_passive_joints_is_seen_at_the_actuated_one(speed):
-    mechanism = cinegen.load(parallelogram(drive=1.0, pin=0.5, swing=0.25))
+    mechanism = cinegen.load(rubbed(drive=1.0, pin=0.5, swing=0.25))
     found = cinegen.forces(mechanism, mechanism.q_home, {"drive": speed}, {"drive": 0.0})
     assert found.torques == pytest.approx([3 * 0.2 * speed + 1.75 * np.sign(speed)], rel=1e-6)
     assert found.power == pytest.approx(3 * 0.2 * speed**2 + 1.75 * abs(speed), rel=1e-6)
@@ -136,7 +128,7 @@ def test_coulomb_friction_of_passive_joints_is_seen_at_the_actuated_one(speed):
 
 
 def test_the_reaction_of_one_joint_along_a_motion_is_that_of_forces():
-    mechanism = cinegen.load(parallelogram(drive=1.0, pin=0.5, swing=0.25))
+    mechanism = cinegen.load(rubbed(drive=1.0, pin=0.5, swing=0.25))
     q, rates = mechanism.q_home[None], np.array([[0.7]])
     dynamics = InverseDynamics(mechanism)
     for name in ("pin", "swing"):

@@ -1,9 +1,52 @@
-"""Random robots with couplings, as RAFF."""
+"""Robots with loops and couplings, as RAFF: some of each kind, and random ones."""
 
 import numpy as np
 from hypothesis import strategies as st
 
 seeds = st.integers(0, 2**32 - 1)
+
+CLOSED_TEXTS = {
+    "balls": """RAFF Balls
+robot balls {
+  link 1 { parameters { theta 70 } type 2 pred 0 actuated 1 }
+  link 2 { parameters { theta -60 d 100 } type 2 pred 1 }
+  link 3 { parameters { theta 95 d 200 } type 2 pred 0 }
+  frame 4 { parameters { d 250 } pred 2 name "tool" }
+  frame 5 { parameters { d 180 } pred 3 }
+  constraint { frame 4 frame 5 type 3 }
+}""",
+    "slide_loop": """RAFF Slide
+robot slide {
+  base { parameters { theta 30 alpha 40 r 100 } }
+  link 1 { parameters { theta 40 } type 2 pred 0 limits { -170 170 } }
+  link 2 { parameters { theta 20 d 300 } type 2 pred 1 }
+  link 3 { parameters { theta 60 d 200 } type 2 pred 2 }
+  frame 4 { parameters { alpha 90 d 100 } pred 3 }
+  frame 5 { parameters { gamma 30 d 350 alpha 90 } pred 0 }
+  constraint { frame 4 frame 5 type 1 }
+}""",
+    "coupled": """RAFF Coupled
+sensor 1 { port "/dev/tty" }
+robot coupled {
+  base { }
+  link 1 { parameters { theta 40 } type 2 pred 0 limits { -170 170 } }
+  link 2 { parameters { theta 20 d 300 } type 2 pred 1 }
+  link 3 { parameters { theta 60 d 200 } type 2 pred 2 }
+  link 4 { parameters { theta -26 d 120 } type 2 pred 0 }
+  frame 5 { parameters { d 100 } pred 3 }
+  frame 6 { parameters { d 360 } pred 4 }
+  link 7 { parameters { r 20 alpha 90 } type 1 pred 4 }
+  link 8 { parameters { theta 20 alpha 90 } type 2 pred 7 }
+  link 9 { parameters { theta 10 alpha 70 r 50 } type 2 pred 4 }
+  link 10 { parameters { theta 10 alpha 70 d 50 } type 2 pred 9 }
+  constraint { frame 5 frame 6 type 2 }
+  constraint { base sensor ( 0 1 ) }
+  coupling { link 7 link 8 lead 20 offset 20 }
+  coupling { name "siblings" link 9 link 10 ratio -2 }
+  coupling { name "cam" link 8 link 1 polynomial ( 0 0.01 ) link 4 ratio 0.5 }
+}""",
+}
+"""By name: loops of each kind, couplings of each kind, and a base that floats."""
 
 
 def random_text(rng: np.random.Generator) -> tuple[str, int]:

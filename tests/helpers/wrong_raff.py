@@ -119,6 +119,13 @@ WRONG_TEXTS = [
     (f"{LINK}type 2 pred 0 parameters {{ d 1\n d 2 }}{END}", 5, 2, "'d' given twice first on line 4"),
     ("RAFF t\nunits mm\nunits cm", 3, 7, "'units' given twice first on line 2"),
     ('RAFF t\nrobot r {\n  path "a"\n  path "b"\n}', 4, 8, "'path' given twice robot r first on line 3"),
+    (f"{LINK}type 2 pred 0 inertial {{ mass 1kg }}{END}", 4, 35, "'mass' needs a number '1kg' write 1 masses in kg"),
+    (f"{LINK}type 2 pred 0 mass 1{END}", 4, 19, "'mass' does not belong in link 1, but in 'inertial { }'"),
+    ("RAFF t\ngravity { 0 -9.81 }", 2, 19, "'gravity' needs a number here"),
+    ("RAFF t\ngravity { 0 0 1 } gravity { 0 0 1 }", 2, 29, "'gravity' is given twice in the file"),
+    (f"{LINK}joint bal pred 0{END}", 4, 11, "unknown joint 'bal': did you mean 'ball'?"),
+    (f"{LINK}joint ball pred 0 variable tx {{ }}{END}", 4, 32, "a ball joint has no variable 'tx' known: x, y, z"),
+    ("RAFF t\nrobot r { coupling { link 2 link 1 ratio 2 raito 2 } }", 2, 44, "unknown word 'raito' mean 'ratio'"),
     # what does not exist
     (f"{LINK}type 3 pred 0{END}", 4, 10, "joint type 3 unknown 0 fixed 1 prismatic 2 revolute"),
     (f"{LINK}type 2 pred 0 actuated 2{END}", 4, 28, "'actuated' 2 unknown 0 1"),
@@ -179,5 +186,15 @@ WRONG_BODIES = [
     # sensors
     (f"{ONE}\nconstraint {{ link 2 sensor ( 0 ) }}", 4, 19, "sensor constraint 'r' 2 does not exist"),
     (f"{ONE}\nconstraint {{ link 1 sensor ( 0 4 ) }}", 4, 32, "sensor 4 not declared"),
-]
+    # masses, inertia of rotors, friction
+    ("link 1 { type 2 pred 0 inertial { mass -1 } }", 3, 40, "the mass of link 1 is -1 kg it must not be negative"),
+    ("link 1 { type 2 pred 0 inertial { density 0 radius 1 } }", 3, 43, "density of link 1 is 0 must be above 0"),
+    ("link 1 { type 2 pred 0 armature -1 }", 3, 33, "the armature of link 1 is -1 it must not be negative"),
+    ("link 1 { type 2 pred 0 damping -0.5 }", 3, 32, "the damping of link 1 is -0.5 it must not be negative"),
+    ("link 1 { type 2 pred 0 friction -2 }", 3, 33, "the friction of link 1 is -2 it must not be negative"),
+    ("link 1 { joint universal pred 0 damping 1 }", 3, 41, "write 'damping' for one of them, in 'variable z"),
+    # couplings
+    (f"{ONE}\nlink 2 {{ type 2 pred 1 }}\ncoupling {{ link 2 link 1 ratio 0 }}", 5, 24,
+     "link 1 does not drive link 2 'ratio' is 0"),
+]  # fmt: skip
 """The body of a robot, line and column of its error, and words of it; see `text_of`."""

@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from ticking import ticked
 
 import cinegen
 from cinegen.ik.tasks.blend import eased
@@ -64,16 +65,14 @@ def test_a_fading_pull_gives_way_smoothly_and_ends(arm: cinegen.Mechanism) -> No
     one, other = solver.add_task(middle, rotation=0), solver.add_task(end, rotation=0)
     other.target.translation += np.array([0.0, 0.05, 0.05])
     one.target.translation += np.array([0.0, -0.03, 0.0])
-    for _ in range(400):
-        step = solver.step()
+    step = ticked(solver, 400)
     solver.remove_task(one, seconds=0.4)
     assert solver.tasks == (one, other)
     for tick in range(400):
         step = solver.step()
         assert np.abs(step.v).max() < 2.0
         assert len(solver.tasks) == (2 if tick < 399 else 1)
-    for _ in range(200):
-        step = solver.step()
+    step = ticked(solver, 200)
     assert step.errors[0][0] < 1e-6
     solver.remove_task(one)  # is let go already
 
@@ -91,12 +90,10 @@ def test_who_changes_the_target_meanwhile_takes_over(delta: cinegen.Mechanism, t
     solver = cinegen.Solver(delta, DT)
     task = solver.add_task("platform")
     solver.blend(task, beside(task.target, [0.0, 0.0, -0.1]), seconds=0.5)
-    for _ in range(100):
-        solver.step()
+    ticked(solver, 100)
     take_over(solver, task)
     there = task.target.copy()
-    for _ in range(500):
-        solver.step()
+    ticked(solver, 500)
     assert task.target == there
 
 
@@ -106,8 +103,7 @@ def test_who_sets_the_weight_meanwhile_keeps_it(delta: cinegen.Mechanism) -> Non
     solver.blend(task, seconds=0.05, weight=5.0)
     solver.step()
     task.weight = 2.0
-    for _ in range(60):
-        solver.step()
+    ticked(solver, 60)
     assert task.weight == 2.0
 
 
@@ -117,8 +113,7 @@ def test_a_later_blend_replaces_the_one_before_and_may_take_no_time(delta: cineg
     end = beside(task.target, [0.05, 0.0, 0.0])
     solver.blend(task, beside(task.target, [0.0, 0.0, -0.1]), seconds=0.5)
     for seconds in (0.2, 0.0):
-        for _ in range(100):
-            solver.step()
+        ticked(solver, 100)
         solver.blend(task, end, seconds=seconds, weight=2.0)
     solver.step()
     assert task.target == end

@@ -1,17 +1,21 @@
 """Exceptions of objectives and barriers: the loop goes on, the step has them, the log has each of them once."""
 
 import gc
+import inspect
 import logging
+import threading
 import traceback
 import weakref
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import cinegen
-from cinegen import Solver, Status
-from cinegen.ik import Posture
+from cinegen import CinegenError, Solver, Status
+from cinegen.ik import LookAhead, Posture
 from cinegen.ik.barrier import Bounds
 
 DT = 0.01
@@ -292,3 +296,98 @@ def test_an_exception_of_the_package_is_refused_as_before(robot, caplog):
     with pytest.raises(cinegen.CinegenError, match="does not fit"):
         dragged(robot("arm7"), [Objective(unfit)])
     assert not records(caplog)
+
+
+# --- threads ----------------------------------------------------------------------------------------------------------
+# One solver in several threads: the second is refused, the first goes on as if it were alone.
+
+
+TICK = 1.0 / 240.0
+
+
+class Meeting:
+    """Barrier without bounds, in which a tick waits until another thread has tried to use the solver."""
+
+    def __init__(self):
+        self.inside, self.go = threading.Event(), threading.Event()
+
+    def bounds(self, state):
+        self.inside.set()
+        assert self.go.wait(60)
+        return Bounds(np.zeros((0, state.mechanism.model.nv)), np.zeros(0))
+
+    def clear(self, state, q):
+        return 1.0
+
+
+def _pulled(mechanism):
+    solver = Solver(mechanism, TICK)
+    task = solver.add_task(mechanism.end, rotation=0)
+    task.target = pin.SE3(task.target.rotation, task.target.translation + np.array([0.0, 0.01, -0.01]))
+    return solver
+
+
+VALUES = {
+    "q": lambda solver: solver.mechanism.q_home, "objectives": lambda _: (), "barriers": lambda _: (),
+    "position_limits": lambda _: None, "dt": lambda _: 2.0 * TICK, "keep_branch": lambda _: True,
+    "keeps_linearisation": lambda _: True,
+}  # fmt: skip
+"""What is set; 0.1 unless named."""
+PROPERTIES = [name for name, value in inspect.getmembers(Solver) if getattr(value, "fset", None)]
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        *(
+            partial(lambda name, one: setattr(one, name, VALUES.get(name, lambda _: 0.1)(one)), name)
+            for name in PROPERTIES
+        ),
+        lambda solver: solver.step(),
+        lambda solver: solver.lift_limits(position=True),
+        lambda solver: solver.copy_state(Solver(solver.mechanism, TICK)),
+        lambda solver: LookAhead(solver.mechanism, TICK).copy(solver),
+        lambda solver: solver.add_task(solver.mechanism.end),
+        lambda solver: solver.remove_task(solver.tasks[0]),
+        lambda solver: solver.blend(solver.tasks[0], weight=0.0),
+    ],
+    ids=[*PROPERTIES, "step", "limits", "copy_to", "copy_from", "add", "remove", "blend"],
+)
+def test_a_second_thread_gets_an_error_and_leaves_the_first_unharmed(robot, use):
+    mechanism, meeting = robot("delta4"), Meeting()
+    solver, alone = _pulled(mechanism), _pulled(mechanism)
+    solver.barriers = (meeting,)
+    expected = [alone.step().q for _ in range(5)]
+    with ThreadPoolExecutor(1) as pool:
+        first = pool.submit(solver.step)
+        assert meeting.inside.wait(60)
+        try:
+            with pytest.raises(CinegenError, match="one thread at a time"):
+                use(solver)
+        finally:
+            meeting.go.set()
+        np.testing.assert_array_equal(first.result(60).q, expected[0])
+    for q in expected[1:]:  # one after the other, in another thread, is no error
+        np.testing.assert_array_equal(solver.step().q, q)
+
+
+def test_threads_at_once_end_in_errors_not_in_a_crash(robot):
+    solver = _pulled(robot("delta4"))
+    while not solver.is_compiled:
+        solver.step()
+    together = threading.Barrier(4)
+
+    def run() -> int:
+        together.wait(60)
+        refused = 0
+        for _ in range(3000):
+            try:
+                solver.step()
+            except CinegenError:
+                refused += 1
+        return refused
+
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(lambda _: run(), range(4)))
+    assert solver.mechanism.closure(solver.q) < 1e-10
+    assert solver.step().errors[0][0] < 1e-9

@@ -4,6 +4,7 @@ import bipeds
 import numpy as np
 import pinocchio as pin
 import pytest
+from ticking import ticked
 
 import cinegen
 from cinegen import Solver, Status
@@ -57,8 +58,7 @@ def test_the_trunk_is_dragged_with_the_feet_held_by_tasks(tmp_path):
         solver.add_task(node)
     goal = moved(of_pinocchio(mechanism, start, "trunk"), SQUAT)
     solver.add_task("trunk", goal)
-    for _ in range(400):
-        step = solver.step()
+    step = ticked(solver, 400)
     assert step.status is Status.FOLLOWING
     for node, pose in (*feet.items(), ("trunk", goal)):
         assert of_pinocchio(mechanism, step.q, node).isApprox(pose, 1e-8)
@@ -70,8 +70,7 @@ def test_a_hand_takes_the_base_along_where_nothing_holds_it(tmp_path, form):
     solver = Solver(mechanism, DT)
     goal = moved(of_pinocchio(mechanism, mechanism.q_home, "hand"), np.array([2.0, 0.0, 1.0]))
     task = solver.add_task("hand", goal)
-    for _ in range(800):
-        step = solver.step()
+    step = ticked(solver, 800)
     assert step.status is Status.FOLLOWING
     assert of_pinocchio(mechanism, step.q, "hand").isApprox(goal, 1e-8)
     solver.remove_task(task)
@@ -88,8 +87,7 @@ def test_a_base_that_is_loaded_as_fixed_does_not_move(tmp_path, form):
         assert held.placement(held.q_home, node).isApprox(of_pinocchio(free, free.q_home, node), 1e-12)
     solver = Solver(held, DT)
     solver.add_task("hand", moved(held.placement(held.q_home, "hand"), np.array([2.0, 0.0, 0.0])), rotation=0)
-    for _ in range(300):
-        step = solver.step()
+    step = ticked(solver, 300)
     assert step.status is not Status.FOLLOWING
     assert held.placement(step.q, "trunk").isApprox(_poses(held)["trunk"], 1e-12)
     target = of_pinocchio(held, held.integrate(held.q_home, np.full(held.model.nv, 0.2)), "hand")

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from loop_openings import pin_screws
 from planar import ROCKER, TWO_R, root, singular_values, two_r
+from ticking import ticked
 
 from cinegen import CinegenError, Solver, forecast_motion
 from cinegen.ik import EventKind, LimitMargin, LookAhead, Posture
@@ -143,8 +144,7 @@ def test_when_a_joint_meets_its_limit(raff, speed, bound, dt):
         assert event.joint == "joint1"
         assert event.q == pytest.approx(math.radians(bound), abs=1e-15)
         assert _kinds(forecast) == [EventKind.LIMIT, EventKind.STOPPED]
-        for _ in range(5):
-            solver.step()
+        ticked(solver, 5)
         time -= 5 * DT
 
 
@@ -230,13 +230,11 @@ def test_with_the_solvers_own_dt_it_says_exactly_what_will_happen(robot, seed, n
     solver.add_task(mechanism.nodes[-2], weights=(1, 0.2, 1, 0, 1, 0.5), weight=0.3)
     task = solver.add_task(mechanism.end, rotation=0)
     task.target.translation += 0.05 * mechanism.length * rng.normal(size=3)
-    for _ in range(4):
-        solver.step()
+    ticked(solver, 4)
     forecast = forecast_motion(solver, 0.3, DT)
     assert np.array_equal(forecast.q, [solver.q, *(solver.step().q for _ in range(30))])
     task.twist = 0.2 * rng.normal(size=6)
-    for _ in range(4):
-        solver.step()
+    ticked(solver, 4)
     forecast = forecast_motion(solver, 0.3, DT)
     assert np.array_equal(forecast.q, [solver.q, *(solver.step().q for _ in range(30))])
 
@@ -295,8 +293,7 @@ def test_a_leap_of_a_target_and_the_end_of_a_twist_do_not_go_on(robot):
     solver.step()
     assert np.array_equal(forecast_motion(solver, 0.5).q, forecast_motion(solver, 0.5, moving=False).q)
     task.twist = [0.2, 0.0, 0.0, 0.0, 0.0, 0.0]
-    for _ in range(50):
-        step = solver.step()
+    step = ticked(solver, 50)
     task.target = delta.placement(step.q, "platform")  # stop
     assert np.array_equal(forecast_motion(solver, 0.5).q, forecast_motion(solver, 0.5, moving=False).q)
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from reference_tick import damping, relative_weights, resolve
 from repository import EVERY, load
 from scipy.optimize import LinearConstraint, linprog, minimize, nnls
+from small_robots import four_bar
 from variants import FEWER, others_slow
 
 import cinegen
@@ -237,16 +238,10 @@ def test_near_singularities_too(name, which, bent):
 
 
 @pytest.mark.parametrize("off", [0.0, 1e-6, 1e-2])
-def test_near_a_singularity_of_the_loops_too(raff, off):
+def test_near_a_singularity_of_the_loops_too(off):
     """A parallelogram that lies flat could go on as an antiparallelogram: its loop loses a rank there."""
-    mechanism = raff("""robot r { base { }
-      link 1 { parameters { theta 20 } type 2 pred 0 }
-      link 2 { parameters { theta -20 d 200 } type 2 pred 1 }
-      link 3 { parameters { d 500 theta 20 } type 2 pred 0 }
-      frame 4 { parameters { d 500 } pred 2 }
-      frame 5 { parameters { d 200 } pred 3 }
-      frame 6 { parameters { d 250 r 100 } pred 2 name "tool" }
-      constraint { frame 4 frame 5 type 2 } }""")
+    tool = 'frame 6 { parameters { d 250 r 100 } pred 2 name "tool" }'
+    mechanism = cinegen.load(four_bar((20, -20, 20), (200, 500, 500, 200), more=tool))
     q, rng = mechanism.configuration({"joint1": off, "joint2": -off, "joint3": off}), np.random.default_rng(5)
     assert mechanism.closure(q) < 1e-14
     smallest = Solver(mechanism, 1.0, q=q).step().loop_singular_values[-1]

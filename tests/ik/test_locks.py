@@ -7,12 +7,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from lxml import etree
+from ticking import ticked
 
 import cinegen
-from cinegen import Solver, Status, forecast_motion
-from cinegen.errors import CinegenError, UnknownNameError
+from cinegen import CinegenError, PersistentSolver, Solver, Status, forecast_motion, inverse_kinematics
+from cinegen.errors import ClosureError, UnknownNameError
 from cinegen.ik import Posture
 from cinegen.model.build import build
+from cinegen.planning import plan
 
 DT = 1.0 / 240.0
 
@@ -60,8 +62,7 @@ def bent(mechanism):
     solver = Solver(mechanism, DT)
     task = solver.add_task(mechanism.end, rotation=0)
     move(task, 0.1 * mechanism.length * rng.normal(size=3))
-    for _ in range(20):
-        solver.step()
+    ticked(solver, 20)
     return solver.q
 
 
@@ -134,14 +135,9 @@ def test_the_singularities_of_a_locked_mechanism_are_those_of_the_model(robot, n
     assert abs(step.uncontrolled_dof.sigma - expected.uncontrolled_dof.sigma) <= 1e-12
 
 
-def loaded(folder, **options):
-    (folder / "biped.urdf").write_text(bipeds.URDF)
-    return cinegen.load(folder / "biped.urdf", **options)
-
-
 @pytest.mark.parametrize("word", ["base", "its name"])
-def test_a_locked_base_equals_the_model_with_a_fixed_base(tmp_path, word):
-    mechanism, reference = loaded(tmp_path), loaded(tmp_path, fixed_base=True)
+def test_a_locked_base_equals_the_model_with_a_fixed_base(word):
+    mechanism, reference = cinegen.load(bipeds.URDF), cinegen.load(bipeds.URDF, fixed_base=True)
     reference = replace(reference, length=mechanism.length)
     q = mechanism.q_home
     solver, other = Solver(mechanism, DT), Solver(reference, DT, q[7:])
@@ -157,8 +153,8 @@ def test_a_locked_base_equals_the_model_with_a_fixed_base(tmp_path, word):
         assert (step.q[:7] == q[:7]).all()
 
 
-def test_a_base_that_is_turned_stays_locked_to_the_last_bit(tmp_path):
-    mechanism = loaded(tmp_path)
+def test_a_base_that_is_turned_stays_locked_to_the_last_bit():
+    mechanism = cinegen.load(bipeds.URDF)
     q = mechanism.q_home.copy()
     q[:7] = [0.1, -0.2, 0.3, *pin.Quaternion(pin.exp3(np.array([0.3, 0.2, -0.5]))).coeffs()]
     solver = Solver(mechanism, DT, q)
@@ -180,8 +176,7 @@ def test_a_mechanism_whose_lock_leaves_no_motion_stays(robot):
     solver.lock(mechanism.actuated[0])
     task = solver.add_task(mechanism.end, rotation=0)
     move(task, [0.01, 0.01, 0.0])
-    for _ in range(5):
-        step = solver.step()
+    step = ticked(solver, 5)
     assert (step.q == mechanism.q_home).all()
     assert step.status is Status.OUT_OF_REACH
     assert len(step.singular_values) == 0
@@ -207,8 +202,7 @@ def test_a_joint_stops_at_once_when_it_is_locked_while_it_moves(robot):
     solver = Solver(mechanism, DT, acceleration=2.0)
     task = solver.add_task(mechanism.end, rotation=0)
     move(task, -0.5)
-    for _ in range(30):
-        solver.step()
+    ticked(solver, 30)
     name = mechanism.joints[int(np.argmax(np.abs(solver.v)))]
     solver.lock(name)
     before = solver.q[mechanism.q_index(name)]
@@ -234,8 +228,7 @@ def test_setting_q_moves_locked_joints_and_locks_them_there(robot):
     other = Solver(mechanism, DT, q)
     other.lock("joint3")
     other.add_task(mechanism.end).target = task.target
-    for _ in range(20):
-        other.step()
+    ticked(other, 20)
     assert (other.q == solver.q).all()
 
 
@@ -273,3 +266,102 @@ def test_what_cannot_be_locked_is_an_error_that_changes_nothing(robot):
     solver.lock("joint1")
     solver.unlock("joint2")
     assert solver.locked == ("joint1",)
+
+
+# --- locked ik --------------------------------------------------------------------------------------------------------
+# Locked joints in inverse kinematics and plans: they stay, and the others reach the target.
+
+
+def reached(mechanism, q, node):
+    """The pose by Pinocchio's own kinematics."""
+    data = mechanism.model.createData()
+    pin.framesForwardKinematics(mechanism.model, data, q)
+    return data.oMf[mechanism.model.getFrameId(node, pin.FrameType.BODY)]
+
+
+@pytest.mark.parametrize(
+    ("name", "joints"), [("arm7", ["joint3"]), ("arm7", ["joint1", "joint5"]), ("gough", ["joint3"])]
+)
+def test_named_joints_stay_where_they_are(robot, name, joints):
+    mechanism = robot(name)
+    q, goal = mechanism.q_home, None
+    for there in mechanism.with_held(joints, q).random_closed(3):
+        goal = reached(mechanism, there, mechanism.end)
+        found = inverse_kinematics(mechanism, {mechanism.end: goal}, q, locked=joints, limits=False)
+        assert found
+        assert found.closure <= 1e-10
+        for joint in joints:
+            assert found.q[mechanism.q_index(joint)] == q[mechanism.q_index(joint)]
+        error = pin.log6(goal.actInv(reached(mechanism, found.q, mechanism.end))).vector
+        assert np.abs(error).max() < 1e-6
+    other = pin.SE3(goal.rotation, goal.translation + 0.3 * mechanism.length)
+    missed = inverse_kinematics(mechanism, {mechanism.end: other}, q, locked=mechanism.joints, starts=2)
+    assert not missed
+    assert (missed.q == q).all()
+
+
+def test_a_value_is_kept_and_loops_close_there(robot):
+    mechanism = robot("gough")
+    value = mechanism.q_home[mechanism.q_index("joint3")] + 0.02
+    goal = mechanism.placement(mechanism.close(mechanism.configuration({"joint3": value}), ["joint3"]), mechanism.end)
+    found = inverse_kinematics(mechanism, {mechanism.end: goal}, locked={"joint3": value})
+    assert found
+    assert found.q[mechanism.q_index("joint3")] == value
+    assert found.closure <= 1e-10
+
+
+def test_all_solutions_take_names_too(robot):
+    mechanism = robot("arm7")
+    q = mechanism.q_home
+    goal = {mechanism.end: mechanism.placement(q, mechanism.end)}
+    by_name = inverse_kinematics(mechanism, goal, all=True, locked=["joint3"])
+    by_value = inverse_kinematics(mechanism, goal, all=True, locked={"joint3": float(q[mechanism.q_index("joint3")])})
+    assert len(by_name) == len(by_value) > 0
+
+
+def test_a_locked_base_stays_and_the_hand_reaches():
+    mechanism = cinegen.load(bipeds.URDF)
+    far = pin.SE3(np.eye(3), np.array([1.0, 0.0, 0.8]))
+    task = cinegen.FrameTask("hand", far, rotation=0)
+    assert inverse_kinematics(mechanism, [task])
+    assert not inverse_kinematics(mechanism, [task], locked=["base"], starts=5)
+    near = cinegen.FrameTask("hand", reached(mechanism, mechanism.configuration({"elbow": 0.7}), "hand"), rotation=0)
+    found = inverse_kinematics(mechanism, [near], locked=["base"])
+    assert found
+    assert (found.q[:7] == mechanism.q_home[:7]).all()
+
+
+def test_what_cannot_be_locked_is_an_error(robot):
+    mechanism = robot("gough")
+    goal = {mechanism.end: mechanism.placement(mechanism.q_home, mechanism.end)}
+    with pytest.raises(UnknownNameError, match="did you mean 'joint3'"):
+        inverse_kinematics(mechanism, goal, locked=["joint33"])
+    with pytest.raises(CinegenError, match=r"such as \['joint3'\], not by one text"):
+        inverse_kinematics(mechanism, goal, locked="joint3")
+    with pytest.raises(ClosureError, match="can't be closed"):
+        inverse_kinematics(mechanism, goal, locked={"joint3": 3.0, "joint9": 0.1})
+
+
+def test_a_persistent_solver_does_not_search_for_what_its_locks_forbid(robot):
+    mechanism = robot("arm7")
+    solver = PersistentSolver(mechanism, 1 / 240)
+    solver.lock("joint1")
+    task = solver.add_task(mechanism.end, rotation=0)
+    turned = pin.SE3(pin.exp3(np.array([0.0, 0.0, 2.0])), np.zeros(3)) * task.target
+    task.target = pin.SE3(task.target.rotation, turned.translation)
+    for _ in range(400):
+        step = solver.step()
+        assert step.q[mechanism.q_index("joint1")] == mechanism.q_home[mechanism.q_index("joint1")]
+    assert step.status is not cinegen.Status.DETOUR
+
+
+def test_a_plan_keeps_joints_that_are_locked(robot):
+    mechanism = robot("arm7")
+    goal = mechanism.placement(mechanism.q_home, mechanism.end).translation + np.array([0.05, 0.05, -0.05])
+    found = plan(mechanism, goal, locked=["joint1"], planner="vortex")
+    assert found
+    assert np.ptp(found.path[:, mechanism.q_index("joint1")]) == 0.0
+    free = plan(mechanism, goal, planner="vortex")
+    assert np.ptp(free.path[:, mechanism.q_index("joint1")]) > 1e-3
+    with pytest.raises(CinegenError, match="'joint2' is a joint of the goal"):
+        plan(mechanism, {"joint2": 0.1}, locked=["joint2"])

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from repository import load
+from ticking import ticked
 
 import cinegen
 from cinegen import Solver, Status
@@ -122,8 +123,7 @@ def test_only_the_joints_that_are_named_go_back():
     q = begin(arm)
     solver = Solver(arm, DT, q=q)
     solver.objectives = [Posture(joints={"joint2": 1.0, "joint4": 0.5}, rate=5.0)]
-    for _ in range(600):
-        step = solver.step()
+    step = ticked(solver, 600)
     named = [arm.q_index("joint2"), arm.q_index("joint4")]
     others = [i for i in range(arm.model.nq) if i not in named]
     assert step.q[named] == pytest.approx(arm.q_home[named], abs=1e-5)
@@ -323,15 +323,13 @@ def test_objectives_move_a_floating_base_only_as_its_tasks_need_it(raff):
     solver = Solver(free, DT)
     solver.add_task("tool", rotation=0)
     solver.objectives = [Manipulability(), Posture(rate=0.1), LimitMargin()]
-    for _ in range(50):
-        step = solver.step()
+    step = ticked(solver, 50)
     assert not step.failed_objectives
     assert np.abs(step.q[7:] - free.q_home[7:]).max() > 1e-3
     assert step.errors[0][0] < 1e-9
     assert np.abs(step.q[:7] - free.q_home[:7]).max() > 1e-3
     alone = Solver(free, DT)
     alone.objectives = [Posture(np.r_[free.q_home[:7], free.q_home[7:] + 0.3])]
-    for _ in range(50):
-        step = alone.step()
+    step = ticked(alone, 50)
     assert (step.q[:7] == free.q_home[:7]).all()
     assert np.abs(step.q[7:] - free.q_home[7:]).min() > 1e-3

@@ -9,8 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from loop_openings import Openings, pin_screws
 from planar import ROCKER, TWO_R, singular_values, two_r
+from small_robots import four_bar
+from ticking import ticked
 
-from cinegen import Solver
+import cinegen
+from cinegen import PersistentSolver, Solver, Status
+from cinegen.ik.branch import passes_toggle
 
 DT = 0.01
 seeds = st.integers(0, 2**32 - 1)
@@ -171,3 +175,241 @@ def test_values_do_not_change_with_later_ticks(robot):
         before, (step.lost_dof.joints, step.uncontrolled_dof.joints, step.passive_singular_values), strict=True
     ):
         assert np.array_equal(one, other)
+
+
+# --- bifurcation ------------------------------------------------------------------------------------------------------
+# A flat parallelogram: two branches of closed configurations meet, and most velocities that its Jacobian allows belong
+# to neither.
+
+
+@pytest.fixture
+def flat():
+    return cinegen.load(
+        four_bar((0, 0, 0), (300, 500, 500, 300), ("velocity 20 actuated 1", "velocity 20", "velocity 20"))
+    )
+
+
+def drag(flat, dt, node, to, count=400):
+    solver = cinegen.Solver(flat, dt, q=np.zeros(3))
+    task = solver.add_task(node, rotation=0)
+    task.target = pin.SE3(np.eye(3), np.array(to))
+    return solver, [solver.step() for _ in range(count)]
+
+
+@pytest.mark.parametrize("dt", [1e-2, 4e-3])
+@pytest.mark.parametrize(("node", "to"), [("frame4", (0.64, -0.12, 0.0)), ("link2", (0.38, -0.17, 0.0))])
+def test_it_is_left_along_a_branch_within_the_limits_of_velocity(flat, dt, node, to, monkeypatch):
+    solver, steps = drag(flat, dt, node, to)
+    q = np.zeros(3)
+    for step in steps:
+        assert step.status is not Status.REFUSED
+        assert step.closure <= 1e-10
+        assert flat.closure(step.q) <= 1e-10
+        assert (step.q - q) / dt == pytest.approx(step.v, abs=1e-9)
+        assert np.abs(step.v).max() <= np.radians(20.0) + 1e-9
+        q = step.q
+    assert q == pytest.approx(solver.q, abs=0.0)
+    assert np.abs(q).max() > 0.05
+    monkeypatch.setattr(cinegen.Solver, "_leave_bifurcation", lambda self: None)
+    assert {step.status for step in drag(flat, dt, node, to, 20)[1]} == {Status.REFUSED}
+
+
+# --- slowing down -----------------------------------------------------------------------------------------------------
+# Where loops don't close even after braking, a robot with limits of acceleration slows down in some ticks; it stopped
+# at once before, at any speed.
+
+
+MOVING = [  # acceleration, period, configuration, velocities: passive joints are near their limits, at speed
+    (3.204, 0.05, [3.48995211, -2.48454798, 1.24917948, 1.85432657, -2.09810192], [0.337, -0.112, 0.194, -0.078, 0.11]),
+    (1.219, 0.1, [1.46108826, -0.18966074, 1.75656009, 0.08889345, -0.57402602], [0.049, -0.054, 0.145, -0.211, 0.061]),
+    (3.234, 0.05, [2.78157794, -2.67829267, 0.08590642, 2.7826502, -2.76527136], [-0.979, -0.067, -1.87, 1.15, -0.324]),
+]  # fmt: skip
+AIMS = [(-0.115, 0.314, 0.0), (6.368, 0.673, 0.0), (0.172, 0.953, 0.0)]
+
+
+@pytest.mark.parametrize(("moving", "aim"), [*zip(MOVING, AIMS, strict=True)])
+def test_it_slows_down_where_loops_do_not_close_after_braking(robot, moving, aim):
+    acceleration, dt, q, v = moving
+    mechanism = robot("five_bar")
+    solver = cinegen.Solver(mechanism, dt, q=mechanism.close(np.array(q)), acceleration=acceleration)
+    solver.add_task(mechanism.end, pin.SE3(np.eye(3), np.array(aim)), rotation=0)
+    solver._memory.last[:] = np.array(v) * dt / mechanism.scale
+    before = np.abs(v).max()
+    step = solver.step()
+    assert step.status is not Status.REFUSED
+    assert 0.0 < np.abs(step.v).max() < before
+    assert step.v @ np.array(v) > 0.0  # not back
+    for _ in range(30):
+        assert mechanism.closure(step.q) <= 1e-10
+        assert mechanism.limits.within(step.q)
+        assert (np.abs(step.v) <= mechanism.limits.velocity * (1.0 + 1e-9)).all()
+        step = solver.step()
+
+
+# --- branch -----------------------------------------------------------------------------------------------------------
+# Toggles of the actuated joints: reported by the step that passes one, and not passed if the branch is kept.
+
+
+TICK = 1.0 / 240.0
+
+
+def side(mechanism, q):
+    """On which side of the line between its elbows the tool of the five-bar linkage is, by Pinocchio's kinematics: the
+    sign changes at a type 2 singularity."""
+    data, model = mechanism.model.createData(), mechanism.model
+    pin.forwardKinematics(model, data, q)
+    passive = [model.getJointId(joint) for joint in mechanism.joints if joint not in mechanism.actuated]
+    legs = [j for j in passive if model.names[model.parents[j]] in mechanism.actuated]  # at the elbows
+    left, right = (data.oMi[j].translation for j in legs)
+    tool = mechanism.placement(q, mechanism.end).translation
+    return float(np.sign(np.cross(left - tool, right - tool)[2]))
+
+
+@pytest.fixture
+def five_bar(robot):
+    return robot("five_bar")
+
+
+def dragged_through(mechanism, solver):
+    """Drag the tool through the line between the elbows to where it is in the other assembly mode."""
+    goal = max(cinegen.assembly_modes(mechanism), key=lambda q: mechanism.distance(q, mechanism.q_home))
+    solver.position_limits = dict.fromkeys(mechanism.joints, (-np.inf, np.inf))
+    task = next(iter(solver.tasks), None) or solver.add_task(mechanism.end, rotation=0)
+    start, end = (mechanism.placement(q, mechanism.end).translation for q in (mechanism.q_home, goal))
+    steps = []
+    for part in np.linspace(0.0, 1.0, 300):
+        task.target = pin.SE3(task.target.rotation, start + part * (end - start))
+        steps.append(solver.step())
+    return steps
+
+
+def test_the_step_that_passes_a_toggle_says_so_and_no_other(five_bar):
+    solver = Solver(five_bar, TICK)
+    q, changed, turned = solver.q, 0, 0
+    for step in dragged_through(five_bar, solver):
+        passed = side(five_bar, q) != side(five_bar, step.q)
+        assert step.branch_changed == passed
+        changed, turned, q = changed + step.branch_changed, turned + passed, step.q
+    assert changed == turned == 1
+
+
+@pytest.mark.parametrize("kind", [Solver, PersistentSolver])
+def test_a_branch_that_is_kept_is_not_left(five_bar, kind):
+    solver = kind(five_bar, TICK, keep_branch=True)
+    before = side(five_bar, solver.q)
+    steps = dragged_through(five_bar, solver)
+    assert all(side(five_bar, step.q) == before for step in steps)
+    assert not any(step.branch_changed for step in steps)
+    assert any(step.status is Status.BARRED for step in steps)
+    assert max(step.closure for step in steps) < 1e-10
+    task = solver.tasks[0]
+    task.target = five_bar.placement(five_bar.q_home, five_bar.end)
+    step = ticked(solver, 600)
+    assert step.errors[0][0] < 1e-6  # it goes back
+    solver.keep_branch = False
+    assert any(step.branch_changed for step in dragged_through(five_bar, solver))
+
+
+@pytest.mark.parametrize("name", ["gough", "sr400", "arm7", "delta4"])
+def test_where_no_toggle_is_near_a_kept_branch_changes_nothing(robot, name):
+    mechanism = robot(name)
+    solver, other = Solver(mechanism, TICK, keep_branch=True), Solver(mechanism, TICK)
+    for one in (solver, other):
+        task = one.add_task(mechanism.end, rotation=0)
+        task.target = pin.SE3(task.target.rotation, task.target.translation + 0.03 * mechanism.length)
+    for _ in range(20):
+        step = solver.step()
+        assert (step.q == other.step().q).all()
+        assert not step.branch_changed
+
+
+@pytest.mark.parametrize("name", ["gough", "delta4", "five_bar", "planar_hybrid"])
+def test_the_sign_is_that_of_the_determinant_where_the_jacobian_is_square(robot, name):
+    """Of independent rows, which Gaussian elimination chooses at the first configuration."""
+    mechanism = robot(name)
+    rng, q = np.random.default_rng(4), mechanism.q_home
+    columns = mechanism.structure.passive_columns
+    kept = None
+    for _ in range(60):
+        step = rng.normal(size=mechanism.model.nv)
+        jacobian = mechanism.loop_jacobian(q)
+        motion = step - np.linalg.pinv(jacobian, rcond=1e-9) @ (jacobian @ step)
+        there = mechanism.close(mechanism.integrate(q, 0.05 * motion / np.abs(motion).max() * mechanism.scale))
+        here, after = (mechanism.loop_jacobian(x)[:, columns] for x in (q, there))
+        if kept is None:
+            kept = np.array(independent(here))
+            assert len(kept) == len(columns)
+        signs = np.linalg.slogdet(here[kept])[0] * np.linalg.slogdet(after[kept])[0]
+        assert passes_toggle(mechanism, q, there) == (signs < 0.0)
+        q = there
+
+
+def independent(matrix):
+    """Rows of a matrix that are a basis of all, by pivoting."""
+    from scipy.linalg import qr
+
+    _, r, order = qr(matrix.T, pivoting=True)
+    diagonal = np.abs(np.diag(r))
+    return sorted(order[: np.count_nonzero(diagonal > 1e-9 * diagonal[0])])
+
+
+# --- persistent -------------------------------------------------------------------------------------------------------
+# A dead end whose way out is known: a planar arm whose first joint is limited, and the other of its two postures.
+
+
+ARM = """robot r { base { }
+  link 1 { parameters { theta 20 } type 2 pred 0 limits { -30 30 } }
+  link 2 { parameters { d 400 theta 60 } type 2 pred 1 }
+  frame 3 { parameters { d 300 } pred 2 name "tool" } }"""
+A, B = 0.4, 0.3
+THERE = np.radians([10.0, -60.0])
+"""The tool is reached with the elbow on the other side only: by the law of cosines the posture with the elbow as it is
+has the first joint at -41 degrees."""
+
+
+def dead_end(solver_of, arm):
+    solver = solver_of(arm, 0.02)
+    task = solver.add_task("tool", rotation=0, axes="world")
+    first, second = THERE[0], THERE.sum()
+    task.target = pin.SE3(
+        np.eye(3), np.array([A * math.cos(first) + B * math.cos(second), A * math.sin(first) + B * math.sin(second), 0])
+    )
+    return solver, task
+
+
+def test_a_solver_stays_at_the_limit_and_a_persistent_one_goes_round(raff):
+    arm = raff(ARM)
+    solver, _ = dead_end(Solver, arm)
+    step = ticked(solver, 400)
+    assert step.status is Status.AT_LIMIT
+    assert step.q[0] == pytest.approx(math.radians(-30))
+    persistent, _ = dead_end(PersistentSolver, arm)
+    seen = set()
+    for _ in range(400):
+        step = persistent.step()
+        seen.add(step.status)
+        assert abs(step.q[0]) <= math.radians(30) + 1e-9
+    assert step.status is Status.FOLLOWING
+    assert step.q == pytest.approx(THERE, abs=1e-6)
+    assert Status.DETOUR in seen
+
+
+def test_beside_a_task_that_follows_a_twist_nothing_is_looked_for(raff):
+    persistent, _ = dead_end(PersistentSolver, raff(ARM))
+    persistent.add_task("link1", translation=0, rotation=1, weight=1e-6).twist = np.zeros(6)
+    statuses = {persistent.step().status for _ in range(400)}
+    assert Status.DETOUR not in statuses
+
+
+def test_a_target_that_is_moved_ends_the_detour(raff):
+    """The tasks take over at once, and lead to a target that the arm reaches as it is."""
+    arm = raff(ARM)
+    persistent, task = dead_end(PersistentSolver, arm)
+    near = arm.placement(arm.q_home, "tool")
+    while persistent.step().status is not Status.DETOUR:
+        assert persistent.q[1] > 0.0
+    task.target = near
+    for _ in range(400):
+        step = persistent.step()
+        assert step.status is not Status.DETOUR
+    assert step.q == pytest.approx(arm.q_home, abs=1e-6)

@@ -1,9 +1,12 @@
 """Kinds of tasks in Python, ranges, and tasks of a program's own."""
 
+import warnings
+
 import numpy as np
 import pinocchio as pin
 import pytest
 from test_kernel import load
+from ticking import ticked
 from variants import FEWER
 
 import cinegen
@@ -15,6 +18,7 @@ from cinegen.ik import (
     JointEquality,
     JointValues,
     LookAt,
+    PinkTask,
     PointAtDistance,
     PointInPlane,
     PointOnLine,
@@ -75,8 +79,7 @@ def test_every_kind_is_reached_and_changes_at_run_time():
     for task in tasks:
         solver = Solver(arm, 0.01)
         solver.add_task(task)
-        for _ in range(150):
-            step = solver.step()
+        step = ticked(solver, 150)
         assert max(step.errors[0]) < 1e-9, task
         assert np.abs(task.error(solver.state)).max() < 1e-9
         solver.remove_task(task)
@@ -90,7 +93,7 @@ def test_every_kind_is_reached_and_changes_at_run_time():
     assert worst < 2e-4  # second order of a tick
 
 
-def test_the_centre_of_mass_stays_over_a_point(tmp_path):
+def test_the_centre_of_mass_stays_over_a_point():
     text = """<robot name="r"><link name="base"/>{}</robot>"""
     link = (
         '<link name="l{0}"><inertial><origin xyz="0 0 0.2"/><mass value="{1}"/><inertia ixx="1" iyy="1" izz="1" ixy="0"'
@@ -99,9 +102,7 @@ def test_the_centre_of_mass_stays_over_a_point(tmp_path):
         '<origin xyz="0 0 0.4"/><axis xyz="{3}"/><limit lower="-2" upper="2" effort="1" velocity="9"/></joint>'
     )
     links = [link.format(i, i + 1, f"l{i - 1}" if i else "base", ("1 0 0", "0 1 0")[i % 2]) for i in range(6)]
-    path = tmp_path / "r.urdf"
-    path.write_text(text.format("".join(links)))
-    tower = cinegen.load(path)
+    tower = cinegen.load(text.format("".join(links)))
     solver = Solver(tower, 0.01)
     solver.add_task(CenterOfMass((0.0, 0.0, 0.0), "xy"))
     hand = solver.add_task("l5", rotation=0, priority=1)
@@ -121,8 +122,7 @@ def test_damping_slows_and_the_rest_of_its_level_is_reached():
         task = solver.add_task("tool", arm.placement(arm.q_home + 0.1, "tool"))
         solver.add_task(Damping(weight=weight))
         rates.append(float(np.abs(solver.step().v).max()))
-        for _ in range(100 if weight < 1.0 else 3000):
-            step = solver.step()
+        step = ticked(solver, 100 if weight < 1.0 else 3000)
         assert max(step.errors[0]) < 1e-3, task
     assert rates[1] < 0.5 * rates[0]
 
@@ -165,8 +165,7 @@ def test_a_height_above_a_floor_and_a_start_below_it():
     assert step.status is Status.BARRED
     assert step.active_barriers == (0,)
     solver.remove_task(floor)
-    for _ in range(200):
-        step = solver.step()
+    step = ticked(solver, 200)
     assert step.errors[0][0] < 1e-9
 
 
@@ -215,8 +214,7 @@ def test_a_task_of_ones_own_in_twenty_lines(name):
     assert step.errors[0][0] < 1e-9
     assert solver.tasks == (task,)
     task.distance = 0.99 * apart
-    for _ in range(200):
-        step = solver.step()
+    step = ticked(solver, 200)
     assert step.errors[0][0] < 1e-9
 
 
@@ -247,8 +245,7 @@ def test_a_task_that_fails_is_left_out_of_the_tick_and_told(name, broken, says):
     assert len(solver.exception_log.messages) == 1
     setattr(own, name, good)
     solver.remove_task(tool)
-    for _ in range(200):
-        step = solver.step()
+    step = ticked(solver, 200)
     assert step.status is Status.FOLLOWING
     assert not step.exceptions
 
@@ -293,8 +290,7 @@ def test_copies_for_a_look_ahead_follow_bit_for_bit():
     solver = Solver(arm, 0.01)
     tool = solver.add_task("tool", arm.placement(arm.q_home + 0.2, "tool"))
     solver.add_task(Distance("link4", "base", 0.5)).priority = 1
-    for _ in range(5):
-        solver.step()
+    ticked(solver, 5)
     forecast = cinegen.forecast_motion(solver, 0.2, dt=0.01, moving=False)
     assert np.array_equal(forecast.q[-1], [solver.step().q for _ in range(20)][-1])
     assert tool.priority == 0
@@ -366,8 +362,7 @@ def test_a_state_stays_that_of_its_configuration():
     solver.add_task(JointValues({"joint2": 1.5}))
     state = solver.state
     before = state.frame("tool")
-    for _ in range(20):
-        solver.step()
+    ticked(solver, 20)
     assert state.frame("tool") == before
     assert solver.state.frame("tool") != before
 
@@ -395,12 +390,11 @@ def test_units_of_joint_values_are_those_of_the_joints():
     with pytest.raises(CinegenError, match="give unit=\\['m'\\]"):
         solver.add_task(JointValues({leg: 0.1}))
     solver.add_task(JointValues({leg: gough.q_home[gough.q_index(leg)] + 0.01}, unit="m"))
-    for _ in range(100):
-        step = solver.step()
+    step = ticked(solver, 100)
     assert step.errors[0] == (pytest.approx(0.0, abs=1e-9), 0.0)
 
 
-def test_the_centre_of_mass_of_a_robot_of_more_than_a_hundred_joints(tmp_path):
+def test_the_centre_of_mass_of_a_robot_of_more_than_a_hundred_joints():
     link = (
         '<link name="l{0}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
         '</inertial></link><joint name="j{0}" type="continuous"><parent link="{1}"/><child link="l{0}"/>'
@@ -408,11 +402,93 @@ def test_the_centre_of_mass_of_a_robot_of_more_than_a_hundred_joints(tmp_path):
         '<axis xyz="1 0 0"/></joint>'
     )
     links = [link.format(i, f"l{i - 1}" if i else "base") for i in range(105)]
-    path = tmp_path / "snake.urdf"
-    path.write_text(f'<robot name="snake"><link name="base"/>{"".join(links)}</robot>')
-    snake = cinegen.load(path)
+    snake = cinegen.load(f'<robot name="snake"><link name="base"/>{"".join(links)}</robot>')
     state = State(snake, snake.q_home, 0.01)
     task = CenterOfMass((0.0, 0.0, 0.0))
     whole = pin.centerOfMass(snake.model, snake.model.createData(), snake.q_home)
     assert task.error(state) == pytest.approx(whole, abs=1e-12)
     assert task.jacobian(state).shape == (3, 105)
+
+
+# --- pink task --------------------------------------------------------------------------------------------------------
+# Tasks of pink in a solver.
+
+
+with warnings.catch_warnings():  # qpsolvers misses solvers that no task needs
+    warnings.simplefilter("ignore")
+    from pink import Configuration
+    from pink.tasks import ComTask, FrameTask, JointCouplingTask, PostureTask, RelativeFrameTask
+
+
+def test_a_frame_of_pink_moves_as_one_of_cinegen():
+    arm = load("arm7", "arm")
+    target, poses = arm.placement(arm.q_home + 0.2, "tool"), []
+    for own in (False, True):
+        solver = Solver(arm, 0.01)
+        if own:
+            solver.add_task("tool", target)
+        else:
+            task = FrameTask("tool", position_cost=1.0, orientation_cost=1.0)
+            task.set_target(target)
+            added = solver.add_task(PinkTask(task))
+        step = ticked(solver, 100)
+        assert max(step.errors[0]) < 1e-9
+        poses.append(arm.placement(step.q, "tool").homogeneous)
+    assert np.allclose(*poses, atol=1e-8)
+    assert added.weight == 1.0
+    there = Configuration(arm.model, arm.model.createData(), step.q)
+    assert np.abs(task.compute_error(there)).max() < 1e-8  # by pink
+
+
+def test_costs_are_weights_and_rows_of_cost_zero_are_left_out():
+    arm = load("arm7", "arm")
+    target = arm.placement(arm.q_home + 0.3, "tool")
+    task = FrameTask("tool", position_cost=2.0, orientation_cost=0.0)
+    task.set_target(target)
+    solver = Solver(arm, 0.01)
+    added = solver.add_task(PinkTask(task, priority=1))
+    solver.add_task(PointInPlane("link4", arm.placement(arm.q_home + 0.3, "link4").translation))
+    assert (added.weight, list(added.unit), added.error(solver.state).shape) == (2.0, ["m"] * 3, (3,))
+    step = ticked(solver, 150)
+    assert step.errors[0][1] == 0.0
+    assert np.abs(arm.placement(step.q, "tool").translation - target.translation).max() < 1e-6
+    assert step.errors[1][0] < 1e-9
+
+
+@pytest.mark.parametrize("name", ["arm7", "delta4"])
+def test_relative_poses_and_postures_of_pink_with_and_without_loops(name):
+    mechanism = load(name, None)
+    q = mechanism.random_closed(1, seed=5)[0]
+    node, other = mechanism.end, mechanism.nodes[2]
+    relative = RelativeFrameTask(node, other, position_cost=1.0, orientation_cost=1.0)
+    relative.set_target(mechanism.placement(q, other).actInv(mechanism.placement(q, node)))
+    posture = PostureTask(cost=1.0)
+    posture.set_target(q)
+    for task in (relative, posture):
+        solver = Solver(mechanism, 0.01)
+        solver.add_task(PinkTask(task))
+        step = ticked(solver, 300)
+        assert np.hypot(*step.errors[0]) < 1e-6
+        assert step.closure < 1e-9
+
+
+def test_what_a_solver_does_otherwise_is_an_error_with_the_remedy():
+    frame = FrameTask("tool", position_cost=1.0, orientation_cost=1.0, lm_damping=1.0)
+    with pytest.raises(CinegenError, match="lm_damping to 0"):
+        PinkTask(frame)
+    frame.lm_damping = 0.0
+    frame.gain = 0.5
+    with pytest.raises(CinegenError, match="set Solver"):
+        PinkTask(frame)
+    frame.gain = 1.0
+    assert PinkTask(frame).priority == 0
+    with pytest.raises(CinegenError, match="compute_error"):
+        PinkTask(pin.SE3.Identity())
+    arm = load("arm7", "arm")
+    coupling = JointCouplingTask(
+        ["joint1", "joint2"], [1.0, -1.0], 1.0, Configuration(arm.model, arm.model.createData(), arm.q_home)
+    )
+    with pytest.raises(CinegenError, match="give unit="):
+        PinkTask(coupling)
+    assert PinkTask(coupling, unit="rad").unit == "rad"
+    assert PinkTask(ComTask(cost=[1.0, 1.0, 0.0])).unit == "m"

@@ -1,6 +1,7 @@
 """Clusters of loops that share no joint: found, closed and solved each by itself; a hundred on a thousand joints."""
 
 import importlib.util
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -21,24 +22,9 @@ _SPEC.loader.exec_module(large)
 FAMILIES = ("chain", "snake", "star", "train", "girder")
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("large")
-
-
-@pytest.fixture(scope="module")
-def made(folder):
-    """`made("snake", 30)`: the mechanism, loaded once."""
-    known = {}
-
-    def make(family, joints):
-        if (family, joints) not in known:
-            path = folder / f"{family}{joints}.raff"
-            path.write_text(large.FAMILIES[family](joints), encoding="utf-8")
-            known[family, joints] = cinegen.load(path)
-        return known[family, joints]
-
-    return make
+@cache
+def made(family: str, joints: int) -> cinegen.Mechanism:
+    return cinegen.load(large.FAMILIES[family](joints))
 
 
 def dragged(
@@ -59,7 +45,7 @@ def dragged(
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_mobility_is_as_counted_by_hand_and_loops_stay_closed(made, family):
+def test_mobility_is_as_counted_by_hand_and_loops_stay_closed(family):
     mechanism = made(family, 30)
     assert mechanism.mobility == large.MOBILITY[family](30)
     assert len(mechanism.actuated) == mechanism.mobility
@@ -69,7 +55,7 @@ def test_mobility_is_as_counted_by_hand_and_loops_stay_closed(made, family):
 
 
 @pytest.mark.slow
-def test_a_thousand_joints_with_a_hundred_loops(made):
+def test_a_thousand_joints_with_a_hundred_loops():
     mechanism = made("snake", 1000)
     assert (mechanism.model.nv, len(mechanism.loops), mechanism.mobility) == (1000, 100, 800)
     assert mechanism.cluster_ranks == (2,) * 100
@@ -84,7 +70,7 @@ def test_a_thousand_joints_with_a_hundred_loops(made):
     assert motions @ motions.T == pytest.approx(np.eye(800), abs=1e-12)
 
 
-def test_jacobians_of_a_thousand_joints_are_derivatives(made):
+def test_jacobians_of_a_thousand_joints_are_derivatives():
     mechanism = made("snake", 1000)
     rng = np.random.default_rng(1)
     q, h = mechanism.q_home + 0.1 * rng.normal(size=1000), 1e-6  # loops are open
@@ -100,7 +86,7 @@ def test_jacobians_of_a_thousand_joints_are_derivatives(made):
         assert here.rotation @ node[:3, column] == pytest.approx((there - back) / (2.0 * h), abs=1e-7)
 
 
-def test_modes_of_many_loops_are_refused(made):
+def test_modes_of_many_loops_are_refused():
     with pytest.raises(cinegen.CinegenError, match="200 independent equations"):
         cinegen.assembly_modes(made("snake", 1000))
 
@@ -119,14 +105,13 @@ frame 15 {{ parameters {{ d 60 }} pred 13 }} constraint {{ frame 14 frame 15 typ
 """
 
 
-def two(tmp_path: Path, rocker: float = 60.0, more: str = "") -> cinegen.Mechanism:
+def two(rocker: float = 60.0, more: str = "") -> cinegen.Mechanism:
     """Two four-bar linkages; a joint between them, and one that carries the second, are in no loop."""
-    (tmp_path / "two.raff").write_text(FOUR_BARS.format(rocker=rocker, more=more), encoding="utf-8")
-    return cinegen.load(tmp_path / "two.raff")
+    return cinegen.load(FOUR_BARS.format(rocker=rocker, more=more))
 
 
-def test_loops_that_share_no_joint_are_clusters(tmp_path):
-    mechanism = two(tmp_path)
+def test_loops_that_share_no_joint_are_clusters():
+    mechanism = two()
     first, second = clusters(mechanism.structure.system)
     names = [{mechanism.columns[k] for k in one.columns} for one in (first, second)]
     assert names == [{"joint1", "joint2", "joint3"}, {"joint11", "joint12", "joint13"}]
@@ -138,15 +123,15 @@ def test_loops_that_share_no_joint_are_clusters(tmp_path):
         assert not jacobian[np.ix_(one.rows, outside)].any()
 
 
-def test_a_coupling_links_clusters(tmp_path):
-    mechanism = two(tmp_path, more="coupling { link 11 link 1 ratio 1 offset 0 }")
+def test_a_coupling_links_clusters():
+    mechanism = two(more="coupling { link 11 link 1 ratio 1 offset 0 }")
     (one,) = clusters(mechanism.structure.system)
     assert (one.loops, one.couplings) == ((0, 1), (0,))
     assert (mechanism.cluster_ranks, mechanism.mobility) == ((5,), 2)
 
 
-def test_a_cluster_alone_has_the_equations_that_it_has_in_the_mechanism(tmp_path):
-    mechanism = two(tmp_path)
+def test_a_cluster_alone_has_the_equations_that_it_has_in_the_mechanism():
+    mechanism = two()
     rng = np.random.default_rng(3)
     q = mechanism.q_home + 0.2 * rng.normal(size=7)
     residual, jacobian = mechanism.structure.system.evaluate(q)
@@ -158,9 +143,9 @@ def test_a_cluster_alone_has_the_equations_that_it_has_in_the_mechanism(tmp_path
         assert own_jacobian == pytest.approx(jacobian[np.ix_(one.rows, one.columns)], abs=1e-14)
 
 
-def test_a_locked_joint_is_part_of_the_link_that_carries_it(tmp_path):
+def test_a_locked_joint_is_part_of_the_link_that_carries_it():
     """Locked joints in both loops, where they are: the clusters have the equations of the mechanism."""
-    mechanism = two(tmp_path)
+    mechanism = two()
     q = mechanism.q_home + 0.2 * np.random.default_rng(4).normal(size=7)
     system = mechanism.with_held(["joint2", "joint13"], q).structure.system
     residual, jacobian = system.evaluate(q)
@@ -171,15 +156,15 @@ def test_a_locked_joint_is_part_of_the_link_that_carries_it(tmp_path):
         assert own_jacobian == pytest.approx(jacobian[np.ix_(one.rows, one.columns)], abs=1e-14)
 
 
-def test_an_open_cluster_is_named_and_no_other(tmp_path):
+def test_an_open_cluster_is_named_and_no_other():
     with pytest.raises(ClosureError) as caught:
-        two(tmp_path, rocker=500.0)
+        two(rocker=500.0)
     assert "'frame4-frame5'" in str(caught.value)
     assert "frame14" not in str(caught.value)
 
 
-def test_a_cluster_that_can_not_be_closed_does_not_keep_others_open(tmp_path):
-    mechanism = two(tmp_path)
+def test_a_cluster_that_can_not_be_closed_does_not_keep_others_open():
+    mechanism = two()
     q, mask = mechanism.q_home + 0.05, np.zeros(7)
     mask[[mechanism.v_index(name) for name in ("joint1", "joint2", "joint3")]] = 1.0
     closing = mechanism.structure.closer.close(q, mask)
@@ -190,15 +175,15 @@ def test_a_cluster_that_can_not_be_closed_does_not_keep_others_open(tmp_path):
     assert np.array_equal(closing.q[joints], q[joints])
 
 
-def test_random_configurations_move_all_joints_of_several_clusters(tmp_path):
-    mechanism = two(tmp_path)
+def test_random_configurations_move_all_joints_of_several_clusters():
+    mechanism = two()
     found = np.array(mechanism.random_closed(4))
     assert found.shape == (4, 7)
     assert (np.abs(found - mechanism.q_home).max(axis=0) > 0.05).all()
     assert max(mechanism.closure(q) for q in found) <= 1e-12
 
 
-def test_motions_of_large_jacobians_are_those_of_their_singular_vectors(made):
+def test_motions_of_large_jacobians_are_those_of_their_singular_vectors():
     mechanism = made("girder", 120)
     jacobian = mechanism.structure.system.evaluate(mechanism.random_closed(1)[0])[1]
     motions, sigma = free_motions(jacobian, mechanism.loop_rank)

@@ -1,5 +1,9 @@
 """Masses of SDF and MJCF: MuJoCo itself judges those of MJCF, SDF's specification those of SDF."""
 
+import math
+import re
+import warnings
+from itertools import pairwise
 from pathlib import Path
 
 import mujoco
@@ -10,6 +14,11 @@ import trimesh
 from numpy.typing import NDArray
 
 import cinegen
+from cinegen.model.build import build
+from raff2urdf import RaffError, RaffWarning
+from raff2urdf.raff.document import RaffInertial
+from raff2urdf.raff.reader import loads
+from raff2urdf.raff.writer import dumps
 
 MJCF = """<mujoco><compiler meshdir="meshes" {}/>
 <asset><mesh name="box" file="box.stl"/><mesh file="ball.stl" scale="1 2 1"/></asset>
@@ -159,3 +168,189 @@ def test_an_inertial_that_simulators_compute_is_unknown(tmp_path: Path) -> None:
 def test_wrong_masses_of_an_sdf_are_refused_with_their_line(tmp_path: Path, text: str, why: str) -> None:
     with pytest.raises(cinegen.CinegenError, match=why):
         cinegen.load(sdf(tmp_path, text))
+
+
+# --- massless ---------------------------------------------------------------------------------------------------------
+# The mechanism tells which bodies have no mass, and which masses are no body's.
+
+
+UNIT = '<inertia ixx="{}" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+
+
+def inertial(mass: float, ixx: float = 1.0) -> str:
+    return f'<inertial><mass value="{mass}"/>{UNIT.format(ixx)}</inertial>'
+
+
+def chain(tmp_path: Path, links: dict[str, str], kinds: list[str]) -> Path:
+    """Write a URDF of links one behind another, with joints of the kinds between them."""
+    names = list(links)
+    text = "".join(f'<link name="{name}">{inner}</link>' for name, inner in links.items())
+    for parent, child, kind in zip(names, names[1:], kinds, strict=False):
+        ends = f'<parent link="{parent}"/><child link="{child}"/><axis xyz="0 0 1"/>'
+        text += f'\n<joint name="to_{child}" type="{kind}">{ends}</joint>'
+    path = tmp_path / "chain.urdf"
+    path.write_text(f'<robot name="chain">\n{text}</robot>')
+    return path
+
+
+def test_a_body_has_the_mass_of_any_link_on_it(tmp_path: Path) -> None:
+    links = {"base": "", "arm": "", "flange": inertial(2.0), "hand": "", "finger": ""}
+    mechanism = cinegen.load(chain(tmp_path, links, ["continuous", "fixed", "continuous", "fixed"]))
+    assert mechanism.massless == ("hand",)
+    assert mechanism.model.inertias[mechanism.model.getJointId("to_arm")].mass == 2.0
+
+
+def test_a_stated_mass_of_0_is_known(tmp_path: Path) -> None:
+    cross = inertial(0.0).replace('"1', '"0').replace('"1.0', '"0')
+    links = {"base": "", "cross": cross, "hand": inertial(1.0)}
+    assert cinegen.load(chain(tmp_path, links, ["continuous"] * 2)).massless == ()
+
+
+def test_a_body_that_a_rigid_loop_cut_has_the_mass_of_either_half() -> None:
+    """The platform of a delta robot is link 5, and the last bodies of the two other arms."""
+    given = cinegen.load("delta4")
+    urdf = re.sub("<inertial>.*?</inertial>", "", given.source.urdf, flags=re.DOTALL)
+    before = build(urdf, given.source.constraints)
+    text = urdf.replace('<link name="link5">', f'<link name="link5">{inertial(1.5)}')
+    assert text != urdf
+    mechanism = build(text, before.source.constraints)
+    assert set(before.massless) - set(mechanism.massless) >= {"link5", "link10", "link16"}
+
+
+@pytest.mark.parametrize(("mass", "ixx", "why"), [
+    (1.0, -0.1, "a principal moment of inertia is negative, -0.1 kg m2"),
+    (1.0, 2.1, "a principal moment of inertia, 2.1 kg m2, exceeds the sum of the others, 1 and 1"),
+    (0.0, 1.0, "it has moments of inertia, up to 1 kg m2, but no mass: state its mass"),
+])  # fmt: skip
+def test_an_inertia_that_no_body_has_is_named_with_the_reason(
+    tmp_path: Path, mass: float, ixx: float, why: str
+) -> None:
+    links = {"base": "", "arm": inertial(mass, ixx)}
+    path = chain(tmp_path, links, ["continuous"])
+    with pytest.warns(cinegen.CinegenWarning, match="link 'arm'.*no body can have"):
+        mechanism = cinegen.load(path)
+    assert mechanism.unphysical == {"arm": why}
+
+
+# --- raff inertial ----------------------------------------------------------------------------------------------------
+# Masses in RAFF: stated in the file's units, or of a density; wrong ones are refused with their place.
+
+
+def robot(inertial: str, more: str = "", head: str = "") -> str:
+    return f"RAFF a\n{head}\nrobot r {{\n  link 1 {{ type 2 pred 0 {inertial} }}\n  {more}\n}}\n"
+
+
+def loaded(tmp_path: Path, text: str) -> cinegen.Mechanism:
+    path = tmp_path / "a.raff"
+    path.write_text(text)
+    return cinegen.load(path)
+
+
+def body(mechanism: cinegen.Mechanism, joint: str = "joint1") -> pin.Inertia:
+    return mechanism.model.inertias[mechanism.model.getJointId(joint)]
+
+
+IN_MM = "inertial { mass 2 centre { 10 20 30 } moments { 4000 5000 6000 } products { 100 -200 300 } }"
+IN_M = "inertial { mass 2 centre { 0.01 0.02 0.03 } moments { 4e-3 5e-3 6e-3 } products { 1e-4 -2e-4 3e-4 } }"
+
+
+@pytest.mark.parametrize(("text", "head"), [(IN_MM, ""), (IN_M, "units m")])
+def test_moments_are_in_kg_and_the_files_unit_of_length(tmp_path: Path, text: str, head: str) -> None:
+    found = body(loaded(tmp_path, robot(text, head=head)))
+    assert found.mass == 2.0
+    np.testing.assert_allclose(found.lever, [0.01, 0.02, 0.03], rtol=1e-15)
+    expected = [[4e-3, 1e-4, -2e-4], [1e-4, 5e-3, 3e-4], [-2e-4, 3e-4, 6e-3]]
+    np.testing.assert_allclose(found.inertia, expected, rtol=1e-14)
+
+
+@pytest.mark.parametrize("text", [IN_MM, "inertial { mass 0 }", "inertial { density 2700 radius 5 }"])
+def test_inertials_are_written_as_they_were_read(text: str) -> None:
+    frame = f'frame 2 {{ pred 1 parameters {{ d 100 }} {text} }} base {{ filename {{ "a.stl" }} {text} }}'
+    document = loads(robot(text, frame))
+    assert loads(dumps(document)) == document
+    assert all(isinstance(node.inertial, RaffInertial) for node in document.robots[0].nodes.values())
+
+
+def test_a_body_has_the_sum_of_its_nodes(tmp_path: Path) -> None:
+    more = "frame 2 { pred 1 parameters { d 300 } inertial { mass 1 } }\n"
+    more += "link 3 { type 0 pred 2 parameters { r 200 } inertial { mass 4 moments { 10 10 10 } } }"
+    mechanism = loaded(tmp_path, robot("inertial { mass 2 }", more))
+    assert mechanism.massless == ()
+    points = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.3, 0.0, 0.2]])
+    masses = np.array([2.0, 1.0, 4.0])
+    centre = masses @ points / 7.0
+    second = (points - centre).T @ np.diag(masses) @ (points - centre)
+    found = body(mechanism)
+    np.testing.assert_allclose(found.lever, centre, rtol=1e-14)
+    np.testing.assert_allclose(found.inertia, np.trace(second) * np.eye(3) - second + 1e-5 * np.eye(3), atol=1e-15)
+
+
+@pytest.mark.parametrize("kind", ["ball", "universal", "cylindrical", "planar"])
+def test_a_joint_of_several_variables_moves_the_mass_by_all_of_them(tmp_path: Path, kind: str) -> None:
+    more = f"link 2 {{ joint {kind} pred 1 parameters {{ d 100 }} inertial {{ mass 5 centre {{ 7 8 9 }} }} }}"
+    mechanism = loaded(tmp_path, robot("inertial { mass 2 }", more))
+    assert mechanism.massless == ()
+    node = mechanism.model.frames[mechanism.frame_id("link2")].parentJoint
+    assert [inertia.mass for inertia in mechanism.model.inertias if inertia.mass > 0.0] == [2.0, 5.0]
+    assert mechanism.model.inertias[node].mass == 5.0
+
+
+# --- densities -----------------------------------------------------------------------------------------------------
+
+
+def test_bars_run_along_epsilon_d_and_r_of_the_children(tmp_path: Path) -> None:
+    more = "link 2 { type 2 pred 1 parameters { epsilon 30 d 200 r 100 alpha 90 } }"
+    found = body(loaded(tmp_path, robot("inertial { density 7850 radius 6 }", more)))
+    per_length = 7850.0 * math.pi * 0.006**2
+    lengths = np.array([0.03, 0.2, 0.1])
+    middles = np.array([[0.0, 0.0, 0.015], [0.1, 0.0, 0.03], [0.2, -0.05, 0.03]])
+    assert found.mass == pytest.approx(per_length * 0.33, rel=1e-8)
+    np.testing.assert_allclose(found.lever, lengths @ middles / 0.33, atol=1e-9)
+    corners = [(0, 0, 0), (0, 0, 0.03), (0.2, 0, 0.03), (0.2, -0.1, 0.03)]
+    bars = [trimesh.creation.cylinder(0.006, segment=s, sections=400) for s in pairwise(corners)]
+    whole = trimesh.util.concatenate(bars)
+    whole.density = 7850.0
+    np.testing.assert_allclose(found.inertia, whole.moment_inertia, rtol=2e-3, atol=1e-8)
+
+
+@pytest.mark.parametrize("ending", ["stl", "obj", "glb", "ply"])
+def test_a_density_counts_for_the_volume_of_the_graphics(tmp_path: Path, ending: str) -> None:
+    box = trimesh.creation.box((100.0, 60.0, 20.0), transform=trimesh.transformations.translation_matrix((50, 0, 0)))
+    box.export(tmp_path / f"box.{ending}")
+    found = body(loaded(tmp_path, robot(f'inertial {{ density 2700 }} filename {{ "box.{ending}" }}')))
+    mass = 2700.0 * 0.1 * 0.06 * 0.02
+    assert found.mass == pytest.approx(mass, rel=1e-6)
+    np.testing.assert_allclose(found.lever, [0.05, 0.0, 0.0], atol=1e-9)
+    expected = mass / 12.0 * np.array([0.06**2 + 0.02**2, 0.1**2 + 0.02**2, 0.1**2 + 0.06**2])
+    np.testing.assert_allclose(found.inertia, np.diag(expected), rtol=1e-6, atol=1e-12)
+
+
+def test_of_an_open_surface_the_hull_counts_and_a_warning_names_the_file(tmp_path: Path) -> None:
+    box = trimesh.creation.box((100.0, 60.0, 20.0))
+    trimesh.Trimesh(box.vertices, box.faces[2:]).export(tmp_path / "open.stl")
+    with pytest.warns(RaffWarning, match=r"a.raff:4:45: the graphics 'open.stl' of link 1 enclose no volume: .* hull"):
+        found = body(loaded(tmp_path, robot('inertial { density 1000 } filename { "open.stl" }')))
+    assert found.mass == pytest.approx(0.12, rel=1e-6)
+
+
+@pytest.mark.parametrize(("text", "why"), [
+    ('inertial { density 3 } filename { "flat.stl" }', "but graphics that enclose no volume: give its 'mass'"),
+])  # fmt: skip
+def test_a_density_without_a_volume_is_refused(tmp_path: Path, text: str, why: str) -> None:
+    flat = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], [[0, 1, 2], [1, 3, 2]])
+    flat.export(tmp_path / "flat.stl")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of graphics that can't be shown
+        with pytest.raises(RaffError, match=rf"a.raff:4:.*{why}"):
+            loaded(tmp_path, robot(text))
+
+
+# --- wrong ones ----------------------------------------------------------------------------------------------------
+
+
+def test_an_inertia_that_no_body_has_is_a_warning_and_is_kept(tmp_path: Path) -> None:
+    text = robot("inertial { mass 1 moments { 1 1 3 } }")
+    with pytest.warns(RaffWarning, match=r"a.raff:4:54: no body can have the inertia of link 1: .* exceeds the sum"):
+        mechanism = loaded(tmp_path, text)
+    assert list(mechanism.unphysical) == ["link1"]
+    assert body(mechanism).inertia[2, 2] == pytest.approx(3e-6)

@@ -9,7 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from recorded import record, swung
 from scipy.interpolate import CubicSpline
+from small_robots import four_bar
 
+import cinegen
 from cinegen.errors import UnknownNameError
 from cinegen.mission import (
     FindingKind,
@@ -129,21 +131,8 @@ def test_a_leap_becomes_a_motion_at_the_limit(robot, tmp_path):
     assert motion.recorded(motion.passes[60, 0]) == pytest.approx(0.6)
 
 
-FOUR_BAR = """
-robot linkage {
-  base { }
-  link 1 { parameters { theta 50.0 } type 2 pred 0 velocity 720.0 actuated 1 }
-  link 2 { parameters { theta -25.722522 d 120.0 } type 2 pred 1 }
-  link 3 { parameters { theta 88.735117 d 400.0 } type 2 pred 0 velocity 20.0 }
-  frame 4 { parameters { d 360.0 } pred 2 }
-  frame 5 { parameters { d 240.0 } pred 3 }
-  constraint { frame 4 frame 5 type 2 }
-}
-"""
-
-
-def test_joints_without_motors_obey_their_limits_too(raff, tmp_path):
-    slow = raff(FOUR_BAR)
+def test_joints_without_motors_obey_their_limits_too(tmp_path):
+    slow = cinegen.load(four_bar(words=("velocity 720 actuated 1", "", "velocity 20")))
     forward, begin = ForwardKinematics(slow), slow.q_home[0]
     times = np.arange(101) / 100
     q = [forward.move({"joint1": begin + 2.0 * math.pi * time}) for time in times]

@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from small_robots import FLOATING, four_bar, rssr
 
 import cinegen
 from raff2urdf import closure
@@ -57,15 +58,9 @@ def test_it_is_the_configuration_that_gauss_newton_reaches(robot, name, seed, aw
 
 
 @pytest.mark.parametrize("off", [0.0, 1e-9, 1e-3])
-def test_where_loops_lose_a_rank_too(raff, off):
+def test_where_loops_lose_a_rank_too(off):
     """A parallelogram that lies flat."""
-    mechanism = raff("""robot r { base { }
-      link 1 { parameters { theta 20 } type 2 pred 0 }
-      link 2 { parameters { theta -20 d 200 } type 2 pred 1 }
-      link 3 { parameters { d 500 theta 20 } type 2 pred 0 }
-      frame 4 { parameters { d 500 } pred 2 }
-      frame 5 { parameters { d 200 } pred 3 }
-      constraint { frame 4 frame 5 type 2 } }""")
+    mechanism = cinegen.load(four_bar((20, -20, 20), (200, 500, 500, 200)))
     rng = np.random.default_rng(0)
     for locked in ((), ("joint1",), ("joint1", "joint3")):
         for _ in range(10):
@@ -129,17 +124,8 @@ def test_a_joint_outside_all_loops_that_is_no_number_is_refused(robot):
         hybrid.close(hybrid.configuration({hand: 0.0}) + np.eye(len(hybrid.q_home))[hybrid.q_index(hand)] * np.nan)
 
 
-def test_a_base_that_can_move_stays_where_it_is(raff):
-    mechanism = raff("""
-      sensor 1 { port "x" translation 3 rotation 3 }
-      robot r { base { }
-        link 1 { parameters { theta 50 } type 2 pred 0 }
-        link 2 { parameters { theta -26 d 120 } type 2 pred 1 }
-        link 3 { parameters { theta 89 d 400 } type 2 pred 0 }
-        frame 4 { parameters { d 360 } pred 2 }
-        frame 5 { parameters { d 240 } pred 3 }
-        constraint { frame 4 frame 5 type 2 }
-        constraint { base sensor ( 0 1 ) } }""")
+def test_a_base_that_can_move_stays_where_it_is():
+    mechanism = cinegen.load(four_bar(more=FLOATING[0], after=FLOATING[1]))
     rng = np.random.default_rng(3)
     for _ in range(10):
         away = np.concatenate([rng.normal(size=6), np.zeros(3)])
@@ -183,15 +169,8 @@ def test_many_ways_of_locking_are_forgotten_again(robot):
     assert len(delta.structure._masks) <= 64
 
 
-def test_ball_joints_are_closed_as_well(raff):
-    """A crank and a rocker about axes that do not meet, and a rod with a ball at either end; the first is a joint."""
-    mechanism = raff("""robot rssr { base { }
-      link 1 { parameters { theta 40 } type 2 pred 0 actuated 1 }
-      link 2 { parameters { d 100 alpha 70 } joint ball pred 1 }
-      link 3 { parameters { gamma 20 d 300 alpha 80 theta 85 epsilon 30 } type 2 pred 0 }
-      frame 4 { parameters { d 320 } pred 2 }
-      frame 5 { parameters { d 200 } pred 3 }
-      constraint { frame 4 frame 5 type 3 } }""")
+def test_ball_joints_are_closed_as_well():
+    mechanism = cinegen.load(rssr())
     rng = np.random.default_rng(0)
     assert (mechanism.model.nq, mechanism.model.nv, mechanism.loop_rank) == (6, 5, 3)
     for _ in range(20):

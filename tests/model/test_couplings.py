@@ -129,19 +129,3 @@ robot any {
     path = tmp_path / "any.raff"
     with pytest.raises(raff2urdf.RaffError, match="these loops and couplings remain open: 'one'"):
         raff2urdf.convert(path, tmp_path)
-
-
-@pytest.mark.parametrize(("coupling", "message"), [
-    ("link 2 link 1 ratio 0", "link 1 does not drive link 2: its 'ratio' is 0"),
-    ("link 2 link 1 raito 2", "unknown word 'raito' in coupling.* did you mean 'ratio'"),
-])  # fmt: skip
-def test_a_wrong_coupling_is_an_error_with_its_line(tmp_path, coupling, message):
-    text = f"""RAFF any
-robot any {{
-  link 1 {{ type 2 pred 0 }} link 2 {{ parameters {{ d 100 }} type 2 pred 1 }} link 3 {{ type 1 pred 2 }}
-  link 4 {{ type 0 pred 3 }}
-  coupling {{ {coupling} }}
-}}
-"""
-    with pytest.raises(raff2urdf.RaffError, match=f"any.raff:5:.*{message}"):
-        loaded(tmp_path, text)

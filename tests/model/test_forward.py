@@ -9,6 +9,7 @@ import pytest
 import scipy.optimize
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from small_robots import four_bar
 
 import cinegen
 from cinegen.model import ForwardKinematics
@@ -154,18 +155,9 @@ def test_it_begins_on_the_branch_that_it_is_given(robot):
         motion.q = bar.q_home + 0.1
 
 
-def test_a_mechanism_in_micrometres_moves_as_its_twin_in_metres(raff):
+def test_a_mechanism_in_micrometres_moves_as_its_twin_in_metres():
     """All thresholds are parts of the characteristic length."""
-    body = """units mm robot r {{ base {{ }}
-      link 1 {{ parameters {{ theta 50 }} type 2 pred 0 }}
-      link 2 {{ parameters {{ theta -26 d {a} }} type 2 pred 1 }}
-      link 3 {{ parameters {{ theta 89 d {b} }} type 2 pred 0 }}
-      frame 4 {{ parameters {{ d {c} }} pred 2 }}
-      frame 5 {{ parameters {{ d {e} }} pred 3 }}
-      constraint {{ frame 4 frame 5 type 2 }} }}"""
-    sizes = dict(zip("abce", (120.0, 400.0, 360.0, 240.0), strict=True))
-    small = raff(body.format(**{key: value * 1e-6 for key, value in sizes.items()}), "small")
-    large = raff(body.format(**{key: value * 1e3 for key, value in sizes.items()}), "large")
+    small, large = (cinegen.load(four_bar(lengths=size * np.array([120, 400, 360, 240]))) for size in (1e-6, 1e3))
     one, other = ForwardKinematics(small), ForwardKinematics(large)
     for crank in (0.9, 2.0, 9.0, -4.0):
         assert one.move({"joint1": crank}) == pytest.approx(other.move({"joint1": crank}), abs=1e-9)

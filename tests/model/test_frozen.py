@@ -1,11 +1,16 @@
 """A mechanism that its limits keep from moving says so when it is loaded."""
 
+import re
 import warnings
 
 import numpy as np
+import pinocchio as pin
 import pytest
+from making import platform
 
 import cinegen
+import raff2urdf
+from raff2urdf.loops.mobility import analyse
 
 HAND = """<robot name="hand"><link name="palm"/>{links}{joints}</robot>"""
 
@@ -64,3 +69,197 @@ def test_limits_without_a_range_are_told():
         one, none = cinegen.load(hand((0, 0, None), (0, 1, None))), cinegen.load(hand((0, 1, None), (0, 1, None)))
     assert one.source.notes == ("the lower limit is the upper limit of f0: they can't move",)
     assert none.source.notes == ()
+
+
+# --- pins with play ---------------------------------------------------------------------------------------------------
+# Planar loops whose pins are apart along their axes: closed in the plane, or told with the edit that closes them.
+
+
+def bars(gap: float, kind: int = 2, turned: str = "", end: str = "frame 5") -> str:
+    """A four-bar whose rocker is higher by a gap, mm."""
+    return f"""RAFF bars
+    robot r {{
+      link 1 {{ parameters {{ theta 60 }} type 2 pred 0 }}
+      link 2 {{ parameters {{ d 100 theta -40 }} type 2 pred 1 }}
+      frame 3 {{ parameters {{ d 300 }} pred 2 }}
+      link 4 {{ parameters {{ d 300 theta 100 r {gap} }} type 2 pred 0 }}
+      frame 5 {{ parameters {{ d 250 {turned} }} pred 4 }}
+      constraint {{ frame 3 {end} type {kind} }}
+    }}"""
+
+
+@pytest.mark.parametrize("kind", [2, 3], ids=["revolute", "ball"])
+def test_they_are_closed_in_the_plane_with_one_warning(kind):
+    """It moves as the four-bar without the gap; raff2urdf warns of the same."""
+    plain = cinegen.load(bars(0.0, kind))
+    with pytest.warns(
+        cinegen.CinegenWarning, match=r"play: 'frame3-frame5' by 0\.45 mm along .* nothing across"
+    ) as caught:
+        mechanism = cinegen.load(bars(0.45, kind))
+    assert len(caught) == 1
+    assert mechanism.mobility == plain.mobility == 1
+    assert mechanism.q_home == pytest.approx(plain.q_home, abs=1e-12)
+    solver = cinegen.Solver(mechanism, dt=0.01)
+    task = solver.add_task("link2", rotation=0)
+    task.target.translation += [0.02, 0.02, 0.0]
+    assert max(abs(solver.step().q - mechanism.q_home)) > 1e-3
+    document = raff2urdf.loads(bars(0.45, kind))
+    (remark,) = analyse(document, document.robot()).remarks
+    assert remark.partition(". --exact")[0] in str(caught[0].message)
+    with pytest.raises(raff2urdf.RaffError, match=r"0\.45 mm along"):
+        analyse(document, document.robot(), exact=True)
+
+
+@pytest.mark.parametrize("form", ["urdf", "sdf", "mjcf"])
+def test_raff2urdf_writes_them_closed(form, tmp_path):
+    (tmp_path / "bars.raff").write_text(bars(0.45), encoding="utf-8")
+    with pytest.warns(raff2urdf.RaffWarning, match=r"0\.45 mm along"):
+        (made,) = raff2urdf.convert(tmp_path / "bars.raff", tmp_path, format=form)
+    assert cinegen.load(made.file, relax=False).mobility == 1
+
+
+@pytest.mark.parametrize(("gap", "relax"), [(0.45, False), (40.0, None)], ids=["exact", "too much to be play"])
+def test_what_is_not_closed_in_the_plane_is_told_with_the_edit_that_does(gap, relax):
+    with pytest.raises(cinegen.ClosureError, match=f"revolute, {gap:g} mm along its axis") as caught:
+        cinegen.load(bars(gap), relax=relax)
+    found = re.search(
+        r"no motion changes these gaps\. It closes with a frame on frame5, '(parameters .*)', lengths in mm",
+        str(caught.value),
+    )
+    assert found, caught.value
+    mended = bars(gap, end="frame 6").replace("constraint", f"frame 6 {{ {found[1]} pred 5 }}\n constraint")
+    assert cinegen.load(mended, relax=False).mobility == 1
+
+
+def test_an_axis_that_points_the_other_way_and_a_gap_are_mended_together():
+    with pytest.raises(cinegen.ClosureError, match="frame3 and frame5 point against each other") as caught:
+        cinegen.load(bars(30.0, turned="alpha 180"))
+    found = re.search(r"It closes with a frame on frame5, '(parameters .*)', lengths in mm", str(caught.value))
+    assert found, caught.value
+    mended = bars(30.0, turned="alpha 180", end="frame 6")
+    mended = mended.replace("constraint", f"frame 6 {{ {found[1]} pred 5 }}\n constraint")
+    assert cinegen.load(mended, relax=False).mobility == 1
+
+
+def test_links_that_are_too_short_are_no_play():
+    """Every motion changes their gap."""
+    with pytest.raises(cinegen.ClosureError) as caught:
+        cinegen.load(bars(0.0).replace("d 300 }", "d 30 }").replace("d 250", "d 25"))
+    assert "no motion changes" not in str(caught.value)
+
+
+# --- idle motions -----------------------------------------------------------------------------------------------------
+# Rods that spin about themselves: found, never actuated, left out of modes and of what is uncontrolled, held still.
+
+
+LEGS = [
+    (("SPS",) * 6, 6, "P"),  # a hexapod whose legs are free to turn
+    (("UPS",) * 6, 0, "P"),
+    (("RSS",) * 6, 6, "R"),
+    (("PSS",) * 6, 6, "P"),
+    (("RSS", "UPS", "SPS", "RUS", "RUS", "PUS"), 2, None),
+    (("SRS",) + ("UPS",) * 5, 0, None),  # a bent leg swings about the line between its ball joints: a real motion
+]
+
+
+@pytest.fixture(params=LEGS, ids=lambda legs: "-".join(dict.fromkeys(legs[0])))
+def legs(request):
+    return request.param
+
+
+@pytest.mark.parametrize("cut", ["rigid", "joint"])
+def test_they_are_found_and_no_actuated_joint_drives_them(legs, cut):
+    """Each turns bodies of one leg about a line, and moves nothing else: by Pinocchio's velocities of all bodies."""
+    words, idle, driven = legs
+    text = "RAFF legs\n" + platform(np.random.default_rng(3), words, cut).text(joint_digits=None)
+    mechanism = cinegen.load(text)
+    structure, model = mechanism.structure, mechanism.model
+    swing = int("SRS" in words)
+    assert (mechanism.mobility, len(structure.idle), structure.uncontrolled_dof) == (6 + idle + swing, idle, 0)
+    assert len(mechanism.actuated) == 6 + swing
+    if driven is not None:
+        assert all(mechanism.is_prismatic(joint) == (driven == "P") for joint in mechanism.actuated)
+    for q in mechanism.random_closed(3, seed=1):
+        motions = structure.idle_motions(q)
+        assert np.linalg.matrix_rank(motions) == idle
+        assert np.abs(mechanism.loop_jacobian(q) @ motions.T).max(initial=0.0) < 1e-9
+        passive = np.delete(mechanism.loop_jacobian(q), [mechanism.v_index(j) for j in mechanism.actuated], axis=1)
+        assert np.linalg.matrix_rank(passive) == passive.shape[1] - idle
+        for motion, spin in zip(motions * mechanism.scale, structure.idle, strict=True):
+            data = model.createData()
+            pin.forwardKinematics(model, data, q, motion)
+            twists = np.array([data.oMi[j].act(data.v[j]).vector for j in range(model.njoints)])
+            fast = {j for j in range(model.njoints) if np.abs(twists[j]).max() > 1e-9}
+            leg = {j for body in spin.bodies for j in (*model.supports[body], *model.subtrees[body])} - {0}
+            assert fast <= leg
+            assert not motion[[mechanism.v_index(joint) for joint in mechanism.actuated]].any()
+            for body in spin.bodies:  # a rotation: no translation along its axis
+                assert twists[body][:3] @ twists[body][3:] == pytest.approx(0.0, abs=1e-9)
+    document = raff2urdf.loads(text)
+    assert analyse(document, document.robot()).actuated == mechanism.actuated
+
+
+def test_a_tip_on_two_coaxial_hinges_is_no_rod(tmp_path):
+    """Its angle matters: it is the end of a five-bar."""
+    text = """RAFF tip
+    robot r {
+      link 1 { parameters { theta 100 } type 2 pred 0 }
+      link 2 { parameters { d 200 theta -60 } type 2 pred 1 }
+      link 3 { parameters { d 250 theta 20 } type 2 pred 2 }
+      link 4 { parameters { d 300 theta 80 } type 2 pred 0 }
+      link 5 { parameters { d 200 theta 60 } type 2 pred 4 }
+      frame 6 { parameters { d 250 } pred 5 }
+      constraint { link 3 frame 6 type 2 }
+    }"""
+    mechanism = cinegen.load(text)
+    assert (mechanism.mobility, mechanism.structure.idle) == (3, ())
+    assert len(mechanism.actuated) == 3
+    assert not mechanism.uncontrolled
+
+
+def test_a_joint_that_the_file_states_to_be_actuated_drives_a_spin():
+    text = "RAFF legs\n" + platform(np.random.default_rng(3), ("SPS",) * 6, "joint").text(joint_digits=None)
+    free = cinegen.load(text)
+    made = cinegen.load(text, actuated=[*free.actuated, free.joints[0]])
+    assert len(made.structure.idle) == 5
+    assert made.structure.uncontrolled_dof == 0
+
+
+def test_the_solver_holds_them_still():
+    """A platform on rods is dragged: no rod turns about itself, by Pinocchio's velocities."""
+    mechanism = cinegen.load(
+        "RAFF legs\n" + platform(np.random.default_rng(3), ("SPS",) * 6, "joint").text(joint_digits=None)
+    )
+    solver = cinegen.Solver(mechanism, dt=0.01)
+    task = solver.add_task("tool")
+    task.target.translation += [0.05, 0.02, 0.08]
+    spins = mechanism.structure.idle
+    before = solver.q
+    for _ in range(40):
+        q = solver.q
+        solver.step()
+        step = pin.difference(mechanism.model, q, solver.q) / mechanism.scale
+        for motion in mechanism.structure.idle_motions(q):
+            assert abs(float(step @ motion)) < 1e-2 * np.linalg.norm(step) + 1e-9
+    assert len(spins) == 6
+    assert np.abs(solver.q - before).max() > 1e-2
+
+
+def test_modes_are_counted_without_them(tmp_path):
+    """A crank moves a rocker by a rod between ball joints: two configurations for each angle of the crank."""
+    text = """RAFF rssr
+    robot r {
+      link 1 { actuated 1 parameters { theta 40 } type 2 pred 0 }
+      frame 2 { parameters { d 100 } pred 1 }
+      link 3 { parameters { d 400 alpha 70 r 50 theta 75 } type 2 pred 0 }
+      link 4 { parameters { d 300 theta 30 } type 2 pred 3 }
+      link 5 { parameters { alpha 90 theta 90 } type 2 pred 4 }
+      link 6 { parameters { alpha 90 theta 20 } type 2 pred 5 }
+      frame 7 { parameters { d 380 } pred 6 }
+      constraint { frame 2 frame 7 type 3 }
+    }"""
+    mechanism = cinegen.load(text)
+    assert (mechanism.mobility, len(mechanism.structure.idle), mechanism.actuated) == (2, 1, ("joint1",))
+    found = cinegen.assembly_modes(mechanism)
+    rockers = {round(float(q[mechanism.q_index("joint3")]), 6) for q in found.configurations}
+    assert len(found.configurations) == len(rockers) == 2

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yourdfpy
-from coupled_robots import random_text, seeds
+from coupled_robots import CLOSED_TEXTS, random_text, seeds
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
@@ -24,55 +24,13 @@ from raff2urdf.writers import DIALECTS
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 FEW = ("delta4:r1", "differential_wrist:wrist", "two_arms:right")
 
-MORE = {
-    "balls": """RAFF Balls
-robot balls {
-  link 1 { parameters { theta 70 } type 2 pred 0 actuated 1 }
-  link 2 { parameters { theta -60 d 100 } type 2 pred 1 }
-  link 3 { parameters { theta 95 d 200 } type 2 pred 0 }
-  frame 4 { parameters { d 250 } pred 2 name "tool" }
-  frame 5 { parameters { d 180 } pred 3 }
-  constraint { frame 4 frame 5 type 3 }
-}""",
-    "slide_loop": """RAFF Slide
-robot slide {
-  base { parameters { theta 30 alpha 40 r 100 } }
-  link 1 { parameters { theta 40 } type 2 pred 0 limits { -170 170 } }
-  link 2 { parameters { theta 20 d 300 } type 2 pred 1 }
-  link 3 { parameters { theta 60 d 200 } type 2 pred 2 }
-  frame 4 { parameters { alpha 90 d 100 } pred 3 }
-  frame 5 { parameters { gamma 30 d 350 alpha 90 } pred 0 }
-  constraint { frame 4 frame 5 type 1 }
-}""",
-    "coupled": """RAFF Coupled
-sensor 1 { port "/dev/tty" }
-robot coupled {
-  base { }
-  link 1 { parameters { theta 40 } type 2 pred 0 limits { -170 170 } }
-  link 2 { parameters { theta 20 d 300 } type 2 pred 1 }
-  link 3 { parameters { theta 60 d 200 } type 2 pred 2 }
-  link 4 { parameters { theta -26 d 120 } type 2 pred 0 }
-  frame 5 { parameters { d 100 } pred 3 }
-  frame 6 { parameters { d 360 } pred 4 }
-  link 7 { parameters { r 20 alpha 90 } type 1 pred 4 }
-  link 8 { parameters { theta 20 alpha 90 } type 2 pred 7 }
-  link 9 { parameters { theta 10 alpha 70 r 50 } type 2 pred 4 }
-  link 10 { parameters { theta 10 alpha 70 d 50 } type 2 pred 9 }
-  constraint { frame 5 frame 6 type 2 }
-  constraint { base sensor ( 0 1 ) }
-  coupling { link 7 link 8 lead 20 offset 20 }
-  coupling { name "siblings" link 9 link 10 ratio -2 }
-  coupling { name "cam" link 8 link 1 polynomial ( 0 0.01 ) link 4 ratio 0.5 }
-}""",
-}
 
-
-@pytest.fixture(params=[*FEW, *MORE], scope="module")
+@pytest.fixture(params=[*FEW, *CLOSED_TEXTS], scope="module")
 def original(request, tmp_path_factory):
     """The RAFF file, and the mechanism of one of its robots."""
-    if request.param in MORE:
+    if request.param in CLOSED_TEXTS:
         path = tmp_path_factory.mktemp("raff") / f"{request.param}.raff"
-        path.write_text(MORE[request.param])
+        path.write_text(CLOSED_TEXTS[request.param])
         return path, cinegen.load(path)
     stem, _, name = request.param.partition(":")
     return ROBOTS / f"{stem}.raff", cinegen.load(ROBOTS / f"{stem}.raff", name)
@@ -215,7 +173,7 @@ def test_mujoco_finds_random_couplings_fulfilled(tmp_path_factory, seed):
 
 def test_each_dialect_names_what_it_lacks(tmp_path):
     path = tmp_path / "coupled.raff"
-    path.write_text(MORE["coupled"])
+    path.write_text(CLOSED_TEXTS["coupled"])
     expected = {
         "constraint": [],
         "urdf+": ["coupling 'cam'"],
@@ -226,7 +184,7 @@ def test_each_dialect_names_what_it_lacks(tmp_path):
     for dialect, lost in expected.items():
         assert converted(path, "coupled", tmp_path / dialect, dialect)[1] == lost
     path = tmp_path / "slide.raff"
-    path.write_text(MORE["slide_loop"])
+    path.write_text(CLOSED_TEXTS["slide_loop"])
     for dialect in ("closing-frames", "robot.yaml", "mimic"):
         assert converted(path, "slide", tmp_path / dialect, dialect)[1] == ["loop 'frame4-frame5'"]
     for dialect in ("constraint", "urdf+"):

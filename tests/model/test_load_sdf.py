@@ -30,19 +30,9 @@ PARALLELOGRAM = """<?xml version="1.0"?>
 </sdf>"""
 
 
-@pytest.fixture
-def write(tmp_path):
-    def write(text):
-        path = tmp_path / "robot.sdf"
-        path.write_text(text)
-        return path
-
-    return write
-
-
 @pytest.mark.parametrize(("kind", "rows", "mobility"), [("revolute", 5, 1), ("ball", 3, 1), ("fixed", 6, 0)])
-def test_a_joint_between_links_that_stand_closes_a_loop(write, kind, rows, mobility):
-    mechanism = cinegen.load(write(PARALLELOGRAM.format(kind=kind)))
+def test_a_joint_between_links_that_stand_closes_a_loop(kind, rows, mobility):
+    mechanism = cinegen.load(PARALLELOGRAM.format(kind=kind))
     assert [(loop.name, loop.rows) for loop in mechanism.loops] == [("cut", rows)]
     assert mechanism.mobility == mobility
     assert mechanism.gap_as_written < 1e-15
@@ -51,8 +41,8 @@ def test_a_joint_between_links_that_stand_closes_a_loop(write, kind, rows, mobil
         assert mechanism.actuated == ("drive",)
 
 
-def test_a_parallelogram_keeps_its_coupler_upright(write):
-    mechanism = cinegen.load(write(PARALLELOGRAM.format(kind="revolute")))
+def test_a_parallelogram_keeps_its_coupler_upright():
+    mechanism = cinegen.load(PARALLELOGRAM.format(kind="revolute"))
     home = mechanism.placement(mechanism.q_home, "coupler").rotation
     for angle in np.linspace(-1.0, 1.0, 9):
         q = mechanism.close(mechanism.configuration({"drive": angle, "swing": angle, "elbow": -angle}), locked="drive")
@@ -61,15 +51,15 @@ def test_a_parallelogram_keeps_its_coupler_upright(write):
         assert np.allclose(stands.translation, [0.2 * np.cos(angle), 0.2 * np.sin(angle), 0.0], atol=1e-12)
 
 
-def test_limits_and_shapes_are_read(write):
-    mechanism = cinegen.load(write(PARALLELOGRAM.format(kind="ball")))
+def test_limits_and_shapes_are_read():
+    mechanism = cinegen.load(PARALLELOGRAM.format(kind="ball"))
     i, j = mechanism.q_index("drive"), mechanism.v_index("drive")
     model = mechanism.model
     assert (model.lowerPositionLimit[i], model.upperPositionLimit[i], model.upperVelocityLimit[j]) == (-2.0, 2.0, 3.0)
     assert model.upperEffortLimit[j] == 7.0
     assert np.isinf(model.upperPositionLimit[mechanism.q_index("elbow")])
     text = PARALLELOGRAM.format(kind="ball").replace("<effort>7</effort>", "<effort>-1</effort>")
-    assert np.isinf(cinegen.load(write(text)).model.upperEffortLimit[j])
+    assert np.isinf(cinegen.load(text).model.upperEffortLimit[j])
     (shape,) = mechanism.visual.geometryObjects
     assert np.allclose(shape.meshColor, [0.0, 0.0, 1.0, 1.0])
 
@@ -105,8 +95,8 @@ def about(axis, angle):
     '<pose rotation_format="quat_xyzw">0 0 1 {} {} {} {}</pose>'.format(
         *3.0 * pin.Quaternion(pin.rpy.rpyToMatrix(*np.radians([10.0, 20.0, 30.0]))).coeffs()),
 ], ids=["degrees", "radians", "quaternion"])  # fmt: skip
-def test_a_pose_may_be_written_in_three_ways(write, pose):
-    mechanism = cinegen.load(write(arm().replace("<pose>0 0 1 0 0 0.5</pose>", pose)))
+def test_a_pose_may_be_written_in_three_ways(pose):
+    mechanism = cinegen.load(arm().replace("<pose>0 0 1 0 0 0.5</pose>", pose))
     wanted = pin.SE3(pin.rpy.rpyToMatrix(*np.radians([10.0, 20.0, 30.0])), np.array([0.0, 0.0, 1.0]))
     assert mechanism.placement(mechanism.q_home, "b").isApprox(wanted, 1e-12)
 
@@ -120,9 +110,9 @@ def test_a_pose_may_be_written_in_three_ways(write, pose):
      np.array([0.0, 1.0, 0.0])),
     ("1.4", "<axis><xyz>0 1 0</xyz></axis>", np.array([0.0, 1.0, 0.0])),
 ])  # fmt: skip
-def test_an_axis_counts_in_the_frame_that_its_version_says(write, version, axis, direction):
+def test_an_axis_counts_in_the_frame_that_its_version_says(version, axis, direction):
     """And it passes through the joint, which stands beside the link's origin."""
-    mechanism = cinegen.load(write(arm(version=version, axis=axis)))
+    mechanism = cinegen.load(arm(version=version, axis=axis))
     for angle in (0.0, 0.7, -1.2):
         through = pin.SE3(np.eye(3), J.translation)
         wanted = through * about(direction, angle) * through.inverse() * B
@@ -130,27 +120,27 @@ def test_an_axis_counts_in_the_frame_that_its_version_says(write, version, axis,
         assert stands.isApprox(wanted, 1e-12)
 
 
-def test_a_slide_and_two_axes_and_a_ball(write):
-    slide = cinegen.load(write(arm("prismatic")))
+def test_a_slide_and_two_axes_and_a_ball():
+    slide = cinegen.load(arm("prismatic"))
     stands = slide.placement(slide.configuration({"j": 0.25}), "b")
     assert stands.isApprox(pin.SE3(B.rotation, B.translation + 0.25 * J.rotation[:, 1]), 1e-12)
-    two = cinegen.load(write(arm("universal", axis="<axis><xyz>0 1 0</xyz></axis><axis2><xyz>1 0 0</xyz></axis2>")))
+    two = cinegen.load(arm("universal", axis="<axis><xyz>0 1 0</xyz></axis><axis2><xyz>1 0 0</xyz></axis2>"))
     assert two.joints == ("j_1", "j_2")
     stands = two.placement(two.configuration({"j_1": 0.3, "j_2": 0.4}), "b")
     turn = about(np.array([0.0, 1.0, 0.0]), 0.3) * about(np.array([1.0, 0.0, 0.0]), 0.4)
     assert stands.isApprox(J * turn * J.inverse() * B, 1e-12)
-    ball = cinegen.load(write(arm("ball", axis="")))
+    ball = cinegen.load(arm("ball", axis=""))
     assert ball.joints == ("j_X", "j_Y", "j_Z")
     turn = pin.SE3(pin.utils.rotate("x", 0.3) @ pin.utils.rotate("y", 0.4) @ pin.utils.rotate("z", 0.5), np.zeros(3))
     stands = ball.placement(ball.configuration({"j_X": 0.3, "j_Y": 0.4, "j_Z": 0.5}), "b")
     assert stands.isApprox(J * turn * J.inverse() * B, 1e-12)
 
 
-def test_a_joint_that_leads_inwards_is_walked_the_other_way(write):
+def test_a_joint_that_leads_inwards_is_walked_the_other_way():
     """The tree begins at the first link that no joint holds; b's joint holds it from there all the same."""
     text = arm().replace("<parent>a</parent><child>b</child>", "<parent>b</parent><child>a</child>")
     text = text.replace("<model name", '<model canonical_link="a" name')
-    mechanism = cinegen.load(write(text))
+    mechanism = cinegen.load(text)
     assert mechanism.nodes[0] == "a"
     joint = pin.SE3(np.eye(3), np.array([0.1, 0.2, 0.0]))  # now it is given on a
     for angle in (0.0, 0.6):
@@ -158,9 +148,9 @@ def test_a_joint_that_leads_inwards_is_walked_the_other_way(write):
         assert mechanism.placement(mechanism.configuration({"j": angle}), "b").isApprox(wanted, 1e-12)
 
 
-def test_the_first_model_is_loaded_unless_another_is_named(write):
+def test_the_first_model_is_loaded_unless_another_is_named():
     text = '<sdf version="1.9"><model name="x"><link name="a"/></model><model name="y"><link name="b"/></model></sdf>'
-    path = write(text)
+    path = text
     assert cinegen.load(path).name == "x"
     assert cinegen.load(path, "y").nodes == ("b",)
     with pytest.raises(cinegen.CinegenError, match=r"no model 'z'.*known: x, y"):
@@ -171,11 +161,11 @@ def test_the_first_model_is_loaded_unless_another_is_named(write):
     (("0 1 0</xyz>", "0 0 0</xyz>"), r":8: the axis '0 0 0' of joint 'j' must be three numbers, not all 0"),
     (('<link name="b">', '<link name="a">'), r":5: link 'a' is defined twice"),
 ])  # fmt: skip
-def test_what_is_wrong_is_told_by_its_line(write, change, says):
+def test_what_is_wrong_is_told_by_its_line(change, says):
     text = arm()
     assert change[0] in text
     with pytest.raises(cinegen.CinegenError, match=says):
-        cinegen.load(write(text.replace(*change)))
+        cinegen.load(text.replace(*change))
 
 
 NESTED = """<sdf version="1.9"><world name="w">
@@ -196,9 +186,9 @@ NESTED = """<sdf version="1.9"><world name="w">
 </world></sdf>"""
 
 
-def test_names_within_nested_models_are_found(write):
+def test_names_within_nested_models_are_found():
     """As Drake, which reads SDF by Gazebo's own library, has them."""
-    mechanism = cinegen.load(write(NESTED))
+    mechanism = cinegen.load(NESTED)
     assert mechanism.joints == ("k",)
     stands = {
         name: mechanism.placement(mechanism.q_home, name).translation.tolist()
@@ -215,14 +205,14 @@ def test_names_within_nested_models_are_found(write):
     assert np.allclose(turned.translation, [1.0, 5.0, 5.0])
 
 
-def test_a_chain_of_relative_poses_may_be_long(write):
+def test_a_chain_of_relative_poses_may_be_long():
     links = "".join(
         f'<link name="l{i}"><pose relative_to="l{i - 1}">0.1 0 0 0 0 0</pose></link>' for i in range(1, 1500)
     )
     held = "".join(
         f'<joint name="j{i}" type="fixed"><parent>l{i - 1}</parent><child>l{i}</child></joint>' for i in range(1, 1500)
     )
-    mechanism = cinegen.load(write(f'<sdf version="1.9"><model name="m"><link name="l0"/>{links}{held}</model></sdf>'))
+    mechanism = cinegen.load(f'<sdf version="1.9"><model name="m"><link name="l0"/>{links}{held}</model></sdf>')
     assert mechanism.placement(mechanism.q_home, "l1499").translation[0] == pytest.approx(149.9)
 
 
@@ -233,8 +223,8 @@ CROSS = """<sdf version="1.9"><model name="cross"><link name="a"/><link name="b"
 
 @pytest.mark.parametrize("kind", ["universal", "revolute2"])
 @pytest.mark.parametrize("second", ["", "<axis2><limit><lower>-1</lower><upper>1</upper></limit></axis2>"])
-def test_a_second_axis_is_z_of_the_joint_unless_given_and_that_is_told(write, kind, second):
-    mechanism = cinegen.load(write(CROSS.format(kind=kind, second=second)))
+def test_a_second_axis_is_z_of_the_joint_unless_given_and_that_is_told(kind, second):
+    mechanism = cinegen.load(CROSS.format(kind=kind, second=second))
     assert mechanism.joints == ("j_1", "j_2")
     assert mechanism.source.notes == (
         "axis2 of joint 'j' is not given: 0 0 1, as SDF has it by default; for another, add <axis2>",
@@ -242,54 +232,256 @@ def test_a_second_axis_is_z_of_the_joint_unless_given_and_that_is_told(write, ki
     turned = mechanism.placement(mechanism.configuration({"j_2": 0.5}), "b").rotation
     assert turned == pytest.approx(pin.utils.rotate("x", 0.5), abs=1e-12)  # z of the joint is x of the child
     given = CROSS.format(kind=kind, second="<axis2><xyz>0 0 1</xyz></axis2>")
-    assert cinegen.load(write(given)).source.notes == ()
+    assert cinegen.load(given).source.notes == ()
 
 
-def test_gravity_is_that_of_the_world_as_the_first_link_has_it(write):
+def test_gravity_is_that_of_the_world_as_the_first_link_has_it():
     """A base that nothing holds stands at the identity: gravity is turned instead."""
     world = '<sdf version="1.9"><world name="w"><gravity>0 0 -3.7</gravity>{}</world></sdf>'
     arm = """<model name="arm"><pose>0 0 1 0 1.5707963267948966 0</pose><link name="base"/>
       <link name="rod"><inertial><mass>2</mass><pose>0.5 0 0 0 0 0</pose></inertial></link>
       <joint name="j" type="revolute"><parent>base</parent><child>rod</child><axis><xyz>0 1 0</xyz></axis>
       </joint>{}</model>"""
-    loose = cinegen.load(write(world.format(arm.format(""))))
+    loose = cinegen.load(world.format(arm.format("")))
     assert loose.gravity == pytest.approx([3.7, 0.0, 0.0])
     assert cinegen.forces(loose, np.array([0.0])).torques == pytest.approx([0.0], abs=1e-12)
     held = '<joint name="w" type="fixed"><parent>world</parent><child>base</child></joint>'
-    fixed = cinegen.load(write(world.format(arm.format(held))))
+    fixed = cinegen.load(world.format(arm.format(held)))
     assert fixed.gravity.tolist() == [0.0, 0.0, -3.7]
     q = np.array([0.4])
     assert cinegen.forces(loose, q).torques == pytest.approx(cinegen.forces(fixed, q).torques)
     assert abs(cinegen.forces(fixed, q).torques[0]) == pytest.approx(2.0 * 3.7 * 0.5 * np.sin(0.4))
     with pytest.raises(cinegen.CinegenError, match=r":1: the gravity '0 0' must be three numbers"):
-        cinegen.load(write(world.format(arm.format("")).replace("0 0 -3.7", "0 0")))
+        cinegen.load(world.format(arm.format("")).replace("0 0 -3.7", "0 0"))
 
 
-def test_what_forces_leave_out_of_an_sdf_is_told(write):
+def test_what_forces_leave_out_of_an_sdf_is_told():
     dynamics = "<dynamics><damping>1</damping><friction>0</friction><spring_stiffness>2</spring_stiffness></dynamics>"
     text = (
         arm()
         .replace("</xyz></axis>", f"</xyz>{dynamics}</axis>")
         .replace('<link name="b">', '<link name="b"><gravity>0</gravity>')
     )
-    (note,) = cinegen.load(write(text)).source.notes
+    (note,) = cinegen.load(text).source.notes
     assert note == "forces leave out the springs of j, the disabled gravity of b"
 
 
-def test_nested_models_with_the_same_name_are_an_error(write):
+def test_nested_models_with_the_same_name_are_an_error():
     text = '<sdf version="1.9"><model name="m"><link name="a"/>\n<model name="n"><link name="b"/></model>'
     with pytest.raises(cinegen.CinegenError, match=r":3: model 'n' is defined twice"):
-        cinegen.load(write(text + '\n<model name="n"><link name="c"/></model></model></sdf>'))
+        cinegen.load(text + '\n<model name="n"><link name="c"/></model></model></sdf>')
 
 
-def test_an_empty_link_world_is_the_world_and_another_is_refused(write):
+def test_an_empty_link_world_is_the_world_and_another_is_refused():
     text = """<sdf version="1.6"><model name="m"><pose>0 0 1 0 0 0</pose><link name="world"/><link name="tool"/>
       <joint name="lift" type="prismatic"><parent>world</parent><child>tool</child><axis><xyz>0 0 1</xyz></axis></joint>
       </model></sdf>"""
-    mechanism = cinegen.load(write(text))
+    mechanism = cinegen.load(text)
     assert mechanism.source.notes == ("the empty link 'world' is taken for the world itself",)
     assert mechanism.placement(np.array([0.5]), "tool").translation.tolist() == [0.0, 0.0, 1.5]
     shaped = text.replace('<link name="world"/>', '<link name="world"><visual name="v"/></link>')
     with pytest.raises(cinegen.CinegenError, match=r":1: a link can't be called 'world'.*rename it"):
-        cinegen.load(write(shaped))
-    assert cinegen.load(write(shaped.replace("world", "ground"))).joints == ("lift",)
+        cinegen.load(shaped)
+    assert cinegen.load(shaped.replace("world", "ground")).joints == ("lift",)
+
+
+# --- sdf includes -----------------------------------------------------------------------------------------------------
+# Models that an SDF includes: poses as the specification has them, worked out by hand; only near files are read.
+
+
+GRIPPER = """<sdf version="1.9">
+  <model name="gripper">
+    <pose>9 0 0 0 0 0</pose>
+    <frame name="flange"><pose>0 0 -0.5 0 0 0</pose></frame>
+    <link name="palm"><pose>0 0 0.1 0 0 0</pose>
+      <visual name="v"><geometry><mesh><uri>meshes/palm.stl</uri></mesh></geometry></visual></link>
+    <link name="finger"><pose relative_to="palm">0.2 0 0 0 0 0</pose></link>
+    <joint name="grip" type="prismatic"><parent>palm</parent><child>finger</child>
+      <axis><xyz expressed_in="__model__">0 1 0</xyz></axis></joint>
+  </model>
+</sdf>"""
+
+ROBOT = """<sdf version="1.9">
+  <model name="robot">
+    <link name="base"/>
+    <link name="arm"><pose>0 0 1 0 0 1.5707963267948966</pose></link>
+    <joint name="turn" type="revolute"><parent>base</parent><child>arm</child><axis><xyz>0 0 1</xyz></axis></joint>
+    <include {merge}><uri>{uri}</uri>{more}</include>
+    <joint name="held" type="fixed"><parent>arm</parent><child>{child}</child></joint>
+  </model>
+</sdf>"""
+
+AT_ARM = '<pose relative_to="arm"/>'
+CONFIG = """<model><name>gripper</name><version>1.0</version>
+  <sdf version="1.4">old.sdf</sdf><sdf version="1.10">model.sdf</sdf><sdf version="1.9">other.sdf</sdf></model>"""
+
+
+@pytest.fixture
+def models(tmp_path):
+    """A folder of models: the gripper, with model.config and a mesh, beside the robot's own folder. It is so deep that
+    the search for packages does not meet other tests' folders."""
+    tmp_path = tmp_path / "w" / "x" / "y" / "z"
+    write_file(tmp_path / "gripper/model.sdf", GRIPPER)
+    write_file(tmp_path / "gripper/model.config", CONFIG)
+    write_file(tmp_path / "gripper/meshes/palm.stl", "solid p\nendsolid p\n")
+    write_file(tmp_path / "robot/model.config", CONFIG)
+    return tmp_path
+
+
+def write_file(path, text):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
+    return path
+
+
+def robot(models, uri="model://gripper", more="", child="gripper::palm", merge="", text=ROBOT):
+    path = models / "robot/robot.sdf"
+    return write_file(path, text.format(uri=uri, more=more, child=child, merge=merge))
+
+
+def at(mechanism, node):
+    return mechanism.placement(mechanism.q_home, node)
+
+
+@pytest.mark.parametrize(("more", "child", "palm", "heading"), [
+    ("", "gripper::palm", (9.0, 0.0, 0.1), 0.0),  # its own pose
+    ("<pose>1 2 3 0 0 0</pose>", "gripper::palm", (1.0, 2.0, 3.1), 0.0),
+    ('<pose relative_to="arm">1 0 0 0 0 0</pose>', "gripper::palm", (0.0, 1.0, 1.1), np.pi / 2.0),
+    (f"<name>hand</name>{AT_ARM}", "hand::palm", (0, 0, 1.1), np.pi / 2.0),
+    # the frame, 0.5 m below the model's origin, is placed at the arm
+    (f"{AT_ARM}<placement_frame>flange</placement_frame>", "gripper::palm", (0, 0, 1.6), np.pi / 2.0),
+])  # fmt: skip
+def test_an_included_model_is_where_its_include_places_it(models, more, child, palm, heading):
+    mechanism = cinegen.load(robot(models, more=more, child=child))
+    assert mechanism.joints == ("turn", child.replace("palm", "grip"))
+    found = at(mechanism, child)
+    assert found.translation == pytest.approx(palm, abs=1e-12)
+    c, s = np.cos(heading), np.sin(heading)
+    assert found.rotation == pytest.approx(np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]), abs=1e-12)
+    finger = at(mechanism, child.replace("palm", "finger"))
+    assert finger.translation == pytest.approx(np.add(palm, [0.2 * c, 0.2 * s, 0.0]), abs=1e-12)
+    opened = mechanism.placement(mechanism.configuration({child.replace("palm", "grip"): 0.1}), finger_of(child))
+    assert opened.translation - finger.translation == pytest.approx([-0.1 * s, 0.1 * c, 0.0], abs=1e-12)
+
+
+def finger_of(palm):
+    return palm.replace("palm", "finger")
+
+
+@pytest.mark.parametrize("frame", ["", "<placement_frame>flange</placement_frame>"])
+def test_a_merged_model_has_its_links_without_its_name(models, frame):
+    more = '<pose relative_to="arm">0 0 0.3 0 0 0</pose>' + frame
+    mechanism = cinegen.load(robot(models, more=more, child="palm", merge='merge="true"'))
+    nested = cinegen.load(robot(models, more=more))
+    assert mechanism.joints == ("turn", "grip")
+    assert {*mechanism.nodes} == {node.removeprefix("gripper::") for node in nested.nodes}
+    for q in (np.zeros(2), np.array([0.7, 0.1])):
+        for node in mechanism.nodes:
+            full = node if node in nested.nodes else f"gripper::{node}"
+            assert mechanism.placement(q, node).isApprox(nested.placement(q, full), 1e-12)
+
+
+def test_files_are_named_relative_or_by_their_model(models):
+    place = '<pose relative_to="arm"/>'
+    expected = at(cinegen.load(robot(models, more=place)), "gripper::finger")
+    home = models / "robot"
+    for folder in ("parts/gripper", "gripper"):
+        write_file(home / folder / "model.sdf", GRIPPER)
+    for uri in ("parts/gripper", "parts/gripper/model.sdf", "gripper", "model://gripper/model.sdf", "file://gripper"):
+        assert at(cinegen.load(robot(models, uri, place)), "gripper::finger").isApprox(expected)
+
+
+def test_a_model_is_found_in_the_folder_that_the_environment_names(models, monkeypatch, tmp_path_factory):
+    elsewhere = tmp_path_factory.mktemp("elsewhere")
+    (models / "gripper").rename(elsewhere / "gripper")
+    path = robot(models)
+    with pytest.raises(
+        cinegen.CinegenError, match=r"robot.sdf:6: the included 'model://gripper'.*is not found"
+    ) as told:
+        cinegen.load(path)
+    assert "ROS_PACKAGE_PATH" in str(told.value)
+    for variable in ("ROS_PACKAGE_PATH", "GZ_SIM_RESOURCE_PATH"):
+        with monkeypatch.context() as patched:
+            patched.setenv(variable, str(elsewhere))
+            mechanism = cinegen.load(path)
+            assert mechanism.joints == ("turn", "gripper::grip")
+
+
+def test_meshes_of_an_included_model_are_found_in_its_folder(models):
+    from raff2urdf.graphics.names import find
+
+    write_file(models / "robot/near/model.sdf", GRIPPER)
+    write_file(models / "robot/near/meshes/palm.stl", "solid q\nendsolid q\n")
+    for uri, mesh in (("model://gripper", "gripper/meshes/palm.stl"), ("near", "robot/near/meshes/palm.stl")):
+        mechanism = cinegen.load(robot(models, uri))
+        (name,) = [part.split('"')[0] for part in mechanism.source.urdf.split('filename="')[1:]]
+        assert find(name, models / "robot") == models / mesh
+
+
+def test_models_include_models_and_not_themselves(models):
+    write_file(models / "tool/model.sdf", '<sdf version="1.9"><model name="tool"><link name="tip"/></model></sdf>')
+    write_file(models / "tool/model.config", "<model/>")
+    more = '<include><uri>model://tool</uri><pose relative_to="finger">0 0 0.4 0 0 0</pose></include>'
+    more += '<joint name="j" type="fixed"><parent>finger</parent><child>tool::tip</child></joint></model>'
+    write_file(models / "gripper/model.sdf", GRIPPER.replace("</model>", more))
+    mechanism = cinegen.load(robot(models, more="<pose/>"))
+    assert at(mechanism, "gripper::tool::tip").translation == pytest.approx([0.2, 0.0, 0.5])
+    write_file(models / "tool/model.sdf", (models / "gripper/model.sdf").read_text())
+    with pytest.raises(
+        cinegen.CinegenError, match=r"includes itself: robot.sdf -> model.sdf -> model.sdf -> model.sdf"
+    ):
+        cinegen.load(robot(models))
+
+
+@pytest.mark.parametrize(("uri", "says"), [
+    ("lost.sdf", r"robot.sdf:6: the included 'lost.sdf' is not found: there is no file"),
+    ("arm.urdf", r"robot.sdf:6: the included 'arm.urdf' is no SDF: its first element is <robot>"),
+    ("bad.sdf", r"/robot/bad.sdf:2: link 'gripper::a' is defined twice"),
+])  # fmt: skip
+def test_what_is_wrong_with_an_include_is_told_by_file_and_line(models, uri, says):
+    write_file(models / "robot/arm.urdf", '<robot name="arm"><link name="a"/></robot>')
+    write_file(
+        models / "robot/bad.sdf",
+        '<sdf version="1.9"><model name="gripper">\n<link name="a"/><link name="a"/></model></sdf>',
+    )
+    with pytest.raises(cinegen.CinegenError, match=says):
+        cinegen.load(robot(models, uri))
+
+
+WORLD = """<sdf version="1.9"><world name="w"><gravity>0 0 -1.6</gravity>
+  <include><uri>model://sun</uri></include>
+  <include><uri>model://ground</uri></include>
+  <include><uri>model://gripper</uri><name>left</name><pose>1 2 3 0 0 0</pose><static>{static}</static></include>
+  <include><uri>model://gripper</uri><name>right</name></include></world></sdf>"""
+
+
+def test_of_a_world_the_first_model_with_joints_is_loaded(models):
+    """What Gazebo alone has, such as the sun, need not be there."""
+    write_file(
+        models / "ground/model.sdf", '<sdf version="1.9"><model name="ground"><link name="plane"/></model></sdf>'
+    )
+    write_file(models / "ground/model.config", "<model/>")
+    path = robot(models, text=WORLD.replace("{static}", "true"))
+    mechanism = cinegen.load(path)
+    assert (mechanism.name, mechanism.nodes[:2]) == ("left", ("world", "palm"))
+    assert mechanism.gravity.tolist() == [0.0, 0.0, -1.6]
+    assert at(mechanism, "palm").translation == pytest.approx([1.0, 2.0, 3.1])  # static: where the world has it
+    assert cinegen.load(robot(models, text=WORLD.replace("{static}", "0"))).nodes[0] == "palm"
+    assert cinegen.load(path, robot="right").name == "right"
+    assert cinegen.load(path, robot="ground").nodes == ("plane",)
+    with pytest.raises(cinegen.CinegenError, match=r"there is no model 'rigth': did you mean 'right'"):
+        cinegen.load(path, robot="rigth")
+
+
+@pytest.mark.parametrize("version", ["1.4", "1.5"])
+def test_axes_of_an_included_file_are_those_of_its_version(models, version):
+    """Before version 1.5 an axis was given in the frame of the model, not of the joint."""
+    text = f"""<sdf version="{version}"><model name="gripper"><link name="palm"/>
+      <link name="finger"><pose>0 0 0 1.5707963267948966 0 0</pose></link>
+      <joint name="grip" type="prismatic"><parent>palm</parent><child>finger</child>
+        <axis><xyz>0 1 0</xyz></axis></joint></model></sdf>"""
+    write_file(models / "gripper/model.sdf", text)
+    mechanism = cinegen.load(robot(models))
+    moved = mechanism.placement(mechanism.configuration({"gripper::grip": 1.0}), "gripper::finger")
+    expected = [0.0, 1.0, 0.0] if version == "1.4" else [0.0, 0.0, 1.0]
+    assert moved.translation == pytest.approx(expected, abs=1e-12)

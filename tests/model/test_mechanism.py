@@ -1,13 +1,18 @@
 """The mechanism: placements, Jacobians, closure, names."""
 
 import inspect
+import json
 import re
+import warnings
 
 import numpy as np
 import pytest
 
 import cinegen
 from cinegen.errors import ConfigurationError
+from raff2urdf.constraints import HASH
+from raff2urdf.readers.urdf import hash_of
+from raff2urdf.readers.urdf_file import parse
 
 
 def test_what_is_no_configuration_is_refused(robot):
@@ -104,3 +109,115 @@ def test_what_a_mechanism_shows_is_in_the_reference(robot):
     shown = {name for name in dir(robot("delta4")) if not name.startswith("_")}
     assert {name for name in shown if not inspect.getdoc(inspect.getattr_static(kind, name, None))} <= set(fields)
     assert set(kind.__dataclass_fields__) - set(fields) == set()
+
+
+# --- group state ------------------------------------------------------------------------------------------------------
+# Home of a URDF is the group state of its SRDF.
+
+
+LIMIT = '<limit lower="{}" upper="{}" velocity="1" effort="1"/>'
+ENDS = '<parent link="{}"/><child link="{}"/>'
+JOINT = f'<joint name="{{}}" type="revolute">{ENDS}<origin xyz="1 0 0"/><axis xyz="0 0 1"/>{{}}</joint>'
+
+
+def pin(name, parent, child, low=-3, high=3):
+    return JOINT.format(name, parent, child, LIMIT.format(low, high))
+
+
+LINKS = '<link name="a"/><link name="b"/><link name="c"/><link name="d"/><link name="tool"/>'
+FIXED = f'<joint name="{{}}" type="fixed">{ENDS}<origin xyz="{{}}"/></joint>'
+JOINTS = FIXED.format("flange", "d", "tool", "1 0 0") + pin("j1", "a", "b") + pin("j2", "b", "c")
+ARM = f'<robot name="arm">{LINKS}{JOINTS}{pin("j3", "c", "d", 1, 2)}{{}}</robot>'
+PLAIN = ARM.format("")
+
+
+def state(name, group, **values):
+    joints = "".join(f'<joint name="{joint}" value="{value}"/>' for joint, value in values.items())
+    return f'<group_state name="{name}" group="{group}">{joints}</group_state>'
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(*states, urdf=PLAIN):
+        (tmp_path / "arm.urdf").write_text(urdf)
+        (tmp_path / "arm.srdf").write_text(f'<robot name="arm"><group name="g"/>{"".join(states)}</robot>')
+        return tmp_path / "arm.urdf"
+
+    return write
+
+
+def load(path, **options):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        return cinegen.load(path, **options)
+
+
+def home(mechanism):
+    return {joint: float(mechanism.q_home[mechanism.q_index(joint)]) for joint in mechanism.joints}
+
+
+@pytest.mark.parametrize(("states", "expected", "label"), [
+    ([state("up", "arm", j1=2)], {"j1": 0, "j2": 0, "j3": 1.5}, ""),
+    ([state("home", "arm", j1=0.5, j2=-1)], {"j1": 0.5, "j2": -1, "j3": 1.5}, "'home' of arm"),
+    ([state("ready", "arm", j1=1), state("home", "arm", j1=0.5)], {"j1": 0.5, "j2": 0, "j3": 1.5}, "'home' of arm"),
+    ([state("Ready", "arm", j1=1)], {"j1": 1, "j2": 0, "j3": 1.5}, "'ready' of arm"),
+    (  # several groups: together; that of all joints holds
+        [state("home", "all", j1=0.1, j2=0.2, j3=1.3), state("home", "hand", j3=2)],
+        {"j1": 0.1, "j2": 0.2, "j3": 1.3}, "'home' of all, hand",
+    ),
+    ([state("home", "x", j1=0.1), state("home", "y", j3=2)], {"j1": 0.1, "j2": 0, "j3": 2}, "'home' of x, y"),
+    ([state("home", "arm", j1=0.1, j3=2.0005, flange=0)], {"j1": 0.1, "j2": 0, "j3": 2}, "'home' of arm"),
+])  # fmt: skip
+def test_home_is_the_group_state_of_that_name(write, states, expected, label):
+    mechanism = load(write(*states))
+    assert home(mechanism) == pytest.approx(expected)
+    assert mechanism.source.notes == ((f"home is the group state {label} in arm.srdf",) if label else ())
+    assert mechanism.actuated == ("j1", "j2", "j3")
+
+
+def test_another_srdf_and_none(write, tmp_path):
+    path = write(state("home", "arm", j1=0.5))
+    (tmp_path / "other.srdf").write_text(f'<robot name="arm">{state("home", "arm", j1=0.7)}</robot>')
+    assert home(load(path, srdf=tmp_path / "other.srdf"))["j1"] == 0.7
+    assert home(cinegen.load(path, ignore=["arm.srdf"]))["j1"] == 0.0
+    assert home(load(path, actuated=["j2"])) == {"j1": 0.5, "j2": 0.0, "j3": 1.5}
+    assert load(path, actuated=["j2"]).actuated == ("j2",)
+
+
+def test_a_home_in_the_constraints_file_is_stronger(write, tmp_path):
+    path = write(state("home", "arm", j1=0.5))
+    joints = [{"name": name, "home": value, "actuated": True} for name, value in (("j1", 0.25), ("j2", 0), ("j3", 1))]
+    values = {
+        "format": "raff2urdf constraints", "version": 2, "robot": "arm", "nodes": [*"abcd", "tool"],
+        "joints": joints, "loops": [], "mobility": 3, HASH: hash_of(parse(PLAIN, "arm"), "arm"),
+    }  # fmt: skip
+    path.with_suffix(".constraints.json").write_text(json.dumps(values))
+    assert home(cinegen.load(path))["j1"] == 0.25
+
+
+def test_loops_and_couplings_are_closed_near_it(write):
+    """A follower has the value that its leader gives it; a state with rounded numbers is closed."""
+    follower = ARM.format(pin("k", "a", "e").replace("</joint>", '<mimic joint="j1" multiplier="2"/></joint>'))
+    follower = follower.replace(LINKS, f'{LINKS}<link name="e"/>')
+    mechanism = load(write(state("home", "arm", j1=0.4, j2=0.1), urdf=follower))
+    assert home(mechanism) == pytest.approx({"j1": 0.4, "j2": 0.1, "j3": 1.5, "k": 0.8})
+    closing = '<loop_joint name="l" type="spherical"><link1 link="tool"/><link2 link="e"/></loop_joint>'
+    four = ARM.format(closing + FIXED.format("e", "a", "e", "1 1 0"))
+    four = four.replace(LINKS, f'{LINKS}<link name="e"/>')
+    for angle in (0.1, 0.3):
+        rounded = state("home", "arm", j1=angle, j2=round(1.5708 - angle, 2), j3=round(1.5708 + angle, 2))
+        mechanism = load(write(rounded, urdf=four))
+        assert mechanism.closure(mechanism.q_home) < 1e-9
+        assert home(mechanism)["j1"] == pytest.approx(angle, abs=0.01)
+
+
+def test_what_does_not_fit_is_told(write):
+    with pytest.warns(UserWarning, match=r"'home' of arm.* is outside the limits of j3: held"):
+        mechanism = cinegen.load(write(state("home", "arm", j1=1, j3=2.5)))
+    assert home(mechanism) == pytest.approx({"j1": 1, "j2": 0, "j3": 2})
+    with pytest.warns(UserWarning, match=r"names what is no joint of the robot: j4: did you mean 'j1', 'j2'|j4"):
+        assert home(cinegen.load(write(state("home", "arm", j1=1, j4=2.5))))["j1"] == 1
+    base = state("home", "arm", j1=1, root_joint="0 0 1 0 0 0 1")
+    assert "places root_joint: not read" in load(write(base)).source.notes[1]
+    with pytest.raises(cinegen.CinegenError, match=r"arm.srdf:1: value='one' of joint 'j1' in the group state 'home'"):
+        cinegen.load(write(state("home", "arm", j1="one")))

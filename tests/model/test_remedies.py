@@ -27,8 +27,8 @@ import pytest
 import trimesh
 from proposals import pattern, proposals
 from test_beginners_mistakes import BARS, MISTAKES, RIGHT, URDF_BARS, messages
+from test_frozen import bars as with_play
 from test_frozen import hand
-from test_pins_with_play import bars as with_play
 
 import cinegen
 import cinegen.cli

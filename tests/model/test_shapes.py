@@ -11,7 +11,6 @@ import trimesh
 
 import cinegen
 import raff2urdf
-from cinegen.cli import main
 from cinegen.cockpit import make_page
 from cinegen.cockpit.scene import _drawn
 from cinegen.model.build import build
@@ -120,7 +119,7 @@ point = [9, 9, 9]
 
 @pytest.mark.usefixtures("lost")
 @pytest.mark.filterwarnings("default::cinegen.CinegenWarning")
-def test_every_command_goes_on_without_a_lost_mesh_and_warns_once(write, capsys, monkeypatch):
+def test_every_command_goes_on_without_a_lost_mesh_and_warns_once(write, typed, capsys, monkeypatch):
     visual = VISUAL.format("../meshes/pointer.stl")
     path = write(visual, visual + VISUAL.format("../meshes/part.stl"))
     monkeypatch.chdir(path.parent)
@@ -134,8 +133,7 @@ def test_every_command_goes_on_without_a_lost_mesh_and_warns_once(write, capsys,
         (["plan", "scene.toml"], True),
         (["map", "arm.urdf", "--scene", "scene.toml", "--quantity", "clearance", *over], True),
     ):
-        assert main(command) == 0, command
-        out, err = capsys.readouterr()
+        out, err = typed(*command)
         assert err.count("arm.urdf:2: ") == 1, command
         assert err.count("warning: ") == 1, command
         assert ("not checked: " in out) == checks, command
@@ -144,23 +142,19 @@ def test_every_command_goes_on_without_a_lost_mesh_and_warns_once(write, capsys,
     assert convert(["arm.raff", "--format", "mjcf"]) == 0
     assert "warning" not in capsys.readouterr().err
     for form in (["plan", "scene.toml"], ["info", "arm.urdf", "--collision"]):
-        assert main([*form, "--json"]) == 0
-        report = json.loads(capsys.readouterr().out)
+        report = json.loads(typed(*form, "--json").out)
         lost = report["mesh_check"]["lost"] if "plan" in form else report[0]["collision"]["not_checked"]
         assert list(lost) == ["base", "upper"]
-    assert main(["info", "arm.urdf"]) == 0
-    assert "is a Git LFS pointer: run `git lfs pull` in" in capsys.readouterr().err
+    assert "is a Git LFS pointer: run `git lfs pull` in" in typed("info", "arm.urdf").err
 
 
 @pytest.mark.filterwarnings("default::cinegen.CinegenWarning")
-def test_the_package_that_a_warning_asks_for_is_read(write, tmp_path, capsys):
+def test_the_package_that_a_warning_asks_for_is_read(write, tmp_path, typed):
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "arm_description/meshes/part.stl").rename(tmp_path / "elsewhere/part.stl")
     path = write(VISUAL.format("package://parts/part.stl"))
-    assert main(["info", str(path)]) == 0
-    option = re.search(r"by (--package parts=)FOLDER", capsys.readouterr().err)[1].split()
-    assert main(["info", str(path), option[0], f"{option[1]}{tmp_path}/elsewhere", "--collision"]) == 0
-    out, err = capsys.readouterr()
+    option = re.search(r"by (--package parts=)FOLDER", typed("info", path).err)[1].split()
+    out, err = typed("info", path, option[0], f"{option[1]}{tmp_path}/elsewhere", "--collision")
     assert (err, "not checked" in out) == ("", False)
     mechanism = pickle.loads(pickle.dumps(cinegen.load(path, packages={"parts": tmp_path / "elsewhere"})))
     assert mechanism.visual.geometryObjects[0].meshPath == str(tmp_path / "elsewhere/part.stl")

@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from lxml import etree
+from small_robots import rssr as text_of_rssr
 
 import cinegen
 import raff2urdf
@@ -31,33 +32,19 @@ robot chain {
 }
 """
 
-RSSR = """
-RAFF RSSR
-robot rssr {
-  link 1 { parameters { theta 40 } type 2 pred 0 actuated 1 }
-  frame 10 { parameters { d 100 alpha 70 theta 10 } pred 1 }
-  link 2 { parameters { TURN } joint ball pred 10 }
-  frame 11 { parameters { BACK } pred 2 }
-  link 3 { parameters { gamma 20 d 300 alpha 80 theta 85 epsilon 30 } type 2 pred 0 }
-  frame 4 { parameters { d 320 } pred 11 }
-  frame 5 { parameters { d 200 } pred 3 }
-  constraint { frame 4 frame 5 type 3 }
-}
-"""
+
+@pytest.fixture(scope="module")
+def chain():
+    return cinegen.load(CHAIN)
 
 
 @pytest.fixture(scope="module")
-def chain(tmp_path_factory):
-    return load(tmp_path_factory, CHAIN)
+def rssr():
+    return cinegen.load(text_of_rssr())
 
 
 @pytest.fixture(scope="module")
-def rssr(tmp_path_factory):
-    return load(tmp_path_factory, RSSR.replace("TURN", "").replace("BACK", ""))
-
-
-@pytest.fixture(scope="module")
-def gough(tmp_path_factory):
+def gough():
     """Gough's platform with a ball joint for the links 4, 5 and 6, without limits of passive joints. The middle angle
     of the ball joint is 90 degrees at home."""
     document = raff2urdf.load("gough")
@@ -82,13 +69,7 @@ def gough(tmp_path_factory):
             part = dataclasses.replace(part, limits=wide, velocity=None)
         parts.append(part)
     changed = dataclasses.replace(document, robots=(dataclasses.replace(robot, parts=tuple(parts)),))
-    return load(tmp_path_factory, raff2urdf.dumps(changed))
-
-
-def load(tmp_path_factory, text):
-    file = tmp_path_factory.mktemp("balls") / "robot.raff"
-    file.write_text(text)
-    return cinegen.load(file)
+    return cinegen.load(raff2urdf.dumps(changed))
 
 
 def turned(angle):
@@ -98,15 +79,13 @@ def turned(angle):
 # --- the model -------------------------------------------------------------------------------------------------------
 
 
-def test_no_mass_is_lost_not_even_that_of_the_base(tmp_path):
-    path = tmp_path / "rod.xml"
-    path.write_text(
+def test_no_mass_is_lost_not_even_that_of_the_base():
+    rod = cinegen.load(
         '<mujoco model="rod"><worldbody><body name="base"><geom type="box" size="0.1 0.1 0.1" mass="3"/>'
         '<body name="rod" pos="0 0 0.2"><joint type="ball" name="ball"/>'
         '<geom type="capsule" fromto="0 0 0 0 0 1" size="0.01" mass="2"/></body></body></worldbody>'
         '<equality><connect body1="rod" body2="base" anchor="0 0 1"/></equality></mujoco>'
     )
-    rod = cinegen.load(path)
     assert rod.balls
     assert [inertia.mass for inertia in rod.model.inertias] == pytest.approx([3.0, 2.0])
 
@@ -200,14 +179,12 @@ def test_what_is_no_free_ball_joint_stays_three_joints(chain, change):
     assert "joint1_X" in found.joints
 
 
-def test_a_floating_base_limits_and_loops_together(tmp_path):
+def test_a_floating_base_limits_and_loops_together():
     limited = "pred 0 limits { 100 170 } }\n  frame 4"
-    text = RSSR.replace("TURN", "").replace("BACK", "").replace("pred 0 }\n  frame 4", limited)
+    text = text_of_rssr().replace("pred 0 }\n  frame 4", limited)
     text = text.replace("  constraint {", "  constraint { base sensor ( 0 1 ) }\n  constraint {")
-    file = tmp_path / "rover.raff"
-    file.write_text(text + 'sensor 1 { port "/dev/ttyS0" }')
     with pytest.warns(raff2urdf.RaffWarning, match="home 85 of link 3 is outside"):
-        mechanism = cinegen.load(file)
+        mechanism = cinegen.load(text + 'sensor 1 { port "/dev/ttyS0" }')
     assert mechanism.floating
     assert mechanism.closure(mechanism.q_home) < 1e-10
     assert mechanism.limits.exceeded(mechanism.q_home, 1e-9) == {}
@@ -216,12 +193,11 @@ def test_a_floating_base_limits_and_loops_together(tmp_path):
 # --- no gimbal lock --------------------------------------------------------------------------------------------------
 
 
-def test_singular_values_do_not_depend_on_the_axes_of_the_ball_joint(rssr, tmp_path_factory):
+def test_singular_values_do_not_depend_on_the_axes_of_the_ball_joint(rssr):
     expected = None
     for gamma, alpha, theta in ((0, 0, 0), (40, 35, 25), (0, 90, 0), (-70, 110, 10)):
         turn = f"gamma {gamma} alpha {alpha} theta {theta}"
-        mechanism = load(tmp_path_factory, RSSR.replace("TURN", turn).replace(
-            "BACK", f"gamma {-theta} alpha {-alpha} theta {-gamma}"))  # fmt: skip
+        mechanism = cinegen.load(text_of_rssr(turn, f"gamma {-theta} alpha {-alpha} theta {-gamma}"))
         mechanism = replace(mechanism, length=rssr.length)  # their homes differ by the gap as written
         values = []
         motion = ForwardKinematics(mechanism)

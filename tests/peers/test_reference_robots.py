@@ -8,7 +8,6 @@ import pytest
 from variants import slow
 
 import raff2urdf
-from cinegen.cli import main
 from cinegen.cli.robots import validate
 from cinegen.model import validation
 from raff2urdf import readers
@@ -49,9 +48,9 @@ def test_a_robot_agrees_with_pinocchio(name):
     assert validation.validate(ROBOTS[name]).agrees
 
 
-def test_the_command_has_a_line_for_each_and_names_what_can_t_be_compared(capsys):
-    assert main(["validate", "TwoDofs", "iris_simple", *UNREADABLE]) == 0
-    heading, agrees, rigid, *unreadable, summary = capsys.readouterr().out.splitlines()
+def test_the_command_has_a_line_for_each_and_names_what_can_t_be_compared(typed):
+    said = typed("validate", "TwoDofs", "iris_simple", *UNREADABLE)
+    heading, agrees, rigid, *unreadable, summary = said.out.splitlines()
     assert heading.split() == ["robot", "joints", "frames", "jacobians", "masses", "home"]
     assert agrees.split()[:2] == ["TwoDofs", "2"]
     assert "nothing moves" in rigid
@@ -64,23 +63,21 @@ def test_the_command_has_a_line_for_each_and_names_what_can_t_be_compared(capsys
     ("masses", "double_pendulum_simple", "mass 0.3 ", "mass 0.30001 "),
     ("home", "panda", "theta -90.00021045915 d", "theta -90.001 d"),
 ])  # fmt: skip
-def test_a_difference_is_found_and_the_exit_code_is_1(what, name, number, other, monkeypatch, capsys):
+def test_a_difference_is_found_and_the_exit_code_is_1(what, name, number, other, monkeypatch, typed):
     def changed(document):
         text = raff2urdf.dumps(document)
         assert text.count(number) == 1
         return text.replace(number, other)
 
     monkeypatch.setattr(validation, "dumps", changed)
-    assert main(["validate", name, "--json"]) == 1
-    (report,) = json.loads(capsys.readouterr().out)
+    (report,) = json.loads(typed("validate", name, "--json", code=1).out)
     assert not report["agrees"]
     assert report[what] > 1e-7
 
 
-def test_without_the_package_the_extra_is_named(monkeypatch, capsys):
+def test_without_the_package_the_extra_is_named(monkeypatch, typed):
     monkeypatch.setattr(validate, "reference_robots", dict)
-    assert main(["validate"]) == 1
-    assert 'install "cinegen[robots]"' in capsys.readouterr().err
+    assert 'install "cinegen[robots]"' in typed("validate", code=1).err
 
 
 @pytest.mark.parametrize("name", others_slow(sorted(set(ROBOTS) - set(UNREADABLE))))

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from coupled_robots import CLOSED_TEXTS
 from variants import FEWER
 
 import cinegen
@@ -18,53 +19,14 @@ FILES = [
     for robot in raff2urdf.load(ROBOTS / f"{name}.raff").robots
 ]
 
-MORE = {
-    "coupled": """RAFF Coupled
-robot coupled {
-  base { parameters { theta 10 alpha 20 } }
-  link 1 { parameters { theta 40 } type 2 pred 0 limits { -170 170 } }
-  link 2 { parameters { theta 20 d 300 r 50 } type 2 pred 1 }
-  link 3 { parameters { theta 60 d 200 r 25 } type 1 pred 2 }
-  link 4 { parameters { theta 10 alpha 90 d 100 } type 2 pred 3 }
-  link 5 { parameters { theta 30 alpha 90 d 100 } type 2 pred 4 }
-  link 6 { parameters { theta -15 d 100 } type 2 pred 5 }
-  coupling { link 2 link 1 ratio -0.5 offset 40 }
-  coupling { link 3 link 2 lead 20 offset 10 }
-  coupling { name "wrist" link 4 link 5 ratio 0.5 link 6 ratio -0.25 offset 3 }
-}""",
-    "curved": """RAFF Curved
-robot curved {
-  base { }
-  link 1 { parameters { theta 40 } type 2 pred 0 limits { -170 170 } }
-  link 2 { parameters { theta 20 d 300 } type 2 pred 1 }
-  link 3 { parameters { theta 60 d 200 } type 2 pred 2 }
-  link 4 { parameters { theta -26 d 120 } type 2 pred 0 }
-  frame 5 { parameters { d 100 } pred 3 }
-  frame 6 { parameters { d 360 } pred 4 }
-  link 7 { parameters { r 20 alpha 90 } type 1 pred 4 }
-  link 8 { parameters { theta 20 alpha 90 } type 2 pred 7 }
-  constraint { frame 5 frame 6 type 2 }
-  coupling { link 7 link 8 polynomial ( 1.5 0.02 -0.001 ) offset 20 }
-  coupling { name "cam" link 8 link 1 polynomial ( 0 0.01 ) link 4 ratio 0.5 }
-}""",
-    "floating": """RAFF Floating
-sensor 1 { port "/dev/tty" }
-robot floating {
-  base { parameters { r 500 alpha 30 } }
-  link 1 { parameters { theta 40 r 100 } type 2 pred 0 limits { -170 170 } velocity 90 }
-  link 2 { parameters { r 300 alpha 90 } type 1 pred 1 limits { 0 500 } }
-  constraint { base sensor ( 0 1 ) }
-}""",
-}
 
-
-@pytest.fixture(params=[*(f"{path.stem}:{name}" for path, name in FILES), *MORE])
+@pytest.fixture(params=[*(f"{path.stem}:{name}" for path, name in FILES), *CLOSED_TEXTS])
 def original(request, tmp_path_factory):
     """The RAFF file, and which of its robots."""
-    if request.param not in MORE:
+    if request.param not in CLOSED_TEXTS:
         return next(one for one in FILES if f"{one[0].stem}:{one[1]}" == request.param)
     path = tmp_path_factory.mktemp("raff") / f"{request.param}.raff"
-    path.write_text(MORE[request.param])
+    path.write_text(CLOSED_TEXTS[request.param])
     return path, None
 
 

@@ -8,6 +8,7 @@ import pytest
 from clearings import among, around, at, ball, point_among, wall
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from ticking import ticked
 
 from cinegen import Solver, Status
 from cinegen.collision import PlanningError
@@ -95,8 +96,7 @@ def test_along_a_wall_a_point_goes_to_the_nearest_point_to_its_target(seed):
     solver = kept(clearance, 0.05)
     target = np.append(rng.uniform(-1.5, 1.5, 2), 0.0)
     solver.add_task("mobile", at(*target), translation=2, rotation=0, axes="world")
-    for _ in range(200):
-        step = solver.step()
+    step = ticked(solver, 200)
     beyond = max(STOP * 0.05 - 0.3 - normal @ target, 0.0)
     assert np.append(step.q, 0.0) == pytest.approx(target + beyond * normal, abs=1e-6)
     assert step.status is (Status.BARRED if beyond > 1e-5 else Status.FOLLOWING)
@@ -226,8 +226,7 @@ def test_what_held_is_told_by_pair_and_stays_when_somebody_looks_elsewhere():
     solver = kept(clearance, 0.05)
     keep = solver.barriers[0]
     solver.add_task("mobile", at(1.0, 0.0, 0.0), translation=2, rotation=0, axes="world")
-    for _ in range(30):
-        step = solver.step()
+    step = ticked(solver, 30)
     held = [clearance.names(int(keep.pairs[row]))[1] for row in step.active_barriers]
     assert held == ["ball"]
     assert keep.pairs[step.active_barriers[0]] == 1

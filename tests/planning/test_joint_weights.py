@@ -1,11 +1,22 @@
 """Weights of joints in the length of paths."""
 
+import json
+import math
+from itertools import pairwise
+
+import coal
 import numpy as np
+import pinocchio as pin
 import pytest
+from paths import along
 
 import cinegen
-from cinegen.collision import PlanningError, SceneError, scene_of
-from cinegen.planning import plan
+from cinegen.collision import PlanningError, clearance_of, scene_of
+from cinegen.collision.mesh_check import MeshCheck
+from cinegen.ik.barrier import Range
+from cinegen.ik.state import State
+from cinegen.ik.tasks.kinds import AxisAlong, PointInPlane
+from cinegen.planning import PlanStatus, plan
 
 
 @pytest.fixture(scope="module")
@@ -48,10 +59,250 @@ def test_weights_are_written_and_read_again_and_wrong_ones_reported(arm):
     made = scene(arm, weights={"joint2": 3.0})
     assert scene_of(made.document(), mechanism=arm).weights == {"joint2": 3.0}
     assert made.metric[arm.v_index("joint2")] == pytest.approx(arm.scale[arm.v_index("joint2")] / 3.0)
-    for weights, message in [
-        ({"elbow": 1.0}, "weights: 'elbow' is not a joint of"),
-        ({"joint2": 0.0}, "weights: joint2 must be a weight from 0.01 to 100, not 0"),
-        ({"joint2": "heavy"}, "joint2 must be a number"),
-    ]:
-        with pytest.raises(SceneError, match=message):
-            scene(arm, weights=weights)
+
+
+# --- path constraints -------------------------------------------------------------------------------------------------
+# Goals that are regions, and constraints of the node all along a path; judged by Pinocchio's placements.
+
+
+START = {"joint1": -0.6, "joint2": 0.5, "joint4": -1.2, "joint6": 0.7}
+POST = {"name": "post", "kind": "cylinder", "radius": 0.04, "length": 1.2, "point": [0.42, 0.0, 0.2]}
+
+
+def kept_along(arm, goal, obstacles=(), **more):
+    values = {"start": {"joints": START}, "goal": goal, "obstacle": list(obstacles), **more}
+    return scene_of(values, mechanism=arm)
+
+
+def placements(kept_along, path, step=0.01):
+    """Poses of the node on a path, joints straight between two configurations."""
+    model, found = kept_along.mechanism.model, []
+    data, frame = model.createData(), kept_along.mechanism.frame_id(kept_along.node)
+    for q in along(kept_along.mechanism, path, step):
+        pin.framesForwardKinematics(model, data, q)
+        found.append(data.oMf[frame].copy())
+    return found
+
+
+def here(arm):
+    return arm.placement(arm.configuration(START), arm.end)
+
+
+# --- regions ------------------------------------------------------------------------------------------------------
+
+
+def test_a_goal_region_is_reached_at_any_of_its_points_and_orientations(arm):
+    goal = {"point": [0.35, 0.35, 0.4], "tolerance": [0.05, 0.0, 0.1], "rpy": [math.pi, 0.0, 0.0], "cone": 0.3}
+    given = kept_along(arm, goal, [POST])
+    found = plan(given)
+    assert found.status is PlanStatus.REACHED
+    end = placements(given, found.path)[-1]
+    beyond = np.abs(end.translation - goal["point"]) - goal["tolerance"]
+    assert beyond.max() < 1e-4
+    assert math.acos(-end.rotation[2, 2]) < 0.3 + 1e-4
+    again = scene_of(given.document(), mechanism=arm)
+    assert again.tolerance.tolist() == goal["tolerance"]
+    assert again.cone == pytest.approx(0.3)
+
+
+# --- constraints along the path -----------------------------------------------------------------------------------
+
+
+def test_an_upright_node_only_rotates_about_the_vertical_around_a_post(arm):
+    start = here(arm).rotation
+    goal = here(arm).translation * [1.0, -1.0, 1.0]
+    free, upright = (
+        kept_along(arm, {"point": goal.tolist()}, [POST], path={"upright": flag}) for flag in (False, True)
+    )
+    tilts = []
+    for given in (free, upright):
+        found = plan(given, seconds=60.0)
+        assert found.status is PlanStatus.REACHED
+        assert found.clearance >= given.safety
+        assert np.linalg.norm(found.trace[-1] - goal) < 1e-4
+        turns = [one.rotation @ start.T for one in placements(given, found.path)]
+        tilts.append(max(math.atan2(math.hypot(turn[0, 2], turn[1, 2]), turn[2, 2]) for turn in turns))
+    assert tilts[0] > 0.05  # without the constraint the node tilts
+    assert tilts[1] < 2e-3
+    clearance = clearance_of(upright)
+    assert min(clearance.least(q) for q in found.path) >= upright.safety
+
+
+@pytest.mark.parametrize(
+    ("path", "offset"),
+    [({"line": [0.0, 1.0, 0.0]}, [0.0, 0.3, 0.0]), ({"plane": [0.0, 0.0, 2.0]}, [-0.1, 0.35, 0.0])],
+    ids=["line", "plane"],
+)
+def test_a_node_stays_on_a_line_and_in_a_plane(arm, path, offset):
+    start = here(arm).translation
+    given = kept_along(arm, {"point": (start + offset).tolist()}, path=path)
+    found = plan(given, seconds=60.0)
+    assert found.status is PlanStatus.REACHED
+    moved = np.array([one.translation for one in placements(given, found.path)]) - start
+    off = moved[:, [0, 2]] if "line" in path else moved[:, [2]]
+    assert np.abs(off).max() < 1e-3
+    assert np.linalg.norm(moved[-1] - offset) < 1e-4
+    again = scene_of(given.document(), mechanism=arm).path_constraints
+    ((key, direction),) = path.items()
+    assert getattr(again, key) == pytest.approx(np.array(direction) / np.linalg.norm(direction))
+
+
+def test_fields_refuse_constraints_along_a_path(arm):
+    with pytest.raises(PlanningError, match="need RRT-Connect"):
+        plan(kept_along(arm, {"point": [0.4, 0.3, 0.4]}, path={"upright": True}), planner="vortex")
+
+
+# --- attached objects -------------------------------------------------------------------------------------------------
+# Objects that a robot holds: their clearance, by coal and Pinocchio alone, and their scenes.
+
+
+SIDES, ALONG = [0.04, 0.04, 0.3], [0.0, 0.0, 0.2]
+BAR = {"name": "bar", "kind": "box", "size": SIDES, "point": ALONG}
+WALL = {"name": "wall", "kind": "box", "size": [0.5, 0.04, 0.45], "point": [0.55, 0.0, 0.225]}
+
+
+def carrying(arm, *attached, goal=None, obstacles=(), **more):
+    values = {"goal": goal or {"point": [0.5, 0.3, 0.5]}, "obstacle": list(obstacles), "attached": list(attached)}
+    return scene_of(values | more, mechanism=arm)
+
+
+def held_to_wall(arm, q):
+    """The distance of the bar from the wall, m."""
+    data = arm.model.createData()
+    pin.framesForwardKinematics(arm.model, data, q)
+    pose = data.oMf[arm.frame_id(arm.end)] * pin.SE3(np.eye(3), np.array(ALONG))
+    there = coal.Transform3s(pose.rotation, pose.translation)
+    wall = coal.Transform3s(np.eye(3), np.array(WALL["point"]))
+    result = coal.DistanceResult()
+    return coal.distance(coal.Box(*SIDES), there, coal.Box(*WALL["size"]), wall, coal.DistanceRequest(), result)
+
+
+def test_a_held_object_that_stands_on_a_table_is_lifted_if_they_may_touch(arm):
+    """The lower end of the bar is 1 mm inside of the board under it, which the arm itself may not touch."""
+    start = {"joints": {"joint1": -0.6, "joint2": 0.5, "joint4": -1.2, "joint6": 0.7}}
+    end = carrying(arm, BAR, start=start).start
+    tip = (arm.placement(end, arm.end) * pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.35]))).translation
+    down = arm.placement(end, arm.end).rotation[:, 2]
+    board = {"name": "board", "kind": "box", "size": [0.05, 0.05, 0.02], "point": (tip + 0.009 * down).tolist()}
+    board["rpy"] = pin.rpy.matrixToRpy(arm.placement(end, arm.end).rotation).tolist()
+    asked = {"goal": {"joints": {"joint1": 0.2}}, "obstacles": [board, WALL], "start": start, "safety": 0.005}
+    refused = plan(carrying(arm, BAR, **asked))
+    assert refused.status is PlanStatus.START_IN_COLLISION
+    assert "if they may touch, add 'board' to touches of 'bar'" in refused.reason
+    allowed = carrying(arm, BAR | {"touches": ["board"]}, **asked)
+    found = plan(allowed, seconds=60.0)
+    assert found
+    assert min(held_to_wall(arm, q) for q in along(arm, found.path, 0.02)) >= 0.005 - 1e-6
+    names = {frozenset(clearance_of(allowed).names(pair)) for pair in clearance_of(allowed).every_pair}
+    assert frozenset(("bar", "board")) not in names
+    assert {frozenset(("bar", "wall")), frozenset((arm.end, "wall"))} & names
+    assert any("board" in pair for pair in names)
+    assert json.loads(json.dumps(allowed.document()))["attached"][0]["touches"] == ["board"]
+
+
+def test_a_held_object_is_as_far_from_a_wall_as_coal_measures(arm):
+    clearance = clearance_of(carrying(arm, BAR, obstacles=[WALL]), is_exact=True)
+    names = [clearance.names(pair) for pair in clearance.every_pair]
+    pair, rng = names.index(("bar", "wall")), np.random.default_rng(0)
+    for _ in range(20):
+        q = rng.uniform(arm.model.lowerPositionLimit, arm.model.upperPositionLimit)
+        truth = held_to_wall(arm, q)
+        found = clearance.distances(q)[pair]
+        assert found == pytest.approx(truth, abs=1e-5) if truth > 0.0 else found <= 1e-9
+
+
+def test_what_is_attached_is_written_and_read_again(arm):
+    ball = {"name": "ball", "kind": "sphere", "radius": 0.05, "node": arm.nodes[-2], "touches": [arm.end]}
+    before = carrying(arm, BAR, ball, {"kind": "sphere", "radius": 0.01, "point": [0, 0, 1]})
+    after = scene_of(json.loads(json.dumps(before.document())), mechanism=arm)
+    assert after.document() == before.document()
+    assert [one.name for one in after.attached] == ["bar", "ball", "attached 3"]
+    assert [one.node for one in after.attached] == [arm.end, arm.nodes[-2], arm.end]
+    assert clearance_of(after).least(arm.q_home) == clearance_of(before).least(arm.q_home)
+
+
+def test_a_held_object_collides_with_other_links_except_those_that_touch_it(arm):
+    rod = BAR | {"size": [0.02, 0.02, 1.0], "point": [0, 0, 0]}  # through the links behind the hand
+    refused = plan(carrying(arm, rod))
+    assert refused.status is PlanStatus.START_IN_COLLISION
+    assert "touches of 'bar'" in refused.reason
+    assert MeshCheck(carrying(arm, rod)).contact(arm.q_home).count("bar") == 1
+    free = carrying(arm, rod | {"touches": list(arm.nodes)})
+    assert not MeshCheck(free).contact(arm.q_home)
+    assert clearance_of(free).least(arm.q_home) >= clearance_of(carrying(arm)).least(arm.q_home) - 1e-9
+
+
+# --- kept tasks -------------------------------------------------------------------------------------------------------
+# Plans that keep tasks of any kind, and ranges, all along the path.
+
+
+CONE = np.radians(10.0)
+
+
+def turned(pose: pin.SE3, angle: float) -> pin.SE3:
+    """A pose that is rotated about the world's z axis, as a tool is that goes round the robot."""
+    return pin.SE3(pin.exp3(np.array([0.0, 0.0, angle])), np.zeros(3)) * pose
+
+
+def errors(mechanism, task, path) -> tuple[float, float]:
+    """The largest error on a path, and half way between its configurations."""
+    between = [mechanism.interpolate(*ends, 0.5) for ends in pairwise(path)]
+    return tuple(
+        max(float(np.linalg.norm(task.error(State(mechanism, q, 1.0)))) for q in some) for some in (path, between)
+    )
+
+
+@pytest.fixture(scope="module")
+def round_a_box(robot):
+    """A tool that goes round a box, its axis as at the start: the mechanism, the task, and what plans."""
+    arm = robot("arm7")
+    here = arm.placement(arm.q_home, "tool")
+    box = {"name": "box", "kind": "box", "size": [0.25, 0.25, 0.4], "point": turned(here, 0.6).translation.tolist()}
+    task = AxisAlong("tool", (0.0, 0.0, 1.0), here.rotation.T[:, 2])
+    return arm, task, lambda tasks: plan(arm, turned(here, 1.2), obstacles=[box], tasks=tasks, seconds=60.0)
+
+
+def test_a_tool_stays_upright_round_a_box(round_a_box):
+    arm, task, planned = round_a_box
+    found = planned([task])
+    assert found.status is PlanStatus.REACHED
+    along, between = errors(arm, task, found.path)
+    assert along < 1e-6
+    assert between < 1e-3
+    assert errors(arm, task, planned([]).path)[0] > CONE  # it is no accident
+
+
+def test_a_tool_stays_within_a_cone(round_a_box):
+    arm, task, planned = round_a_box
+    found = planned([Range(task, radius=CONE)])
+    assert found.status is PlanStatus.REACHED
+    along, between = errors(arm, task, found.path)
+    assert along <= CONE + 1e-6
+    assert between < CONE + 1e-3
+
+
+def test_a_platform_stays_in_a_plane(robot):
+    """Loops and a task together."""
+    gough = robot("gough")
+    here = gough.placement(gough.q_home, gough.end)
+    task = PointInPlane(gough.end, here.translation, (0.0, 0.6, 0.8))
+    goal = here * pin.SE3(pin.exp3(np.array([0.05, -0.1, 0.1])), np.zeros(3))
+    goal.translation = here.translation + 0.04 * gough.length * np.array([1.0, 0.8, -0.6])
+    found = plan(gough, goal, tasks=[task])
+    assert found.status is PlanStatus.REACHED
+    assert max(gough.closure(q) for q in found.path) <= 1e-11
+    along, between = errors(gough, task, found.path)
+    assert along < 1e-6
+    assert between < 1e-4
+
+
+def test_what_can_t_be_kept_is_refused(robot):
+    arm = robot("arm7")
+    goal = turned(arm.placement(arm.q_home, "tool"), 0.5)
+    found = plan(arm, goal, tasks=[AxisAlong("tool", (1.0, 0.0, 0.0))])
+    assert found.status is PlanStatus.OUT_OF_REACH
+    assert "not satisfied at the start" in found.reason
+    with pytest.raises(PlanningError, match=r"error\(state\) and jacobian\(state\)"):
+        plan(arm, goal, tasks=["upright"])
+    with pytest.raises(PlanningError, match="constraints along a path need RRT-Connect"):
+        plan(arm, goal, tasks=[AxisAlong("tool")], planner="vortex")

@@ -6,12 +6,15 @@ import sysconfig
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
+from cusp_platform import configuration, determinant, scene
 from paths import along
 
 import cinegen
-from cinegen.collision import PlanningError, SceneError, clearance_of, load_scene, scene_of
+from cinegen.collision import PlanningError, SceneError, clearance_of, load_scene, scene_for, scene_of
 from cinegen.planning import PlanStatus, plan
+from cinegen.planning.clear_motion import clear_motion
 from cinegen.planning.sampling.shortcuts import shortened
 
 READY = {f"panda_joint{i}": value for i, value in enumerate((0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785), 1)}
@@ -151,20 +154,6 @@ def test_some_joint_values_leave_the_others_free(root):
     assert scene.mechanism.values(found.path[-1])["joint3"] == pytest.approx(1.0, abs=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("values", "reason"),
-    [
-        ({"goal": {"joints": {"panda_joint9": 0.0}}}, "'panda_joint9' is not a joint"),
-        ({"goal": {"joints": {"panda_joint4": 1.0}}}, "its limits are"),
-        ({"goal": {"joints": READY}, "locked": ["panda_joint1"]}, "also a joint of the goal"),
-        ({"goal": {"joints": READY}, "locked": ["panda_jiont1"]}, "did you mean 'panda_joint1'"),
-    ],
-)
-def test_goals_and_locks_that_make_no_sense_are_refused(panda, values, reason):
-    with pytest.raises(SceneError, match=reason):
-        scene_of({"node": "panda_hand", "start": {"joints": READY}, **values}, mechanism=panda)
-
-
 # --- shortcuts ----------------------------------------------------------------------------------------------------
 
 
@@ -194,3 +183,98 @@ def test_links_that_cannot_separate_are_no_collision(panda):
     assert clearance_of(scene_of(values, mechanism=panda)).least(panda.configuration(closed)) < 0.01
     found = plan(scene_of(values, mechanism=panda))
     assert found.status is PlanStatus.REACHED
+
+
+# --- plan of a mechanism ----------------------------------------------------------------------------------------------
+# `plan(mechanism, goal)`: scenes without a file.
+
+
+BALL = {"name": "ball", "kind": "sphere", "radius": 0.05, "point": [0.4, 0.0, 0.3]}
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return cinegen.load("arm7")
+
+
+def test_one_line_plans_to_a_point_a_pose_and_joint_values(arm):
+    end = arm.configuration({"joint1": 0.5, "joint2": 0.4, "joint4": -1.0})
+    pose = arm.placement(end, arm.end)
+    to_point = cinegen.plan(arm, pose.translation)
+    assert arm.placement(to_point.path[-1], arm.end).translation == pytest.approx(pose.translation, abs=1e-3)
+    to_pose = cinegen.plan(arm, goal=pose)
+    assert pin.log6(arm.placement(to_pose.path[-1], arm.end).actInv(pose)).vector == pytest.approx(
+        np.zeros(6), abs=1e-3
+    )
+    to_joints = cinegen.plan(arm, {"joint1": 0.5}, start=end, obstacles=[BALL])
+    assert to_joints.path[0] == pytest.approx(end)
+    assert to_joints.path[-1][arm.q_index("joint1")] == pytest.approx(0.5)
+    assert [one.name for one in to_joints.scene.obstacles] == ["ball"]
+    assert to_point.path[0] == pytest.approx(arm.q_home)
+
+
+def test_a_closed_mechanism_is_planned_for_in_one_line():
+    delta = cinegen.load("delta4")
+    home = delta.placement(delta.q_home, delta.end).translation
+    found = plan(delta, home + np.array([0.2, 0.1, -0.2]))
+    assert found
+    assert max(delta.closure(q) for q in found.path) < 1e-9
+
+
+def test_other_keys_of_a_file_and_obstacles_of_a_scene_are_taken(arm):
+    made = scene_of({"goal": {"point": [0, 0, 1]}, "obstacle": [BALL]}, mechanism=arm).obstacles[0]
+    goal = {"point": [0.4, 0.2, 0.4], "tolerance": [0.1, 0.1, 0.1]}
+    scene = scene_for(arm, goal, obstacles=[made, {**BALL, "name": "other"}], safety=0.02, locked=["joint3"])
+    assert (scene.safety, scene.locked, scene.node) == (0.02, ("joint3",), arm.end)
+    assert sorted(one.name for one in scene.obstacles) == ["ball", "other"]
+    assert scene.tolerance == pytest.approx(0.1)
+    with pytest.raises(SceneError, match="'ball' is the name of two"):
+        scene_for(arm, goal, obstacles=[made, BALL])
+
+
+def test_what_is_missing_or_given_twice_is_reported(arm):
+    scene = scene_for(arm, [0.4, 0.2, 0.4])
+    for given, keys, message in [
+        (arm, {}, "goal is missing: write plan"),
+        (scene, {"goal": [0, 0, 1]}, "give them only with a mechanism"),
+        (arm, {"goal": [0, 0]}, "goal must be a pose"),
+        (arm, {"goal": {"elbow": 1.0}}, "'elbow' is not a joint of"),
+        (arm, {"goal": [0, 0, 1], "start": [0.0]}, "start must have 7 numbers"),
+        (arm, {"goal": [0, 0, 1], "node": "hand"}, "'hand' is not a node of"),
+    ]:
+        with pytest.raises(SceneError, match=message):
+            plan(given, **keys)
+
+
+# --- motions of closed mechanisms -------------------------------------------------------------------------------------
+# Motions between configurations of a closed mechanism, judged by the closed form of a planar 3-RPR: the determinant of
+# its legs' lines changes its sign where a motion passes a singularity of type 2, and only there.
+
+
+FURTHEST = 0.15  # rad and characteristic lengths: between two configurations of a motion
+
+
+@pytest.fixture(scope="module")
+def clearance(root):
+    return clearance_of(scene(root))
+
+
+def test_a_motion_ends_where_it_should_and_keeps_the_sign_of_the_determinant(clearance):
+    """Also between two assembly modes: a motion never jumps from one to the other."""
+    mechanism, rng = clearance.mechanism, np.random.default_rng(0)
+    kept = 0
+    for _ in range(400):
+        pose = rng.uniform([-0.2, -0.2, -np.pi], [0.2, 0.2, np.pi])
+        other = pose + rng.normal(size=3) * [0.03, 0.03, 0.4]
+        begin = configuration(mechanism, pose)
+        end = configuration(mechanism, other, near=begin)
+        motion = clear_motion(clearance, begin, end, 0.0)
+        if motion is None:
+            continue
+        kept += 1
+        assert np.array_equal(motion[0], begin)
+        assert np.array_equal(motion[-1], end)
+        signs = {np.sign(determinant(mechanism, q)) for q in motion}
+        assert len(signs) == 1
+        assert max(mechanism.distance(a, b) for a, b in itertools.pairwise(motion)) < FURTHEST
+    assert kept > 100

@@ -1,15 +1,24 @@
 """`AvoidingSolver`: never too near while it is pulled about, and round what is in the way."""
 
+import sysconfig
+from itertools import pairwise
+from pathlib import Path
+
+import coal
 import numpy as np
 import pinocchio as pin
 import pytest
 from clearings import measured
 from repository import load
 
+import cinegen
 from cinegen.collision import clearance_of, scene_of
 from cinegen.errors import CinegenError
 from cinegen.ik import AxisAlong, Range, Solver, Status
+from cinegen.model.motion_limits import motion_limits
 from cinegen.planning import AvoidingSolver
+from cinegen.planning.encounters import HORIZON, Encounters, ObstacleMotion
+from cinegen.planning.manoeuvres import Manoeuvre, ReactingJoints
 
 SAFETY = 0.01
 EXACT = 3e-6  # m: as exact as coal's distances to hulls and cylinders are
@@ -179,3 +188,324 @@ def test_a_target_may_be_as_far_away_as_numbers_go():
         step = solver.step()
         assert not step.exceptions
         assert np.isfinite(step.q).all()
+
+
+# --- safe drag moving -------------------------------------------------------------------------------------------------
+# `AvoidingSolver` among obstacles that move: accelerations by finite differences, distances by coal.
+
+
+DT, ACCELERATION, SPEED, SAFETY = 1 / 240, 10.0, 1.0, 0.01
+
+
+def among_a_ball(name, acceleration=ACCELERATION):
+    """A solver, its clearance, and a ball of 5 cm far away."""
+    mechanism = load(name)
+    ball = {"name": "ball", "kind": "sphere", "radius": 0.05, "point": [9.0, 9.0, 0.0]}
+    document = {"safety": SAFETY, "start": {}, "goal": {"point": [0.0, 0.0, 0.0]}, "obstacle": [ball]}
+    clearance = clearance_of(scene_of(document, mechanism=mechanism))
+    return AvoidingSolver(clearance, DT, SAFETY, acceleration=acceleration), clearance
+
+
+def run(solver, clearance, begin, velocity, ticks, aim=None):
+    """Move the ball at a constant velocity. Return configurations, distances by coal, statuses and threats."""
+    q, least, statuses, threats = [solver.q], [], [], []
+    for tick in range(ticks):
+        solver.move(0, pin.SE3(np.eye(3), begin + np.asarray(velocity) * (tick * solver.dt)))
+        if aim is not None:
+            aim(tick)
+        step = solver.step()
+        assert step.exceptions == ()
+        q.append(step.q)
+        least.append(distance(clearance, step.q, begin + np.asarray(velocity) * (tick * solver.dt)))
+        statuses.append(step.status)
+        threats.append(solver.threat)
+    return np.array(q), np.array(least), statuses, threats
+
+
+def distance(clearance, q, ball):
+    """The least distance of all moving links from the ball, by coal."""
+    mechanism = clearance.mechanism
+    data = mechanism.model.createData()
+    pin.forwardKinematics(mechanism.model, data, q)
+    there, found = coal.Transform3s(np.eye(3), np.asarray(ball)), []
+    for body in (one for one in clearance.links if one.joint):
+        pose = data.oMi[body.joint] * body.placement
+        here = coal.Transform3s(pose.rotation, pose.translation)
+        request, result = coal.DistanceRequest(), coal.DistanceResult()
+        found.append(coal.distance(body.shape, here, coal.Sphere(0.05), there, request, result))
+    return min(found)
+
+
+def accelerations(mechanism, q, dt=DT):
+    """The largest one of an actuated joint by finite differences, from rest."""
+    v = np.array([pin.difference(mechanism.model, a, b) for a, b in pairwise(q)]) / dt
+    changes = np.diff(np.vstack([np.zeros_like(v[:1]), v]), axis=0) / dt
+    return float(np.abs(changes[:, [mechanism.v_index(joint) for joint in mechanism.actuated]]).max())
+
+
+@pytest.mark.parametrize(("name", "node"), [("arm7", "tool"), ("delta4", "platform")])
+def test_accelerations_are_obeyed_whatever_happens(name, node):
+    """A target that jumps, and a ball that comes at 1 m/s."""
+    solver, clearance = among_a_ball(name)
+    rng, mechanism = np.random.default_rng(2), solver.mechanism
+    task = solver.add_task(node, rotation=0, axes="world")
+    home = task.target.translation.copy()
+    direction = rng.normal(size=3)
+    direction /= np.linalg.norm(direction)
+
+    def aim(tick):
+        if tick % 60 == 0:
+            task.target = pin.SE3(task.target.rotation, home + rng.uniform(-0.3, 0.3, 3))
+
+    q, _, _, _ = run(solver, clearance, home - 0.9 * direction, SPEED * direction, 360, aim)
+    assert accelerations(mechanism, q) <= ACCELERATION * (1.0 + 1e-6)
+
+
+def test_a_ball_that_comes_is_evaded():
+    """From the side to the tool of an arm at 1 m/s: half of the safety distance is kept at least."""
+    solver, clearance = among_a_ball("arm7")
+    home = solver.mechanism.placement(solver.q, "tool").translation
+    solver.add_task("tool", rotation=0)
+    side = np.array([0.0, 1.0, 0.0])
+    q, least, statuses, _ = run(solver, clearance, home - 0.8 * side, SPEED * side, 192)
+    assert least.min() >= 0.5 * SAFETY
+    assert not {Status.UNAVOIDABLE, Status.IN_COLLISION} & set(statuses)
+    assert min(distance(clearance, q[0], home + s * side) for s in np.linspace(-0.1, 0.1, 21)) < 0.0  # at rest
+
+
+@pytest.mark.parametrize("name", ["arm7", "delta4"])
+def test_the_status_and_the_threat_where_a_collision_is_not_avoided(name):
+    """A ball at 1 m/s through a link near the base, which can't get away; it goes on through the robot."""
+    solver, clearance = among_a_ball(name)
+    mechanism = solver.mechanism
+    node = {"arm7": "link1", "delta4": "platform"}[name]
+    task = solver.add_task(mechanism.end, rotation=0)
+    if name == "delta4":  # its platform gets out of the way of slower ones
+        begin, velocity = mechanism.placement(solver.q, node).translation - [0.0, 0.0, 0.8], np.array([0.0, 0.0, 8.0])
+    else:
+        body = next(one for one in clearance.links if one.joint == 1)
+        centre = _centre(mechanism, solver.q, body)
+        begin, velocity = centre - np.array([0.0, 0.8, 0.0]), np.array([0.0, 1.0, 0.0])
+
+    def aim(tick):
+        if tick == 0:
+            task.target = pin.SE3(task.target.rotation, task.target.translation + 0.02)
+
+    q, least, statuses, threats = run(solver, clearance, begin, velocity, 200, aim)
+    hit = int(np.argmax(least <= 0.0))
+    assert least[hit] <= 0.0
+    assert Status.UNAVOIDABLE in statuses[:hit]
+    assert Status.IN_COLLISION in statuses[hit:]
+    warned = next(threat for threat in threats if threat is not None)
+    assert warned.pair[1].startswith("ball")
+    assert not warned.happens
+    assert accelerations(mechanism, q) <= ACCELERATION * (1.0 + 1e-6)
+    assert max(map(mechanism.closure, q)) <= 1e-9
+
+
+def _centre(mechanism, q, body):
+    data = mechanism.model.createData()
+    pin.forwardKinematics(mechanism.model, data, q)
+    return data.oMi[body.joint].act(np.asarray(body.centre))
+
+
+def test_where_nothing_can_be_done_it_comes_to_a_full_stop_within_its_limits():
+    """Dragged about under a cage, and a large ball comes at 2 m/s, straight to a link near the base."""
+    cage = {"name": "cage", "kind": "cylinder", "radius": 0.5, "length": 0.05, "point": [0.0, 0.0, 1.6]}
+    ball = {"name": "ball", "kind": "sphere", "radius": 0.12, "point": [9.0, 9.0, 0.0]}
+    document = {"safety": SAFETY, "start": {}, "goal": {"point": [2.0, 0.0]}, "obstacle": [cage, ball]}
+    clearance = clearance_of(scene_of(document, mechanism=load("delta4")))
+    solver, away = AvoidingSolver(clearance, DT, SAFETY), 0.5
+    mechanism = solver.mechanism
+    task = solver.add_task(mechanism.end, rotation=0, axes="world")
+    body = next(one for one in clearance.links if one.joint == 1)
+    index, q, statuses, v = len(clearance.obstacles) - 1, [solver.q], [], []
+    aim = task.target.translation + np.array([0.1, 0.1, 0.0])
+    begin = None
+    for tick in range(240):
+        if tick == 0:
+            task.target = pin.SE3(task.target.rotation, aim)
+        if tick == 20:  # while it moves
+            centre = _centre(mechanism, solver.q, body)
+            begin = centre - np.array([0.0, away, 0.0])
+        if begin is not None:
+            at = begin + np.array([0.0, min(2.0 * (tick - 20) * DT, away), 0.0])
+            solver.move(index, pin.SE3(np.eye(3), at))
+        step = solver.step()
+        assert step.exceptions == ()
+        assert np.isfinite(step.q).all()
+        assert mechanism.closure(step.q) <= 1e-9
+        q.append(step.q)
+        statuses.append(step.status)
+        v.append(float(np.abs(step.v).max()))
+    first = next(tick for tick, status in enumerate(statuses) if status in (Status.UNAVOIDABLE, Status.IN_COLLISION))
+    assert Status.UNAVOIDABLE in statuses
+    assert max(v[:first]) > 0.05  # there was something to stop
+    ended = [one for one, status in zip(v, statuses, strict=True) if status is Status.IN_COLLISION]
+    assert min(ended) < 1e-9
+    limits = motion_limits(mechanism).acceleration[[mechanism.v_index(joint) for joint in mechanism.actuated]]
+    rates = np.array([pin.difference(mechanism.model, a, b) for a, b in pairwise(q)]) / DT
+    columns = [mechanism.v_index(joint) for joint in mechanism.actuated]
+    changes = np.abs(np.diff(np.vstack([0.0 * rates[:1], rates]), axis=0))[:, columns] / DT
+    assert (changes <= limits * (1.0 + 1e-6)).all()
+
+
+# --- braking ----------------------------------------------------------------------------------------------------------
+# Accelerations of joints that brake before limits of position, next to others that take longer.
+
+
+DT = 1 / 240
+READY = 0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785, 0.02
+OBSTACLES = [
+    {"name": "table", "kind": "box", "size": [2.0, 2.0, 0.1], "point": [0.0, 0.0, -0.1]},
+    {"name": "wall", "kind": "box", "size": [0.1, 1.0, 1.0], "point": [0.75, 0.0, 0.3]},
+    {"name": "left", "kind": "sphere", "radius": 0.15, "point": [0.45, 0.45, 0.4]},
+    {"name": "right", "kind": "sphere", "radius": 0.15, "point": [0.45, -0.45, 0.4]},
+]
+
+
+def test_an_arm_whose_fingers_are_coupled_obeys_its_limits():
+    """Targets of the hand and of a finger jump, among obstacles: steps are refused, joints at their limits. The fingers
+    brake together, but not as long as the arm, whose joints brake alone."""
+    robots = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
+    panda = cinegen.load(robots / "panda_description/urdf/panda.urdf")
+    start = {"joints": dict(zip(panda.actuated, READY, strict=True))}
+    given = {"safety": 0.01, "start": start, "goal": {"point": [0.0, 0.0, 0.0]}, "obstacle": OBSTACLES}
+    scene = scene_of(given, mechanism=panda)
+    solver, rng = AvoidingSolver(clearance_of(scene), DT, 0.01, q=scene.start), np.random.default_rng(0)
+    hand = solver.add_task("panda_hand", rotation=0, axes="world")
+    finger = solver.add_task("panda_leftfinger", rotation=0, axes="world")
+    home, q = hand.target.translation.copy(), [solver.q]
+    for tick in range(320):
+        if tick % 40 == 0:
+            aim, open_by = home + rng.uniform(-0.5, 0.5, 3), rng.choice([-0.05, 0.1])
+        held, at = panda.placement(solver.q, "panda_hand"), panda.placement(solver.q, "panda_leftfinger")
+        hand.target = pin.SE3(hand.target.rotation, aim)
+        finger.target = pin.SE3(at.rotation, held.act(np.array([0.0, open_by, 0.0584])))
+        q.append(solver.step().q)
+    moved = np.array(q)
+    changes = np.diff(np.vstack([moved[:1], moved]), n=2, axis=0) / DT**2
+    limits = motion_limits(panda).acceleration
+    limits[panda.v_index("panda_finger_joint2")] = limits[panda.v_index("panda_finger_joint1")]  # it is coupled to it
+    assert (np.abs(changes) <= limits * (1.0 + 1e-6)).all()
+    assert np.ptp(moved[:, -1]) > 0.03
+
+
+# --- encounters -------------------------------------------------------------------------------------------------------
+# Predicted distances from obstacles that move, against coal at instants that are 1 ms apart.
+
+
+DT, SAFETY, STRIDE = 1e-3, 0.01, 5e-3
+BOX = np.array([0.2, 0.06, 0.1])
+
+
+@pytest.mark.parametrize("spin", [0.0, 3.0])
+def test_no_distance_below_the_safety_distance_is_overlooked(spin):
+    """A box crosses the workspace of an arm that brakes, or accelerates and brakes; where it stays far enough away, so
+    does it at all instants in between, and where not, the first such instant and the least distance are found."""
+    mechanism, rng = load("arm7"), np.random.default_rng(0)
+    box = {"name": "box", "kind": "box", "size": BOX.tolist(), "point": [9.0, 9.0, 0.0]}
+    given = {"safety": SAFETY, "start": {}, "goal": {"point": [0.0, 0.0, 0.0]}, "obstacle": [box]}
+    clearance = clearance_of(scene_of(given, mechanism=mechanism))
+    joints = ReactingJoints(mechanism, clearance.links, motion_limits(mechanism).acceleration)
+    joints.dt = DT
+    encounters, outcomes = Encounters(clearance, SAFETY, joints), []
+    links = [one for one in clearance.links if one.joint]
+    for number in range(12):
+        q = mechanism.q_home + rng.uniform(-0.5, 0.5, 7)
+        v = rng.uniform(-1.0, 1.0, 7) * (number % 2)
+        manoeuvre = joints.manoeuvre(q, v, rng.uniform(-1.0, 1.0, 7), 0.2) if number % 3 else joints.braking
+        pose, velocity = _course(mechanism, q, rng)
+        motion = ObstacleMotion(pose, 0)
+        turn = pin.exp3(np.array([0.0, 0.0, spin * DT]))
+        motion.update(pin.SE3(turn @ pose.rotation, pose.translation + velocity * DT), 1, DT)
+        assert encounters.follow({0: motion}, 1)
+        found = encounters.meet(q, v, manoeuvre)
+        dense = _distances(mechanism, links, joints, q, v, manoeuvre, lambda t, m=motion: m.pose(1, t))
+        if dense[0] < 2.0 * SAFETY:
+            continue
+        outcomes.append(dense.min() < SAFETY)
+        low = np.flatnonzero(dense < SAFETY - STRIDE)
+        if len(low):
+            assert found.first <= low[0] * DT + 1e-9
+            assert found.place is not None
+        if dense.min() >= SAFETY:
+            assert found.first == np.inf
+        assert found.least >= dense.min() - 1e-6 or dense.min() <= 0.0  # no instant is made up
+    assert any(outcomes)
+    assert not all(outcomes)
+
+
+def _course(mechanism, q, rng):
+    """A pose about half a metre from a point of the arm, and a velocity past it at 0.6 to 2 m/s."""
+    aim = mechanism.placement(q, f"link{rng.integers(3, 7)}").translation + rng.uniform(-0.15, 0.15, 3)
+    direction = rng.normal(size=3)
+    direction /= np.linalg.norm(direction)
+    return pin.SE3(pin.exp3(rng.normal(size=3)), aim - 0.6 * direction), rng.uniform(0.6, 2.0) * direction
+
+
+def _distances(mechanism, links, joints, q, v, manoeuvre: Manoeuvre, pose):
+    data, shape, found = mechanism.model.createData(), coal.Box(*BOX), []
+    times = np.arange(0.0, HORIZON, DT)
+    for t, moved in zip(times, joints.roll_out(v, manoeuvre, times).moved, strict=True):
+        pin.forwardKinematics(mechanism.model, data, q + moved)
+        at = pose(float(t))
+        there, least = coal.Transform3s(at.rotation, at.translation), np.inf
+        for link in links:
+            here = data.oMi[link.joint] * link.placement
+            place, result = coal.Transform3s(here.rotation, here.translation), coal.DistanceResult()
+            least = min(least, coal.distance(link.shape, place, shape, there, coal.DistanceRequest(), result))
+        found.append(least)
+    return np.array(found)
+
+
+# --- manoeuvres -------------------------------------------------------------------------------------------------------
+# Manoeuvres: against plain integration; and their checks against what is at rest, by coal in fine steps.
+
+
+def among(*obstacles):
+    mechanism = load("planar_3r")
+    document = {"safety": 0.01, "start": {}, "goal": {"point": [0.0, 0.0, 0.0]}, "obstacle": list(obstacles)}
+    clearance = clearance_of(scene_of(document, mechanism=mechanism))
+    joints = ReactingJoints(mechanism, clearance.links, motion_limits(mechanism).acceleration)
+    joints.dt = DT
+    return mechanism, clearance, joints
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_manoeuvre_is_what_its_ticks_add_up_to(seed):
+    _, _, joints = among()
+    rng = np.random.default_rng(seed)
+    own = np.round(rng.uniform(-1.0, 1.0, 3), 2)
+    one = Manoeuvre(rng.uniform(-1.0, 1.0, 3) * joints.limits, np.full(3, 48 * DT))
+    whole, v, moved, speeds = one, own.copy(), np.zeros(3), []
+    for _ in range(120):
+        after = joints.next_velocity(v, one)
+        assert (np.abs(after - v) <= joints.limits * DT * (1.0 + 1e-9)).all()
+        v, one = after, one.after(DT)
+        moved += v * DT
+        speeds.append(np.abs(v))
+    rolled = joints.roll_out(own, whole, np.array([120 * DT]))
+    assert rolled.velocity[0] == pytest.approx(v, abs=1e-9)
+    assert rolled.moved[0] == pytest.approx(moved, abs=2e-4)  # a phase may end within a tick
+    assert (np.max(speeds, axis=0) <= joints.fastest_between(own, whole, 0.0, 120 * DT) + 1e-9).all()
+
+
+@pytest.mark.parametrize("where", [0.15, 0.45, 0.75])
+def test_a_thin_obstacle_anywhere_along_a_manoeuvre_is_met(where):
+    """A rod of 2 mm, which few instants would miss, somewhere in the arc of the tool."""
+    mechanism, _, joints = among()
+    q, v = mechanism.q_home, np.zeros(3)
+    turning = Manoeuvre(joints.limits * [1.0, 0.0, 0.0], np.array([0.4, 0.0, 0.0]))
+    end = joints.duration(v, turning)
+    moved = joints.roll_out(v, turning, np.linspace(0.0, end, 400)).moved
+    path = [joints.configuration(q, one, q) for one in moved]
+    at = mechanism.placement(path[int(where * 400)], "tool").translation
+    rod = {"name": "rod", "kind": "disc", "radius": 1e-3, "point": [float(at[0]), float(at[1])]}
+    far = {**rod, "point": [-3.0, -3.0]}
+    for obstacle, is_free in ((rod, False), (far, True)):
+        _, clearance, joints = among(obstacle, {"name": "ball", "kind": "disc", "radius": 0.05, "point": [9.0, 9.0]})
+        encounters = Encounters(clearance, 0.01, joints)
+        truth = min(clearance.least(one) for one in path)
+        assert (truth > 0.01) is is_free
+        assert encounters.is_clear_of_rest(q, v, turning) is is_free

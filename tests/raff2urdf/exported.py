@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from mechanisms import KNOWN
 from numpy.typing import NDArray
+from small_robots import FLOATING as FLOATS
+from small_robots import four_bar
 
 from raff2urdf import loads
 from raff2urdf.conversion import Translation, translate
@@ -41,19 +43,7 @@ ELSEWHERE = KNOWN["slider-crank, cut at the slide"][0].replace(
 )
 """A base that stands neither at the origin nor upright, and a prismatic loop whose second end is on it."""
 
-LOOSE = """RAFF loose
-robot r {
-  base { }
-  link 1 { parameters { theta 50 } type 2 pred 0 }
-  link 2 { parameters { theta -26 d 120 } type 2 pred 1 }
-  link 3 { parameters { theta 89 d 400 } type 2 pred 0 }
-  frame 4 { parameters { d 360 } pred 2 }
-  frame 5 { parameters { d 240 } pred 3 }
-  constraint { frame 4 frame 5 type 2 }
-  constraint { base sensor ( 0 1 ) }
-}
-sensor 1 { port "/dev/ttyS0" }
-"""
+LOOSE = four_bar(more=FLOATS[0], after=FLOATS[1])
 """A closed robot that can move as a whole, written with rounded angles."""
 
 CHAINS = ("slider-crank, cut at the slide", "planar 3-RRR")

@@ -12,7 +12,7 @@ import pytest
 import trimesh
 import yourdfpy
 from lxml import etree
-from test_nff import CUBE
+from test_graphic_files import CUBE
 
 import cinegen
 import raff2urdf

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from random import Random
 
@@ -11,12 +11,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from mechanisms import CLOSED_CHAINS, KNOWN, axis_at, delta, five_bar, four_bar, gough_stewart, ring, serial, shift
+from small_robots import four_bar as rough_four_bar
 from strategies import examples
 
+import raff2urdf
 from raff2urdf import RaffError, loads
 from raff2urdf.closure import gaps
 from raff2urdf.loops.mobility import Analysis, analyse, loop_kinds
-from raff2urdf.raff.document import UNITS_PER_METRE, Document, LoopKind, RaffParameters
+from raff2urdf.loops.slips import Fault
+from raff2urdf.raff.closing_edits import slips_of
+from raff2urdf.raff.document import UNITS_PER_METRE, Document, LoopKind, RaffParameters, RaffPart, RaffRobot
+from raff2urdf.shipped import robots
 from raff2urdf.tree import clusters, placements
 
 FEW = examples(5)
@@ -198,22 +203,14 @@ def test_at_home_all_loops_are_closed(name: str) -> None:
     assert gap_at(text, home) < 1e-12
 
 
-ROUNDED = """RAFF rounded
-robot r {
-  base { }
-  link 1 { parameters { theta 50 }        type 2 pred 0 }
-  link 2 { parameters { theta -26 d 120 } type 2 pred 1 }
-  link 3 { parameters { theta 89 d 400 }  type 2 pred 0 LIMITS }
-  frame 4 { parameters { d 360 } pred 2 }
-  frame 5 { parameters { d 240 } pred 3 }
-  link 6 { parameters { theta 12 d 100 } type 2 pred 3 }
-  constraint { frame 4 frame 5 type 2 }
-}
-"""
+def rounded(limits: str = "") -> str:
+    """Its rocker has limits, and carries a joint that is in no loop."""
+    carried = "link 6 { parameters { theta 12 d 100 } type 2 pred 3 }"
+    return rough_four_bar(words=("", "", limits), more=carried)
 
 
 def test_what_is_written_roughly_is_closed_nearby_and_the_rest_stays() -> None:
-    text = ROUNDED.replace("LIMITS", "")
+    text = rounded()
     home = analysis_of(text).home
     assert gap_at(text, home) < 1e-12
     assert home["joint6"] == math.radians(12)
@@ -223,7 +220,7 @@ def test_what_is_written_roughly_is_closed_nearby_and_the_rest_stays() -> None:
 
 @pytest.mark.parametrize(("low", "high", "wanted"), [(100, 120, 100), (60, 87, 87)])
 def test_home_is_inside_the_limits(low: float, high: float, wanted: float) -> None:
-    text = ROUNDED.replace("LIMITS", f"limits {{ {low} {high} }}")
+    text = rounded(f"limits {{ {low} {high} }}")
     home = analysis_of(text).home
     assert gap_at(text, home) < 1e-12
     assert home["joint3"] == pytest.approx(math.radians(wanted), abs=1e-12)
@@ -232,7 +229,55 @@ def test_home_is_inside_the_limits(low: float, high: float, wanted: float) -> No
 
 
 def test_where_no_closed_configuration_is_inside_the_limits_the_nearest_closed_one_is_home() -> None:
-    text = ROUNDED.replace("LIMITS", "limits { 200 210 }")
-    free = ROUNDED.replace("LIMITS", "")
+    text = rounded("limits { 200 210 }")
+    free = rounded()
     assert analysis_of(text).home == analysis_of(free).home
     assert gap_at(text, analysis_of(text).home) < 1e-12
+
+
+# --- slips ------------------------------------------------------------------------------------------------------------
+# A slip of the pen in a robot that is drawn closed is named, and a robot without any is not doubted.
+
+
+def slips(document: Document, robot: RaffRobot, fault: Fault = Fault.OPEN) -> str | None:
+    return slips_of(document, robot, {i: loop.kind for i, loop in enumerate(robot.loops)}, fault)
+
+
+def with_number(robot: RaffRobot, part: RaffPart, word: str, value: float) -> RaffRobot:
+    other = replace(part, parameters=replace(part.parameters, **{word: value}))
+    return replace(robot, parts=tuple(other if one is part else one for one in robot.parts))
+
+
+@pytest.mark.parametrize("name", ["five_bar", "gough", "tssm", "cusp_3rpr"])
+@pytest.mark.parametrize("fault", [Fault.OPEN, Fault.ELSEWHERE])
+def test_a_wrong_sign_or_a_digit_too_many_is_named_in_every_length_of_a_loop(name: str, fault: Fault) -> None:
+    document = raff2urdf.load(name)
+    robot = document.robot()
+    ends = [getattr(loop, end) for loop in robot.loops for end in ("first", "second")]
+    tried = 0
+    for part in (part for part in robot.parts if part.number in ends and part.parameters.d):
+        for factor in (-1.0, 10.0):
+            said = slips(document, with_number(robot, part, "d", factor * part.parameters.d), fault)
+            assert said is not None
+            assert f"write 'd {part.parameters.d:.15g}' for 'd " in said
+            assert f" in {part.keyword} {part.number}" in said
+            tried += 1
+    assert tried > 0
+
+
+def shipped() -> Iterator[tuple[str, Document, RaffRobot]]:
+    for name in robots():
+        document = raff2urdf.load(name)
+        yield from ((name, document, robot) for robot in document.robots)
+
+
+def test_robots_that_are_right_are_not_doubted() -> None:
+    for name, document, robot in shipped():
+        assert slips(document, robot) is None, name
+
+
+def test_a_rigid_loop_in_the_place_of_a_hinge_is_named() -> None:
+    document = raff2urdf.load("four_bar")
+    said = slips_of(document, document.robot(), {0: LoopKind.RIGID}, Fault.OPEN)
+    assert said is not None
+    assert "write 'type 2' for 'type 0' in the constraint" in said

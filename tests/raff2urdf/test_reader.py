@@ -1,27 +1,38 @@
 """RAFF text as a person writes it, and what the reader says where it is wrong."""
 
+import json
+import math
+import re
+import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from strategies import documents, examples
-from wrong_raff import END, FIGURE_5, LINK, assert_in_order
-from wrong_raff import WRONG_TEXTS as WRONG
+from strategies import documents, examples, layouts
+from wrong_raff import END, FIGURE_5, LINK, ONE, WRONG_BODIES, WRONG_TEXTS, assert_in_order, text_of
 
 import raff2urdf
-from raff2urdf import RaffError
+from raff2urdf import RaffError, RaffWarning
+from raff2urdf.cli import main
 from raff2urdf.errors import Problem
 from raff2urdf.raff.document import (
     Document,
     JointType,
     LoopKind,
     RaffBase,
+    RaffFrame,
     RaffLink,
     RaffLoop,
     RaffParameters,
     RaffRobot,
+    RaffSensor,
+    SensorConstraint,
 )
+from raff2urdf.raff.grammar import grammar
+from raff2urdf.raff.reader import parse
+from raff2urdf.raff.tokens import tokens
 
 
 def repaired_figure_5() -> str:
@@ -124,7 +135,7 @@ def at(entry: tuple[str, int, int, str]) -> str:
     return entry[3].replace(" ", "-")
 
 
-@pytest.mark.parametrize(("text", "line", "column", "words"), WRONG, ids=map(at, WRONG))
+@pytest.mark.parametrize(("text", "line", "column", "words"), WRONG_TEXTS, ids=map(at, WRONG_TEXTS))
 def test_an_error_says_where_it_is_and_what_is_likely_meant(text: str, line: int, column: int, words: str) -> None:
     (problem,) = problems_of(text)
     assert problem.location is not None
@@ -212,3 +223,258 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
         with pytest.raises(RaffError) as caught:
             raff2urdf.load(path)
         assert str(caught.value).startswith(f"{path}: can't be read: ")
+
+
+# --- writer -----------------------------------------------------------------------------------------------------------
+# What is written reads back as the same document.
+
+
+@given(documents())
+@examples(80)
+def test_what_is_written_reads_back_as_the_same_document(document: Document) -> None:
+    assert raff2urdf.loads(raff2urdf.dumps(document)) == document
+
+
+@given(documents(least_robots=1), st.data())
+@examples(40)
+def test_white_space_and_comments_mean_nothing(document: Document, data: st.DataObject) -> None:
+    text = raff2urdf.dumps(document)
+    assert raff2urdf.loads(data.draw(layouts(text))) == document
+
+
+@pytest.mark.parametrize("name", ["robot", "3RRR", "a b", "", "-1", "a//b", "{", "Tête à tête", ".5"])
+def test_a_file_may_bear_any_name(name: str) -> None:
+    assert raff2urdf.loads(raff2urdf.dumps(Document(name))).name == name
+
+
+@pytest.mark.parametrize("wrong", ['a "b"', "a\nb"])
+@pytest.mark.parametrize("where", ["document", "path", "name", "filename", "port"])
+def test_a_text_that_raff_cannot_hold_is_refused(wrong: str, where: str) -> None:
+    link = RaffLink(1, RaffParameters(), JointType.FIXED, 0)
+    document = {
+        "document": lambda: Document(wrong),
+        "path": lambda: Document("x", (RaffRobot("r", path=wrong),)),
+        "name": lambda: Document("x", (RaffRobot("r", parts=(replace(link, name=wrong),)),)),
+        "filename": lambda: Document("x", (RaffRobot("r", parts=(replace(link, filenames=(wrong,)),)),)),
+        "port": lambda: Document("x", sensors=(RaffSensor(1, wrong),)),
+    }[where]()
+    with pytest.raises(raff2urdf.RaffError, match="quotation mark or a line's end"):
+        raff2urdf.dumps(document)
+
+
+@pytest.mark.parametrize("wrong", [math.inf, -math.inf, math.nan])
+def test_a_number_that_raff_cannot_hold_is_refused(wrong: float) -> None:
+    link = RaffLink(1, RaffParameters(d=wrong), JointType.REVOLUTE, 0)
+    with pytest.raises(raff2urdf.RaffError):
+        raff2urdf.dumps(Document("x", (RaffRobot("r", parts=(link,)),)))
+
+
+@pytest.mark.parametrize("what", ["graphics", "sensors"])
+def test_a_long_list_is_written_so_that_it_can_be_read(what: str) -> None:
+    """The reader takes no line of over 10,000 characters."""
+    if what == "graphics":
+        link = RaffLink(
+            1, RaffParameters(), JointType.FIXED, 0, filenames=tuple(f"part-{i:04}.stl" for i in range(1000))
+        )
+        document = Document("x", (RaffRobot("r", parts=(link,)),))
+    else:
+        sensors = tuple(RaffSensor(number, "port") for number in range(1, 3001))
+        chosen = SensorConstraint(0, tuple(sensor.number for sensor in sensors))
+        document = Document("x", (RaffRobot("r", sensor_constraints=(chosen,)),), sensors)
+    assert raff2urdf.loads(raff2urdf.dumps(document)) == document
+
+
+# --- grammar ----------------------------------------------------------------------------------------------------------
+# The grammar for editors marks RAFF as the reader reads it: it is applied by the rules of TextMate's manual.
+
+
+def scopes(text):
+    """Return (line, column, text, scope) of all that a grammar marks, line by line as an editor does.
+
+    In a region its end is tried first, then its rules in order; the match that begins first counts.
+    """
+    rules = grammar()
+    repository = {f"#{key}": value["patterns"] for key, value in rules["repository"].items()}
+
+    def flat(patterns):
+        for one in patterns:
+            yield from flat(repository[one["include"]]) if "include" in one else (one,)
+
+    found, stack = [], [(None, rules["patterns"], {})]
+
+    def mark(line, match, rule, captures):
+        if "name" in rule:
+            found.append((line, match.start() + 1, match[0], rule["name"]))
+        for group, value in rule.get(captures, {}).items():
+            if match[int(group)] is not None:
+                found.append((line, match.start(int(group)) + 1, match[int(group)], value["name"]))
+
+    for number, line in enumerate(text.splitlines(), 1):
+        at = 0
+        while True:
+            end, patterns, region = stack[-1]
+            tried = [(re.compile(end).search(line, at), None)] if end else []
+            for rule in flat(patterns):
+                tried.append((re.compile(rule.get("begin") or rule["match"]).search(line, at), rule))
+            tried = [one for one in tried if one[0] is not None]
+            if not tried:
+                break
+            match, rule = min(tried, key=lambda one: one[0].start())
+            if rule is None:
+                mark(number, match, {"endCaptures": region.get("endCaptures", {})}, "endCaptures")
+                stack.pop()
+            elif "begin" in rule:
+                mark(number, match, {"beginCaptures": rule["beginCaptures"]}, "beginCaptures")
+                stack.append((rule["end"], rule["patterns"], rule))
+            else:
+                mark(number, match, rule, "captures")
+                assert match.end() > match.start()
+            at = match.end()
+    assert len(stack) == 1, "a region is open at the end"
+    return found
+
+
+def test_robots_have_nothing_illegal_and_every_token_has_a_scope(root):
+    for path in sorted((root / "robots").glob("*.raff")):
+        text = path.read_text()
+        marked = scopes(text)
+        assert [one for one in marked if one[3].startswith("invalid")] == [], path.name
+        at = {(line, column) for line, column, _, _ in marked}
+        for token in tokens(text.splitlines()):
+            if token.kind not in ("END", ")", "("):
+                assert (token.line, token.column) in at, (path.name, token)
+
+
+def test_what_does_not_belong_is_illegal():
+    text = 'RAFF t\nrobot r {\n  link 1 { typ 2 pred 0 joint ball name "a" }\n  d 5mm\n}\nunits cm // note\n'
+    found = {word: scope for _, _, word, scope in scopes(text)}
+    assert found["typ"] == found["d"] == found["5mm"] == "invalid.illegal.raff"
+    assert found["pred"] == found["units"] == "keyword.other.raff"
+    assert found["robot"] == found["link"] == "storage.type.raff"
+    assert found["ball"] == found["cm"] == "constant.language.raff"
+    assert found["RAFF"] == "keyword.control.raff"
+    assert found["t"] == found["r"] == "entity.name.raff"
+    assert found['"a"'] == "string.quoted.double.raff"
+    assert found["// note"] == "comment.line.double-slash.raff"
+    assert found["1"] == "constant.numeric.raff"
+
+
+def test_the_command_prints_it(capfd):
+    assert main(["--grammar"]) == 0
+    assert json.loads(capfd.readouterr().out) == grammar()
+
+
+# --- check ------------------------------------------------------------------------------------------------------------
+# Checks beyond the grammar: parents, numbers, names, limits, and constraints on what does not exist.
+
+
+def faults_of(text: str) -> tuple[Problem, ...]:
+    with pytest.raises(RaffError) as caught:
+        raff2urdf.check(raff2urdf.loads(text))
+    return caught.value.problems
+
+
+def warnings_of(text: str) -> list[str]:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        raff2urdf.check(raff2urdf.loads(text))
+    assert all(warning.category is RaffWarning for warning in caught)
+    return [str(warning.message) for warning in caught]
+
+
+@given(documents(least_robots=1))
+@examples(60)
+def test_a_document_without_faults_passes(document: Document) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RaffWarning)
+        raff2urdf.check(document)
+
+
+@pytest.mark.parametrize(("body", "line", "column", "words"), WRONG_BODIES, ids=map(at, WRONG_BODIES))
+def test_a_fault_is_named_where_it_stands(body: str, line: int, column: int, words: str) -> None:
+    (problem,) = faults_of(text_of(body))
+    assert_in_order(words, problem.message)
+    assert problem.location is not None
+    assert (problem.location.line, problem.location.column) == (line, column)
+
+
+@pytest.mark.parametrize(
+    ("text", "column", "what"),
+    [
+        ("RAFF t\nrobot a { }\nrobot b { }\nrobot a { }", 7, "robot 'a'"),
+        ('RAFF t\nsensor 1 { port "a" }\nrobot r { }\nsensor 1 { port "b" }', 8, "sensor 1"),
+    ],
+)
+def test_a_name_or_number_that_is_taken_is_refused_where_it_stands(text: str, column: int, what: str) -> None:
+    (problem,) = faults_of(text)
+    assert problem.location is not None
+    assert (problem.location.line, problem.location.column) == (4, column)
+    assert problem.message == f"{what} is defined twice, first on line 2: change one of them"
+
+
+@pytest.mark.parametrize("name", ["4bar", '"left arm"', '""', "-r"])
+def test_a_robots_name_must_be_one_that_xml_takes(name: str) -> None:
+    (problem,) = faults_of(f"RAFF t\nrobot {name} {{ }}")
+    assert "can't name a robot" in problem.message
+
+
+def test_an_unknown_sensor_is_answered_with_those_that_exist() -> None:
+    text = text_of(f"{ONE}\nconstraint {{ link 1 sensor ( 3 ) }}", 'sensor 7 { port "a" } sensor 2 { port "b" }')
+    assert faults_of(text)[0].message == "sensor 3 is not declared (declared: 2, 7)"
+
+
+@pytest.mark.parametrize("length", [1, 3000])
+def test_a_cycle_of_parents_is_one_fault_however_long(length: int) -> None:
+    ring = [RaffLink(i, RaffParameters(), JointType.REVOLUTE, 1 + i % length) for i in range(1, length + 1)]
+    on_it = [RaffFrame(length + i, RaffParameters(), i) for i in range(1, length + 1)]
+    with pytest.raises(RaffError) as caught:
+        raff2urdf.check(Document("t", (RaffRobot("r", parts=(*on_it, *ring)),)))
+    (problem,) = caught.value.problems
+    assert "link 1 is part of a cycle of parents: 1 -> " in problem.message
+    assert len(problem.message) < 200
+
+
+def test_all_faults_are_reported_at_once_in_the_order_of_the_text() -> None:
+    body = "\n".join(
+        ["link 1 { type 2 pred 9 limits { 2 1 } }", ONE, "link 3 { type 2 pred 3 }", "constraint { base link 8 }"]
+    )
+    with pytest.raises(RaffError) as caught:
+        raff2urdf.check(parse(text_of(body, "robot r { }")))
+    assert [problem.location and problem.location.line for problem in caught.value.problems] == [3, 3, 4, 5, 6, 8]
+
+
+# --- understood, but probably not meant --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("link", "column", "words"), [
+    ("type 0 pred 0 limits { 0 90 }", 33, "link 1 is fixed limits"),
+    ("type 0 pred 0 velocity 90", 33, "link 1 is fixed velocity"),
+    ("type 0 pred 0 actuated 1", 33, "link 1 is fixed actuate"),
+    ("type 0 pred 0 effort 5", 31, "link 1 is fixed effort"),
+    ("type 0 pred 0 armature 5", 33, "link 1 is fixed armature"),
+    ("type 0 pred 0 damping 5", 32, "link 1 is fixed damping"),
+    ("type 0 pred 0 friction 5", 33, "link 1 is fixed friction"),
+    ("type 2 pred 0 effort 5 actuated 0", 31, "link 1 is passive effort 'actuated 1'"),
+    ("joint ball pred 0 variable y { effort 5 }", 48, "variable y of link 1 is passive effort"),
+    ("parameters { theta 95 } type 2 pred 0 limits { 0 90 }", 57, "link 1 95 outside limits"),
+    ("parameters { r -9 } type 1 pred 0 limits { 0 90 }", 53, "link 1 -9 outside limits"),
+])  # fmt: skip
+def test_what_is_probably_not_meant_is_a_warning_with_its_place(link: str, column: int, words: str) -> None:
+    (warning,) = warnings_of(text_of(f"link 1 {{ {link} }}"))
+    assert warning.startswith(f"<text>:3:{column}: ")
+    for word in words.split():
+        assert word in warning
+
+
+def test_a_robot_of_some_mm_must_state_its_units() -> None:
+    links = " link 1 { type 2 pred 0 parameters { d 0.4 } }\n frame 2 { pred 1 parameters { d 1.2 } }\n"
+    begin, end = "RAFF x\n", f"robot r {{\n{links}}}\n"
+    with pytest.raises(raff2urdf.RaffError, match=r"<text>:4:.*1\.2 mm: did you mean metres\? Write 'units m'"):
+        raff2urdf.check(raff2urdf.loads(begin + end))
+    for units in ("units mm\n", "units m\n", "units um\n"):
+        raff2urdf.check(raff2urdf.loads(begin + units + end))
+    small = replace(raff2urdf.loads(begin + end), states_units=True)  # as a program would make it
+    again = raff2urdf.loads(raff2urdf.dumps(small))
+    assert again.states_units
+    assert again == small
+    raff2urdf.check(again)

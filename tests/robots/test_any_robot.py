@@ -1,8 +1,6 @@
 """Mechanisms that nobody drew: random trees, random loops, and linkages whose mobility is known by other means."""
 
 import math
-import tempfile
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -43,10 +41,7 @@ def law(examples: int):
 
 
 def load(text: str) -> cinegen.Mechanism:
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "any.raff"
-        path.write_text(f"RAFF any\n{text}", encoding="utf-8")
-        return cinegen.load(path)
+    return cinegen.load(f"RAFF any\n{text}")
 
 
 def converted(text: str) -> int:

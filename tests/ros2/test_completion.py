@@ -75,14 +75,14 @@ def test_what_is_wrong_moves_nothing(root, names, positions, velocities, message
     assert np.array_equal(completion.q, before)
 
 
-def test_balls_have_no_place_in_joint_states(tmp_path):
-    file = tmp_path / "ball.raff"
-    file.write_text(
-        "RAFF Ball robot chain {\n link 1 { parameters { d 100 } type 2 pred 0 actuated 1 }\n"
-        " link 2 { parameters { d 100 } joint ball pred 1 } }\n"
-    )
+def test_balls_have_no_place_in_joint_states():
     with pytest.raises(CompletionError, match=r"joint2 of .* have more: .* use the URDF"):
-        JointStateCompletion(cinegen.load(file))
+        JointStateCompletion(
+            cinegen.load(
+                "RAFF Ball robot chain {\n link 1 { parameters { d 100 } type 2 pred 0 actuated 1 }\n"
+                " link 2 { parameters { d 100 } joint ball pred 1 } }\n"
+            )
+        )
 
 
 # --- trajectories ------------------------------------------------------------------------------------------------

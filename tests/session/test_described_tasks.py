@@ -36,12 +36,11 @@ OF_EACH_KIND = [
 
 
 @pytest.fixture
-def two(tmp_path, closing):
+def two(closing):
     """Return a session of a robot with two arms, of the given name and base pose."""
-    (tmp_path / "two_armed.urdf").write_text(two_armed.URDF)
 
     def session(bases=None, **options):
-        return closing(Session(arrange({"duo": cinegen.load(tmp_path / "two_armed.urdf")}, bases, **options)))
+        return closing(Session(arrange({"duo": cinegen.load(two_armed.URDF)}, bases, **options)))
 
     return session
 
@@ -116,9 +115,8 @@ def test_a_part_stays_upright_while_it_is_dragged_and_within_a_cone_by_a_range(t
     assert 0.05 < widest <= 0.1 + 1e-6
 
 
-def test_a_biped_that_is_dragged_keeps_its_feet(tmp_path):
-    (tmp_path / "biped.urdf").write_text(bipeds.URDF)
-    session = Session(arrange({"duo": cinegen.load(tmp_path / "biped.urdf")}))
+def test_a_biped_that_is_dragged_keeps_its_feet():
+    session = Session(arrange({"duo": cinegen.load(bipeds.URDF)}))
     add(session, {"kind": "relative_pose", "node": "left_foot", "other": "right_foot"})
     session.obey(c.Pin("duo", "right_foot"))
     session.obey(c.ChangeTask(session.state().robots["duo"].tasks[0].id, priority=0))

@@ -3,16 +3,20 @@
 import re
 from dataclasses import replace
 
+import bipeds
 import coal
 import msgspec
 import numpy as np
 import pinocchio as pin
 import pytest
+from leading import run
 
 import cinegen
+from cinegen.collision import load_scene
 from cinegen.collision.body import PlacedShape
+from cinegen.errors import CinegenError, UnknownNameError
 from cinegen.mission.drawn_obstacle import DrawnObstacle, DrawnShape
-from cinegen.session import Session, Setup, arrange
+from cinegen.session import Reporter, Session, Setup, arrange, scene_setup
 from cinegen.session import commands as c
 from cinegen.session.other_robots import OtherRobots
 
@@ -44,7 +48,7 @@ def exchanged(session, *mechanisms, edition=1, **changes):
     return session.state()
 
 
-def run(session, ticks=400):
+def ticked(session, ticks=400):
     for _ in range(ticks):
         session.tick()
     return session.state()
@@ -55,7 +59,7 @@ def move(session, **joints):
     for joint, value in joints.items():
         session.obey(c.MoveJoint(name, joint, value))
     session.obey(c.EndJointMotion())
-    return run(session, 3000)
+    return ticked(session, 3000)
 
 
 def value(session, joint):
@@ -131,7 +135,7 @@ def test_pins_hold_their_place_and_those_of_lost_nodes_are_named(load):
     state = exchanged(session, load(without)).robots["arm"]
     assert [(task.id, task.node) for task in state.tasks] == [(ids[0], "bend")]
     assert "there is no 'tip' any more: its pin has ended" in texts(session)
-    run(session, 3000)
+    ticked(session, 3000)
     assert session.robots["arm"].placement("bend").translation[:2] == pytest.approx(target[:2], abs=2e-2)
 
 
@@ -139,11 +143,11 @@ def test_a_drag_goes_on(load):
     session = Session(arrange({"arm": load(ARM)}))
     move(session, joint1=0.3, joint2=0.6, joint3=-0.8)
     session.obey(c.StartDrag("arm", "tip"))
-    run(session, 5)
+    ticked(session, 5)
     exchanged(session, load(ARM.replace("d 250", "d 260")))
     here = session.robots["arm"].placement("tip").translation
     session.obey(c.MoveDrag(tuple(0.95 * here)))
-    run(session, 600)
+    ticked(session, 600)
     assert session.robots["arm"].placement("tip").translation == pytest.approx(0.95 * here, abs=1e-4)
     session.obey(c.EndDrag())
     assert session.state().robots["arm"].tasks == ()
@@ -156,12 +160,12 @@ def test_undo_goes_back_across_the_edit_by_joint_names(load):
     exchanged(session, load(ARM.replace("d 250", "d 260").replace("link 2", "link 7").replace("pred 2", "pred 7")))
     assert session.state().undo == 2
     session.obey(c.Undo())
-    run(session, 3000)
+    ticked(session, 3000)
     assert value(session, "joint1") == pytest.approx(0.3, abs=1e-6)
     assert value(session, "joint3") == pytest.approx(0.0, abs=1e-6)
     assert "joint7" in session.robots["arm"].mechanism.joints  # the robot stays that of the file
     session.obey(c.Redo())
-    run(session, 3000)
+    ticked(session, 3000)
     assert value(session, "joint1") == pytest.approx(0.9, abs=1e-6)
 
 
@@ -199,8 +203,162 @@ def test_settings_time_and_pause_stay(load):
     session = Session(Setup({"arm": load(ARM)}))
     session.obey(c.ChangeSettings(gain=30.0, damping=0.1))
     session.obey(c.Pause(True))
-    time = run(session, 10).time
+    time = ticked(session, 10).time
     state = exchanged(session, load(ARM))
     assert (state.settings.gain, state.settings.damping, state.paused) == (30.0, 0.1, True)
     assert state.time == time
     assert session.robots["arm"].solver.gain == 30.0
+
+
+# --- locked joints ----------------------------------------------------------------------------------------------------
+# Locked joints in a session: nothing but an undo moves them, and a saved file or an undo does not unlock them.
+
+
+def drag(session, name, by, **options):
+    """Drag the end of a robot by a vector (m)."""
+    robot = session.robots[name]
+    goal = robot.placement(robot.mechanism.end).translation + by
+    session.obey(c.StartDrag(name, robot.mechanism.end, None))
+    session.obey(c.MoveDrag(tuple(goal)))
+    state = run(session, 2.0)
+    session.obey(c.EndDrag(**options))
+    return state.robots[name]
+
+
+def value_of(session, name, joint):
+    robot = session.robots[name]
+    return robot.q[robot.mechanism.q_index(joint)]
+
+
+@pytest.mark.parametrize(("name", "joint"), [("arm7", "joint1"), ("gough", "joint3")])
+def test_a_drag_does_not_move_a_locked_joint_until_it_is_unlocked(session, name, joint):
+    one = session(name)
+    before, by = value_of(one, name, joint), 0.05 * one.robots[name].mechanism.length * np.array([0.3, 1.0, 0.2])
+    one.obey(c.LockJoint(name, joint, True))
+    state = drag(one, name, by)
+    assert state.locked == (joint,)
+    assert value_of(one, name, joint) == before
+    assert not np.array_equal(one.robots[name].q, one.robots[name].home)
+    one.obey(c.LockJoint(name, joint, False))
+    state = drag(one, name, by)
+    assert state.locked == ()
+    assert value_of(one, name, joint) != before
+
+
+def test_sliders_home_and_lines_do_not_move_a_locked_joint(session):
+    one = session("arm7")
+    drag(one, "arm7", np.array([0.0, 0.1, 0.0]))
+    one.obey(c.LockJoint("arm7", "joint1", True))
+    before = value_of(one, "arm7", "joint1")
+    assert before != one.robots["arm7"].home[0]
+    one.obey(c.MoveJoint("arm7", "joint1", 0.5))
+    assert "joint1 of arm7 is locked: unlock it" in one.state().notices[-1].text
+    for command in (c.MoveHome("arm7"), c.MoveTo("arm7", "tool", tuple(one.robots["arm7"].home.tolist()))):
+        one.obey(command)
+        state = run(one, 4.0)
+        assert value_of(one, "arm7", "joint1") == before
+        assert "locked: joint1" in " ".join(notice.text for notice in state.notices)
+    one.obey(c.MoveJoint("arm7", "joint2", 0.4))
+    one.obey(c.EndJointMotion())
+    run(one, 4.0)
+    assert value_of(one, "arm7", "joint2") == pytest.approx(0.4)
+    assert value_of(one, "arm7", "joint1") == before
+
+
+def test_a_passive_joint_that_is_locked_stops_the_motors(session):
+    one = session("four_bar")
+    mechanism = one.robots["four_bar"].mechanism
+    passive = next(joint for joint in mechanism.joints if joint not in mechanism.actuated)
+    one.obey(c.LockJoint("four_bar", passive, True))
+    before = one.robots["four_bar"].q
+    one.obey(c.MoveJoint("four_bar", mechanism.actuated[0], before[0] + 0.3))
+    state = run(one, 1.0).robots["four_bar"]
+    assert state.status.label == f"locked: {passive}"
+    assert (state.q == before).all()
+
+
+def test_locks_survive_undo_and_redo(session):
+    one = session("arm7")
+    home = value_of(one, "arm7", "joint1")
+    drag(one, "arm7", np.array([0.0, 0.1, 0.0]))
+    moved = value_of(one, "arm7", "joint1")
+    run(one, 0.1)
+    one.obey(c.LockJoint("arm7", "joint1", True))
+    one.obey(c.Undo())
+    state = run(one, 3.0).robots["arm7"]
+    assert state.locked == ("joint1",)
+    assert value_of(one, "arm7", "joint1") == pytest.approx(home, abs=1e-9)  # what was done before it was locked
+    drag(one, "arm7", np.array([0.0, 0.1, 0.0]))
+    assert value_of(one, "arm7", "joint1") == pytest.approx(home, abs=1e-9)
+    assert moved != home
+
+
+def test_locks_survive_the_reload_of_a_file(session, robot):
+    one = session("arm7")
+    for joint in ("joint2", "joint5"):
+        one.obey(c.LockJoint("arm7", joint, True))
+    one.exchange(OtherRobots.of(arrange({"arm7": robot("arm7")}), 1))
+    before = value_of(one, "arm7", "joint2")
+    state = drag(one, "arm7", np.array([0.0, 0.1, -0.1]))
+    assert state.locked == ("joint2", "joint5")
+    assert value_of(one, "arm7", "joint2") == before
+    one.exchange(OtherRobots.of(arrange({"arm7": robot("planar_3r")}), 2))
+    assert one.state().robots["arm7"].locked == ("joint2",)
+
+
+def test_a_setup_locks_joints_from_the_start(robot):
+    setup = arrange({"arm": robot("arm7"), "other": robot("planar_3r")})
+    one = Session(setup.with_locked(["joint7", "arm.joint1"]))
+    assert one.state().robots["arm"].locked == ("joint7", "joint1")
+    assert one.state().robots["other"].locked == ()
+    one.close()
+    with pytest.raises(CinegenError, match=r"several robots have a joint 'joint1': name one, such as arm\.joint1"):
+        setup.with_locked(["joint1"])
+    with pytest.raises(UnknownNameError, match="did you mean 'joint7'"):
+        setup.with_locked(["joint77"])
+    with pytest.raises(CinegenError, match="does not float"):
+        setup.with_locked(["arm.base"])
+
+
+def test_the_report_is_that_of_the_robot_with_locked_joints(session):
+    one = session("gough")
+    reporter = Reporter(one.robots["gough"].mechanism)
+    free = reporter.report(one.state().robots["gough"], 0.0)
+    one.obey(c.LockJoint("gough", "joint3", True))
+    run(one, 0.1)
+    report = reporter.report(one.state().robots["gough"], 0.1)
+    assert (free.locked, report.locked) == ((), ("joint3",))
+    assert report.type1.sigma != free.type1.sigma
+    one.obey(c.LockJoint("gough", "joint3", False))
+    again = reporter.report(one.state().robots["gough"], 0.2)
+    assert again.type1.sigma == pytest.approx(free.type1.sigma, abs=1e-12)
+
+
+def test_a_robot_that_avoids_obstacles_keeps_its_locks(root):
+    one = Session(scene_setup(load_scene(root / "robots/scenes/rod.toml")))
+    (name,) = one.robots
+    one.obey(c.LockJoint(name, "joint1", True))
+    before = one.robots[name].q
+    drag(one, name, np.array([0.0, 0.05, 0.0]))
+    after = one.robots[name].q
+    assert after[0] == before[0]
+    assert np.abs(after - before).max() > 1e-3
+    one.obey(c.MoveJoint(name, "joint2", float(after[1] + 0.1)))
+    one.obey(c.EndJointMotion())
+    run(one, 2.0)
+    assert one.robots[name].q[0] == before[0]
+    assert one.robots[name].q[1] == pytest.approx(after[1] + 0.1, abs=1e-3)
+    one.close()
+
+
+def test_a_locked_base_holds_the_trunk_of_a_humanoid(tmp_path):
+    (tmp_path / "biped.urdf").write_text(bipeds.URDF)
+    one = Session(arrange({"biped": cinegen.load(tmp_path / "biped.urdf")}))
+    one.obey(c.LockJoint("biped", "base", True))
+    before = one.robots["biped"].q[:7]
+    drag(one, "biped", np.array([0.1, 0.0, 0.1]))
+    assert (one.robots["biped"].q[:7] == before).all()
+    one.obey(c.LockJoint("biped", one.robots["biped"].mechanism.base, False))
+    drag(one, "biped", np.array([0.1, 0.0, 0.1]))
+    assert not (one.robots["biped"].q[:7] == before).all()
+    one.close()

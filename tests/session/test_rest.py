@@ -7,6 +7,7 @@ import time
 
 import numpy as np
 import pytest
+from browsers import becomes
 from variants import FEWER
 
 from cinegen.collision import load_scene
@@ -14,21 +15,10 @@ from cinegen.session import Session, SessionRunner, arrange, scene_setup
 from cinegen.session import commands as c
 from cinegen.session.runner import AT_REST
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
-
 
 def ticks(session, seconds):
     for _ in range(round(seconds / session.dt)):
         session.tick()
-
-
-def becomes(condition, seconds=20.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() > end:
-            return False
-        time.sleep(0.001)
-    return True
 
 
 @pytest.mark.parametrize("name", sorted(FEWER))

@@ -7,8 +7,10 @@ import subprocess
 import sys
 import threading
 import time
+from functools import partial
 from pathlib import Path
 
+import browsers
 import numpy as np
 import pytest
 
@@ -97,16 +99,7 @@ def test_the_process_of_a_session_ends_with_its_parent_at_any_moment(tmp_path, e
 # --- its rate --------------------------------------------------------------------------------------------------------
 
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
-
-
-def becomes(condition, seconds=60.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() > end:
-            return False
-        time.sleep(0.01)
-    return True
+becomes = partial(browsers.becomes, seconds=60.0)
 
 
 def test_a_session_has_its_rate_as_soon_as_its_kernels_are_compiled(robot, monkeypatch):

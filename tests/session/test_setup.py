@@ -18,8 +18,6 @@ from cinegen.session import Session, Setup, SetupError, arrange
 from cinegen.session.arrangement import parse_base_pose
 from cinegen.session.regular_start import _singular_values, regular_start
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
-
 
 @pytest.mark.parametrize(
     ("text", "name", "stand"),

@@ -6,7 +6,6 @@ import math
 import numpy as np
 import pytest
 
-from cinegen.cli import main
 from cinegen.mission import MissionRecorder, RobotSample
 from cinegen.plotting.loci import draw_loci
 from cinegen.singularities import SingularityType, singularity
@@ -98,21 +97,18 @@ def test_a_slice_out_of_reach_and_a_range_without_extent_are_told(robot):
 # --- the command -------------------------------------------------------------------------------------------------
 
 
-def test_the_command_says_what_is_singular_at_a_pose(root, capsys):
-    assert main(["singular", str(root / "robots/tssm.raff"), "--at", "x=0,y=0,z=20mm,rx=0,ry=0,rz=90"]) == 0
-    said = capsys.readouterr().out
+def test_the_command_says_what_is_singular_at_a_pose(root, typed):
+    said = typed("singular", root / "robots/tssm.raff", "--at", "x=0,y=0,z=20mm,rx=0,ry=0,rz=90").out
     assert said.startswith("tssm: type 2")
     assert "general complex (5a): all six legs belong to one linear complex" in said
-    assert main(["singular", str(root / "robots/tssm.raff"), "--json"]) == 0
-    (report,) = json.loads(capsys.readouterr().out)
+    (report,) = json.loads(typed("singular", root / "robots/tssm.raff", "--json").out)
     assert (report["name"], report["kind"], report["class"]) == ("tssm", "regular", None)
 
 
-def test_the_command_draws_and_writes_a_scan(root, tmp_path, monkeypatch, capsys):
+def test_the_command_draws_and_writes_a_scan(root, tmp_path, monkeypatch, typed):
     monkeypatch.chdir(tmp_path)
     file = str(root / "robots/five_bar.raff")
-    assert main(["singular", file, "--over", "x=-650..650mm,y=-0.5..0.65", "--grid", "5"]) == 0
-    said = capsys.readouterr().out
+    said = typed("singular", file, "--over", "x=-650..650mm,y=-0.5..0.65", "--grid", "5").out
     assert "five_bar-singular.png and five_bar-singular.json are written" in said
     assert (tmp_path / "five_bar-singular.png").read_bytes().startswith(b"\x89PNG")
     written = json.loads((tmp_path / "five_bar-singular.json").read_text())
@@ -120,7 +116,7 @@ def test_the_command_draws_and_writes_a_scan(root, tmp_path, monkeypatch, capsys
     assert {curve["kind"] for curve in written["curves"]} >= {"type 1"}
 
 
-def test_the_command_finds_where_a_recorded_way_is_singular_between_its_samples(robot, tmp_path, capsys):
+def test_the_command_finds_where_a_recorded_way_is_singular_between_its_samples(robot, tmp_path, typed):
     """The TSSM's platform turned from 80 degrees to 100 over the base: Fichter's singularity is at 90."""
     mechanism = robot("tssm")
     pose = {"x": 0.0, "y": 0.0, "z": 0.02, "rx": 0.0, "ry": 0.0}
@@ -129,8 +125,7 @@ def test_the_command_finds_where_a_recorded_way_is_singular_between_its_samples(
     with MissionRecorder(tmp_path / "run.jsonl", {"tssm": mechanism}) as recorder:
         for k, turn in enumerate(turns):
             recorder.write(float(k), {"tssm": RobotSample(coordinates.from_home({**pose, "rz": turn}), "IDLE")})
-    assert main(["singular", str(tmp_path / "run.jsonl"), "--json"]) == 0
-    (report,) = json.loads(capsys.readouterr().out)
+    (report,) = json.loads(typed("singular", tmp_path / "run.jsonl", "--json").out)
     (passed,) = [one for one in report["found"] if "passed" in one["kind"] and "type 2" in one["kind"]]
     assert 2.0 < passed["time"] < 3.0
     assert coordinates.coordinates(np.array(passed["q"]))["rz"] == pytest.approx(0.5 * math.pi, abs=1e-3)
@@ -147,10 +142,9 @@ def test_the_command_finds_where_a_recorded_way_is_singular_between_its_samples(
     (["--at", "x=0.9"], "--at x=0.9 can't be reached along a straight line from home on its branch"),
     (["--over", "x,y", "--grid", "3", "--plot", "a.tiff9"], "a.tiff9: can't be written"),
 ])  # fmt: skip
-def test_what_the_command_cant_do_is_told(root, tmp_path, monkeypatch, capsys, arguments, words):
+def test_what_the_command_cant_do_is_told(root, tmp_path, monkeypatch, typed, arguments, words):
     monkeypatch.chdir(tmp_path)
-    assert main(["singular", str(root / "robots/five_bar.raff"), *arguments]) == 1
-    assert words in capsys.readouterr().err
+    assert words in typed("singular", root / "robots/five_bar.raff", *arguments, code=1).err
 
 
 @pytest.mark.parametrize(("arguments", "words"), [
@@ -160,9 +154,8 @@ def test_what_the_command_cant_do_is_told(root, tmp_path, monkeypatch, capsys, a
     (["--at", "joint1=1m"], "--at: joint1: '1m' is a length: an angle is wanted"),
     (["--at", "x=1,x=2"], "--at: x is given twice"),
 ])  # fmt: skip
-def test_a_number_that_is_none_is_a_wrong_call(root, capsys, arguments, words):
-    assert main(["singular", str(root / "robots/five_bar.raff"), *arguments]) == 2
-    assert words in capsys.readouterr().err
+def test_a_number_that_is_none_is_a_wrong_call(root, typed, arguments, words):
+    assert words in typed("singular", root / "robots/five_bar.raff", *arguments, code=2).err
 
 
 @pytest.mark.parametrize("size", [5.0, -5.0])

@@ -2,6 +2,7 @@
 
 import math
 import re
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -9,9 +10,10 @@ import pytest
 from mapped import mapped, over
 
 import cinegen
+from cinegen.design import tolerance
 from cinegen.dynamics.errors import MassError
 from cinegen.errors import UnknownNameError
-from cinegen.workspace import QUANTITIES, MapError, MapSpecification
+from cinegen.workspace import QUANTITIES, GridAxis, MapError, MapSpecification, Region, make_map, open_map
 from cinegen.workspace.evaluator import ChunkEvaluator
 
 UPPER, FORE, MASSES, G = 0.5, 0.3, (2.0, 1.0), 9.81
@@ -19,20 +21,18 @@ SPRINGS = {"shoulder": 400.0, "elbow": 150.0}
 
 
 @pytest.fixture(scope="module")
-def arm(tmp_path_factory):
+def arm():
     """Two bars in the plane of x and z with point masses at their ends."""
     body = """<inertial><origin xyz="{} 0 0"/><mass value="{}"/>
       <inertia ixx="1e-12" iyy="1e-12" izz="1e-12" ixy="0" ixz="0" iyz="0"/></inertial>"""
     joint = """<joint name="{}" type="revolute"><parent link="{}"/><child link="{}"/><origin xyz="{} 0 0"/>
       <axis xyz="0 -1 0"/><limit lower="-3" upper="3" effort="30" velocity="1"/></joint>"""
-    path = tmp_path_factory.mktemp("arm") / "upright.urdf"
-    path.write_text(f"""<robot name="upright"><link name="base"/>
+    return cinegen.load(f"""<robot name="upright"><link name="base"/>
       <link name="upper">{body.format(UPPER, MASSES[0])}</link>
       <link name="fore">{body.format(FORE, MASSES[1])}</link><link name="tip"/>
       {joint.format("shoulder", "base", "upper", 0)}{joint.format("elbow", "upper", "fore", UPPER)}
       <joint name="end" type="fixed"><parent link="fore"/><child link="tip"/>
       <origin xyz="{FORE} 0 0"/></joint></robot>""")
-    return cinegen.load(path)
 
 
 def cells(spec):
@@ -191,3 +191,51 @@ def test_what_can_not_be_mapped_is_refused(robot, arm):
                             wrenches={"tool": (3, 4, 0, 0, 0, 0)})  # fmt: skip
     for _, values in cells(free):
         assert values["reaction_force"] == pytest.approx(5.0)
+
+
+# --- map accuracy -----------------------------------------------------------------------------------------------------
+# Maps of the accuracy: single configurations, and what they take.
+
+
+ROBOTS = Path(__file__).parents[2] / "robots"
+SIGMA = {"link*.d": "0.1mm", "tool.d": "0.1mm"}
+GIVEN = {"raff": (ROBOTS / "five_bar.raff").read_text(), "sigma": SIGMA, "encoder": {"joint1": "0.01deg"}}
+REGION = Region((GridAxis("x", -0.2, 0.2, 4), GridAxis("y", 0.3, 0.6, 3)))
+
+
+def test_each_cell_has_the_accuracy_of_its_configuration(tmp_path):
+    five_bar = cinegen.load("five_bar")
+    spec = MapSpecification(five_bar, REGION, ("accuracy",), tolerances=GIVEN)
+    found = make_map(spec, tmp_path / "map.zarr", workers=1)
+    values, joints = found.accuracy.values.ravel(), found.configuration.values.reshape(-1, len(five_bar.joints))
+    known = np.flatnonzero(np.isfinite(values))
+    assert len(known) >= 6
+    for i in known:
+        q = five_bar.configuration(dict(zip(found.joint.values.tolist(), joints[i].tolist(), strict=True)))
+        one = tolerance("five_bar", SIGMA, encoder={"joint1": "0.01deg"}, q=q)
+        np.testing.assert_allclose(values[i], one.position, rtol=1e-5)  # maps are stored as float32
+    found.close()
+    assert open_map(tmp_path / "map.zarr").accuracy.attrs["units"] == "m"
+
+
+@pytest.mark.parametrize(
+    ("quantities", "tolerances", "message"),
+    [
+        (("accuracy",), {}, "accuracy takes tolerances: give them"),
+        (("sigma_1",), GIVEN, "no quantity of this map takes them"),
+        (("accuracy",), {"sigma": SIGMA}, "tolerances have the keys raff"),
+        (("accuracy",), {**GIVEN, "raff": GIVEN["raff"].replace("actuated 1", "actuated 0", 1)}, "is not as its RAFF"),
+    ],
+)
+def test_what_does_not_fit_is_refused(quantities, tolerances, message):
+    with pytest.raises(MapError, match=message):
+        MapSpecification(cinegen.load("five_bar"), REGION, quantities, tolerances=tolerances)
+
+
+def test_the_command(tmp_path, monkeypatch, typed):
+    monkeypatch.chdir(tmp_path)
+    words = ["map", "five_bar", "--over", "x=-0.1..0.1:2,y=0.4..0.5:2", "--workers", "1"]
+    assert "accuracy" in typed(*words, "--sigma", "link*.d=0.1mm", "--play", "joint2=0.02mm", "-o", "a.zarr").out
+    assert "matches no parameter" in typed(*words, "--sigma", "link*.q=0.1mm", "-o", "b.zarr", code=1).err
+    said = typed(*words, "--sigma", "link*.d=0.1mm", "--vary", "link2.d=0.2..0.3:2", "-o", "c", code=2)
+    assert "exclude each other" in said.err

@@ -65,13 +65,11 @@ def test_a_sidecar_file_is_named_without_xacro(bars, tmp_path):
     assert cinegen.load(path).mobility == 2
 
 
-def test_commands_and_conversion_take_xacro(bars, tmp_path, capsys):
-    from cinegen.cli import main
+def test_commands_and_conversion_take_xacro(bars, tmp_path, typed):
     from raff2urdf.urdf2raff.cli import main as urdf2raff
 
     path = bars("bars.urdf.xacro", BARS.replace("loop_joint", "frame"))
-    assert main(["info", str(path)]) == 0
-    assert "bars: robot 'bars', mobility 2" in capsys.readouterr().out
+    assert "bars: robot 'bars', mobility 2" in typed("info", path).out
     assert urdf2raff([str(path), "-o", f"{tmp_path}/"]) == 0
     assert len(raff2urdf.load(tmp_path / "bars.raff").robot().links) == 2
 
@@ -88,15 +86,15 @@ def test_what_xacro_refuses_is_told(element, says, bars):
         readers.read(path)
 
 
-def test_packages_are_found_as_for_meshes_without_ros(bars, tmp_path, capsys):
+def test_packages_are_found_as_for_meshes_without_ros(bars, tmp_path, typed):
     from cinegen.cli import main
 
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts/bar.xacro").write_text(BAR)
     bars_open = BARS.replace("loop_joint", "frame")
     path = bars("b/urdf/bars.urdf.xacro", bars_open.replace("bar.xacro", "$(find bars)/bar.xacro"))
-    assert main(["info", str(path)]) == 1
-    option = re.search(r"package 'bars' is not found: .* by (--package bars=)FOLDER \(in", capsys.readouterr().err)[1]
+    said = typed("info", path, code=1)
+    option = re.search(r"package 'bars' is not found: .* by (--package bars=)FOLDER \(in", said.err)[1]
     assert main(["info", str(path), *f"{option}{tmp_path / 'parts'}".split()]) == 0
     assert cinegen.load(path, packages={"bars": tmp_path / "parts"}).mobility == 2
     (tmp_path / "b/package.xml").write_text("<package><name>bars</name></package>")
@@ -113,13 +111,12 @@ ARMS = """<robot name="arms" xmlns:xacro="http://www.ros.org/wiki/xacro">
 </robot>"""
 
 
-def test_arguments_are_given_and_missing_ones_proposed(bars, tmp_path, capsys):
+def test_arguments_are_given_and_missing_ones_proposed(bars, tmp_path, typed):
     from cinegen.cli import main
     from raff2urdf.urdf2raff.cli import main as urdf2raff
 
     path = bars("arms.xacro", ARMS)
-    assert main(["info", str(path)]) == 1
-    said = capsys.readouterr().err
+    said = typed("info", path, code=1).err
     declared = 'the file declares prefix (default "left_"), length (default "1")'
     assert "the argument 'height' has no value: add --xacro-arg height=VALUE (in Python xacro_args={" in said
     assert declared in said
@@ -155,26 +152,24 @@ def test_an_option_without_effect_is_refused(name, options, says, bars, capsys, 
         assert re.search(says, capsys.readouterr().err)
 
 
-def test_an_option_needs_an_effect_on_one_of_several_files(bars, capsys):
+def test_an_option_needs_an_effect_on_one_of_several_files(bars, typed):
     from cinegen.cli import main
 
     arms, others = bars("arms.xacro", ARMS), bars("others.xacro", ARMS.replace("prefix", "side"))
     given = ["--xacro-arg", "height=2", "--xacro-arg", "prefix=a_", "--xacro-arg", "side=b_"]
     assert main(["info", str(arms), str(others), *given]) == 0
-    assert main(["info", str(arms), str(others), *given, "--xacro-arg", "wide=1"]) == 1
-    assert "arms.xacro, " in capsys.readouterr().err
+    assert "arms.xacro, " in typed("info", arms, others, *given, "--xacro-arg", "wide=1", code=1).err
 
 
 @pytest.mark.parametrize("given", ["side", "=left", "side=left=right"])
-def test_an_argument_is_a_name_and_a_value(given, bars, capsys):
-    from cinegen.cli import main
+def test_an_argument_is_a_name_and_a_value(given, bars, typed):
 
     path = bars("arms.xacro", ARMS.replace("$(arg height)", "0").replace("prefix", "side"))
-    assert main(["info", str(path), "--xacro-arg", given]) == (0 if given.startswith("side=") else 2)
-    assert ("write NAME=VALUE" in capsys.readouterr().err) != given.startswith("side=")
+    said = typed("info", path, "--xacro-arg", given, code=0 if given.startswith("side=") else 2)
+    assert ("write NAME=VALUE" in said.err) != given.startswith("side=")
 
 
-def test_a_file_of_macros_names_those_that_call_them(tmp_path, capsys):
+def test_a_file_of_macros_names_those_that_call_them(tmp_path, typed):
     from cinegen.cli import main
 
     xacro, include = (
@@ -187,8 +182,7 @@ def test_a_file_of_macros_names_those_that_call_them(tmp_path, capsys):
     own = tmp_path / "macros/bar.xacro"
     with_block = BAR.replace("parent at", "parent at:=0 color:=red *origin").replace('<origin xyz="${at}"/>', "")
     own.write_text(with_block.replace("</joint>", '<xacro:insert_block name="origin"/></joint>'))
-    assert main(["info", str(own)]) == 1
-    said = capsys.readouterr().err
+    said = typed("info", own, code=1).err
     assert re.search(r"bar.xacro: defines macros only \('bar'\): load a file that calls them, by <xacro:include", said)
     lines = re.search(r"by (<.*>)", said)[1].replace('filename="bar', f'filename="{tmp_path}/macros/bar')
     for word, value in (("name", "tip"), ("parent", "base")):
@@ -197,8 +191,8 @@ def test_a_file_of_macros_names_those_that_call_them(tmp_path, capsys):
     written.write_text(xacro.format('name="it"', f'<link name="base"/>{lines}'))
     assert cinegen.load(written).joints == ("tip_joint",)
     written.write_text(xacro.format('name="it"', include.format(own)))
-    assert main(["info", str(written)]) == 1
-    assert "written.xacro: defines macros only ('bar'): load a file that calls them" in capsys.readouterr().err
+    said = typed("info", written, code=1)
+    assert "written.xacro: defines macros only ('bar'): load a file that calls them" in said.err
     written.unlink()
     own.write_text(BAR)
     two = '<xacro:macro name="two"><xacro:bar name="b" parent="a" at="0 0 1"/></xacro:macro>'
@@ -207,8 +201,7 @@ def test_a_file_of_macros_names_those_that_call_them(tmp_path, capsys):
     calls = f'{include.format("$(find arms)/macros/two.xacro")}<link name="a"/><xacro:two/>'
     caller.write_text(xacro.format('name="two"', calls))
     for path in (own, tmp_path / "macros/two.xacro"):
-        assert main(["info", str(path)]) == 1
-        named = re.search(r"defines macros only .*: load (\S+), which calls them", capsys.readouterr().err)[1]
+        named = re.search(r"defines macros only .*: load (\S+), which calls them", typed("info", path, code=1).err)[1]
         assert named == str(caller)
     assert main(["info", named]) == 0
 

@@ -1,0 +1,444 @@
+"""A URDF is read with what is wrong in it told by its line."""
+
+import json
+import re
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from loop_like_names import names
+
+import cinegen
+from raff2urdf import readers
+from raff2urdf.errors import RaffError
+from raff2urdf.readers.ignored import ignored
+from raff2urdf.readers.urdf import default_value, joints, limits, velocity
+from raff2urdf.readers.urdf_file import parse
+from raff2urdf.readers.xml_file import parse_xml, read_text
+from raff2urdf.urdf2raff.cli import main as urdf2raff
+
+ARM = """<robot name="arm">
+  <link name="base"/>
+  <link name="upper"/>
+  <link name="tool"/>
+  <joint name="turn" type="revolute">
+    <parent link="base"/>
+    <child link="upper"/>
+    <origin xyz="0 0 1" rpy="0 0 0.5"/>
+    <axis xyz="0 0 1"/>
+    <limit lower="-1" upper="2" effort="1" velocity="3"/>
+  </joint>
+  <joint name="hold" type="fixed">
+    <parent link="upper"/>
+    <child link="tool"/>
+  </joint>
+</robot>"""
+
+
+@pytest.mark.parametrize(("change", "says"), [
+    (('<child link="tool"/>', '<child link="upper"/>'), r"x:12: joint 'hold' has the child 'upper' .*line 5: "),
+    (('<link name="tool"/>', '<link name="upper"/>'), r"x:4: link 'upper' is defined twice, first on line 3"),
+    (('rpy="0 0 0.5"', 'rpy="0 0"'), r'x:8: rpy="0 0" of <origin> must be three numbers'),
+    (('xyz="0 0 1" rpy', 'xyz="0 nan 1" rpy'), r'x:8: xyz="0 nan 1" of <origin> must be three numbers'),
+    (('velocity="3"', 'velocity="-3"'), r"x:10: the velocity limit of joint 'turn' is -3: it must not be negative"),
+    (('lower="-1"', 'lower="nan"'), r"x:10: the lower limit 'nan' of joint 'turn' is not a number"),
+    (('effort="1"', 'effort="nan"'), r"x:10: the effort limit 'nan' of joint 'turn' is not a number"),
+    (('<limit', '<dynamics damping="thick"/><limit'), r"x:10: the damping 'thick' of joint 'turn' must be a"),
+    (('<limit', '<dynamics friction="-1"/><limit'), r"x:10: the friction '-1' of joint 'turn' .* not negative"),
+    (('xyz="0 0 1" rpy', 'xyz="0 1e308 1" rpy'), r"x:8: .* must be three numbers \(none beyond 1e\+13\)"),
+])  # fmt: skip
+def test_what_is_wrong_is_told_by_its_line(change, says):
+    assert len(joints(parse(ARM, "x"))) == 2
+    wrong = ARM.replace(*change)
+    assert wrong != ARM
+    with pytest.raises(RaffError, match=says):
+        parse(wrong, "x")
+
+
+def test_a_kinematic_cycle_is_refused():
+    ring = ARM.replace('<parent link="base"/>', '<parent link="tool"/>')
+    with pytest.raises(RaffError, match="link 'upper' is not connected to the root, but part of a kinematic cycle"):
+        parse(ring, "x")
+    with pytest.raises(RaffError, match="every link has a parent"):
+        parse(ring.replace('<link name="base"/>', ""), "x")
+
+
+@pytest.mark.parametrize(("limit", "allowed", "fastest"), [
+    ('<limit lower="-1" upper="2" velocity="3"/>', (-1.0, 2.0), 3.0),
+    ('<limit lower="-1"/>', (-1.0, 0.0), None),
+    ('<limit effort="1" velocity="0"/>', None, None),
+    ("", None, None),
+    ('<limit lower="-1e9" upper="1e9" velocity="1e9"/>', None, None),
+    ('<limit lower="-inf" upper="inf" velocity="inf"/>', None, None),
+    ('<limit lower="2" upper="inf" velocity="0"/>', (2.0, 1e9), None),
+    ('<limit lower="-1e308" upper="2"/>', (-1e9, 2.0), None),
+])  # fmt: skip
+def test_limits_that_are_left_out_or_beyond_all_measure_are_none(limit, allowed, fastest):
+    text = ARM.replace('<limit lower="-1" upper="2" effort="1" velocity="3"/>', limit)
+    turn = joints(parse(text, "x"))[0]
+    assert limits(turn) == allowed
+    assert velocity(turn) == fastest
+
+
+def test_a_joint_stands_at_zero_or_inside_its_limits():
+    assert [default_value(allowed) for allowed in (None, (-1.0, 2.0), (1.0, 2.0))] == [0.0, 0.0, 1.5]
+    assert [default_value(allowed) for allowed in ((2.0, 1e9), (-1e9, -3.0))] == [3.0, -4.0]
+
+
+def test_a_long_chain_is_checked_in_no_time():
+    """It took the square of its length."""
+    links = "".join(f'<link name="l{i}"/>' for i in range(3000))
+    held = (
+        f'<joint name="j{i}" type="fixed"><parent link="l{i - 1}"/><child link="l{i}"/></joint>' for i in range(1, 3000)
+    )
+    assert len(joints(parse(f'<robot name="r">{links}{"".join(held)}</robot>', "x"))) == 2999
+
+
+# --- common slips -----------------------------------------------------------------------------------------------------
+# Slips in URDFs that have one meaning are read so, with a note.
+
+
+SLIPPED = """<robot name="arm">
+  <link name="base"><visual><geometry>
+    <mesh filename="nowhere.stl" scale="2 2 2"/></geometry></visual></link>
+  <link name="tip"/>
+  <joint name="turn" type="revolute">
+    <parent link="base"/><child link="tip"/><origin xyz="0.1 0 -0.7" rpy="0 0 0"/><axis xyz="0 0 1"/>
+    <limit lower="-1" upper="2" velocity="3" effort="4"/>
+  </joint>
+</robot>
+"""
+
+
+@pytest.mark.parametrize(("before", "after", "note"), [
+    ("0.1 0 -0.7", "0.1, 0, -0.7", 'xyz="0.1, 0, -0.7" of <origin> on line 6: commas between numbers are left out'),
+    ('scale="2 2 2"', 'scale="2 2 2 1"', 'scale="2 2 2 1" of <mesh> on line 3: the first three factors are read'),
+])  # fmt: skip
+def test_what_has_one_meaning_is_read(before, after, note):
+    written, meant = cinegen.load(SLIPPED.replace(before, after)), cinegen.load(SLIPPED)
+    assert written.source.notes == (*meant.source.notes, note)
+    assert written.placement(written.q_home, "tip") == meant.placement(meant.q_home, "tip")
+
+
+def test_a_speed_or_an_effort_of_less_one_is_no_limit():
+    arm = cinegen.load(SLIPPED.replace('velocity="3"', 'velocity="-1.0"').replace('effort="4"', 'effort="-1"'))
+    assert arm.limits["turn"] == (-1.0, 2.0, float("inf"), float("inf"))
+    assert arm.source.notes == ('velocity="-1.0" of <limit> on line 7 and 1 more: -1 is read as no limit',)
+
+
+def test_commas_may_be_decimal_ones():
+    with pytest.raises(cinegen.CinegenError, match=r'xyz="0,1 0 -0,7" of <origin> must be three numbers'):
+        cinegen.load(SLIPPED.replace("0.1 0 -0.7", "0,1 0 -0,7"))
+
+
+# --- ignored ----------------------------------------------------------------------------------------------------------
+# Elements that are not read are listed; none that could remove degrees of freedom is among them.
+
+
+HEAD = """<robot name="bars">
+  <link name="ground"/> <link name="crank"/> <link name="rocker"/>
+  <joint name="drive" type="continuous"> <parent link="ground"/> <child link="crank"/> </joint>
+  <joint name="swing" type="continuous"> <parent link="ground"/> <child link="rocker"/> </joint>
+"""
+FIXED = "<joint name='j' type='fixed'><parent link='crank'/>"
+ENDS = '<a link="crank"/><b link="rocker"/>'
+
+
+def write(folder: Path, added: str) -> Path:
+    path = folder / "bars.urdf"
+    path.write_text(f"{HEAD}{added}\n</robot>")
+    return path
+
+
+@pytest.mark.parametrize(("added", "element"), [
+    ("<transmission name='t'><type>t</type></transmission>", "robot/transmission"),
+    ("<gazebo reference='crank'><material>Gazebo/Blue</material></gazebo>", "gazebo/material"),
+    ("<gazebo><plugin name='p' filename='control.so'/></gazebo>", "gazebo/plugin"),
+    ("<gazebo><joint name='a'><parent>world</parent><child>ground</child></joint></gazebo>", "gazebo/joint"),
+    ("<ros2_control name='r' type='system'/>", "robot/ros2_control"),
+    ("<ros2_control name='r'><joint name='drive'><state_interface/></joint></ros2_control>", "robot/ros2_control"),
+    ("<sensor name='s'/>", "robot/sensor"),
+    (f"<link name='x'><custom/></link>{FIXED}<child link='x'/></joint>", "link/custom"),
+    ("<frame name='tool' link='crank'/>", "robot/frame"),
+])  # fmt: skip
+def test_elements_that_are_not_read_are_listed(added, element, tmp_path):
+    path = write(tmp_path, added)
+    readers.read(path)
+    assert ignored(path) == [(element, 1, (5,))]
+
+
+def test_loops_and_couplings_that_are_read_are_not_listed(tmp_path):
+    loop = '<loop_joint name="pin" type="spherical"><link1 link="crank"/><link2 link="rocker"/></loop_joint>'
+    frames = '<frame name="closing_a_1" link="crank"/><frame name="closing_a_2" link="rocker"/>'
+    param = '<param name="mimic">drive</param>'
+    control = f'<ros2_control name="r" type="system"><joint name="swing">{param}</joint><hardware/></ros2_control>'
+    assert ignored(write(tmp_path, loop + frames + control)) == [("ros2_control/hardware", 1, (5,))]
+
+
+def test_what_drives_joints_is_not_listed(tmp_path):
+    transmission = "<transmission name='t'><joint name='drive'/><actuator name='m'/></transmission>"
+    plugin = "<gazebo><plugin name='p' filename='libdiff_drive.so'><leftJoint>drive</leftJoint></plugin></gazebo>"
+    control = "<ros2_control name='r'><joint name='drive'><command_interface name='c'/></joint></ros2_control>"
+    assert ignored(write(tmp_path, transmission + plugin + control)) == []
+
+
+def test_other_formats(root, tmp_path):
+    path = tmp_path / "arm.sdf"
+    path.write_text(
+        '<sdf version="1.9"><model name="m"><link name="l"><collision name="c"/><visual name="v"/></link>\n'
+        '<plugin name="p" filename="f"/></model></sdf>'
+    )
+    assert ignored(path) == [("link/collision", 1, (1,)), ("model/plugin", 1, (2,))]
+    path = tmp_path / "arm.xml"
+    path.write_text(
+        '<mujoco><worldbody><light pos="0 0 1"/><body><geom size="1"/></body></worldbody><sensor/></mujoco>'
+    )
+    assert ignored(path) == [("worldbody/light", 1, (1,)), ("mujoco/sensor", 1, (1,))]
+    for name in ("five_bar", "delta4"):
+        assert ignored(root / "generated" / f"{name}.urdf") == []
+
+
+def test_the_command_lists_them(tmp_path, typed):
+
+    path = write(tmp_path, 2 * "<sensor name='s'/>\n")
+    assert typed("info", path, "--ignored").out.endswith("  not read:\n    2 <sensor> in <robot>, lines 5, 6\n")
+    assert json.loads(typed("info", path, "--ignored", "--json").out)[0]["ignored"] == [
+        {"element": "robot/sensor", "number": 2, "lines": [5, 6]}
+    ]
+    assert typed("info", "four_bar", "--ignored").out.endswith("  everything is read\n")
+
+
+# --- nothing that looks like a loop is dropped in silence --------------------------------------------------------
+
+
+@settings(max_examples=300)
+@given(name=names(), form=st.integers(0, 5), prefix=st.sampled_from(["", "drake:", "gz:", "my:"]))
+def test_no_loop_like_element_is_dropped_in_silence(name, form, prefix, tmp_path_factory):
+    """It is read, refused at its line, or warned of; and it is never in the list of what is ignored."""
+    element = f"<{prefix}{name} name='e'>{ENDS}</{prefix}{name}>"
+    added = [
+        element,
+        f"<extension>{element}</extension>",
+        f"<gazebo>{element}</gazebo>",
+        f"<gazebo reference='crank'><plugin name='p' filename='f'>{element}</plugin></gazebo>",
+        f"<link name='more'>{element}</link>{FIXED}<child link='more'/></joint>",
+        f"<ros2_control name='r' type='system'>{element}</ros2_control>",
+    ][form]
+    path = write(tmp_path_factory.mktemp("fuzz"), added)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            found = readers.read(path)
+        told = bool(found.constraints and (found.constraints["loops"] or found.constraints.get("couplings")))
+    except RaffError as error:
+        told = f"bars.urdf:5: <{prefix}{name}> 'e'" in str(error)
+    except UserWarning:
+        told = True
+    assert told, added
+    assert not any(name in one.element for one in ignored(path))
+
+
+# --- roots ------------------------------------------------------------------------------------------------------------
+# URDFs whose root is not declared, whose trees are joined by loops only, or whose limits are reversed.
+
+
+TURN = """<joint name="{0}" type="continuous">
+  <parent link="{1}"/><child link="{2}"/><origin xyz="{3}"/><axis xyz="0 0 1"/>
+</joint>"""
+PIN = """<loop_joint name="{0}" type="continuous">
+  <link1 link="{1}" xyz="{3}"/><link2 link="{2}" xyz="{4}"/><axis xyz="0 0 1"/>
+</loop_joint>"""
+LIMITED = """<joint name="j" type="revolute">
+  <parent link="a"/><child link="b"/><axis xyz="0 0 1"/><limit {} velocity="1" effort="1"/>
+</joint>"""
+
+
+def links(*names):
+    return "".join(f'<link name="{name}"/>' for name in names)
+
+
+def robot(*elements):
+    return f'<robot name="r">{"".join(elements)}</robot>'
+
+
+@pytest.fixture
+def load(tmp_path):
+    def load(*elements, **options):
+        path = tmp_path / "r.urdf"
+        path.write_text(robot(*elements))
+        return cinegen.load(path, **options)
+
+    return load
+
+
+@pytest.mark.parametrize(("kind", "floating"), [("fixed", False), ("floating", True)])
+def test_a_world_that_is_not_declared_is_the_base(load, kind, floating):
+    joint = f'<joint name="at" type="{kind}"><parent link="world"/><child link="a"/><origin xyz="0 0 1"/></joint>'
+    arm = load(links("a", "b"), joint, TURN.format("j", "a", "b", "1 0 0"))
+    assert arm.nodes == ("world", "a", "b")
+    assert arm.floating == floating
+    np.testing.assert_allclose(arm.placement(arm.q_home, "b").translation, [1.0, 0.0, 1.0])
+    assert "link 'world' is the parent of a joint, and not declared: it is the base" in arm.source.notes
+    declared = load(links("world", "a", "b"), joint, TURN.format("j", "a", "b", "1 0 0"))
+    assert declared.nodes == arm.nodes
+    assert declared.source.notes == ()
+
+
+def test_another_parent_that_is_not_declared_is_refused(load):
+    with pytest.raises(cinegen.CinegenError, match="'wurld', which is not a link"):
+        load(links("a"), TURN.format("j", "wurld", "a", "0 0 0"))
+
+
+FOUR_BAR = (
+    links("ground", "crank", "rocker", "coupler"),
+    TURN.format("drive", "ground", "crank", "0 0 0"),
+    TURN.format("swing", "ground", "rocker", "0.4 0 0"),
+)
+
+
+@pytest.mark.parametrize("first", ["ground", "coupler"])
+def test_a_tree_that_only_loops_join_to_the_base_is_held_by_them(load, first):
+    """A coupler without a parent is that of the four-bar in which it has one."""
+    elements = [
+        PIN.format("a", "crank", "coupler", "0 0.1 0", "0 0 0"),
+        PIN.format("b", "coupler", "rocker", "0.5 0 0", "0 0.3 0"),
+    ]
+    if first == "coupler":
+        elements = [links("coupler"), FOUR_BAR[0].replace('<link name="coupler"/>', ""), *FOUR_BAR[1:], *elements]
+    else:
+        elements = [*FOUR_BAR, *elements]
+    found = load(*elements)
+    usual = load(*FOUR_BAR, TURN.format("a", "crank", "coupler", "0 0.1 0"), elements[-1])
+    assert (found.mobility, usual.mobility) == (1, 1)
+    assert found.nodes[0] == "ground"
+    assert set(found.nodes) == {"ground", "crank", "rocker", "coupler"}
+    assert found.actuated == ("drive",)
+    assert "link 'coupler' has no parent: it moves freely on 'ground', and loops hold it" in found.source.notes
+    for q in (found.q_home, *found.random_closed(5)):
+        crank, coupler, rocker = (found.placement(q, link).homogeneous for link in ("crank", "coupler", "rocker"))
+        np.testing.assert_allclose(crank @ [0.0, 0.1, 0.0, 1.0], coupler @ [0.0, 0.0, 0.0, 1.0], atol=1e-9)
+        np.testing.assert_allclose(coupler @ [0.5, 0.0, 0.0, 1.0], rocker @ [0.0, 0.3, 0.0, 1.0], atol=1e-9)
+        np.testing.assert_allclose(coupler[2], [0.0, 0.0, 1.0, 0.0], atol=1e-9)  # it stays in the plane
+
+
+@pytest.mark.parametrize("motors", ["name_mot: [drive]", ""])
+def test_files_next_to_a_urdf_join_trees_too(load, tmp_path, motors):
+    ends = links("at_crank", "at_rocker", "end")
+    fixed = '<joint name="{0}" type="fixed"><parent link="{1}"/><child link="{0}"/><origin xyz="{2}"/></joint>'
+    fixed = "".join(fixed.format(*one) for one in (
+        ("at_crank", "crank", "0 0.1 0"), ("at_rocker", "rocker", "0 0.3 0"), ("end", "coupler", "0.5 0 0"),
+    ))  # fmt: skip
+    pairs = "closed_loop: [[at_crank, coupler], [at_rocker, end]]\ntype: [3d, 3d]"
+    (tmp_path / "r.yaml").write_text(f"{pairs}\n{motors}\n")
+    found = load(*FOUR_BAR, ends, fixed)
+    assert found.mobility == 2  # balls: the coupler spins about its own axis
+    assert found.actuated == ("drive",)
+    assert not [node for node in found.nodes if "_free" in node]
+    for q in (found.q_home, *found.random_closed(5)):
+        at = {link: found.placement(q, link).translation for link in ("at_crank", "at_rocker", "coupler", "end")}
+        np.testing.assert_allclose(at["at_crank"], at["coupler"], atol=1e-9)
+        np.testing.assert_allclose(at["at_rocker"], at["end"], atol=1e-9)
+
+
+def test_two_trees_meet_in_a_link_with_two_parents(load):
+    """Both trees are open chains of one arm of three joints: the mobility is that of the arm."""
+    meeting = [TURN.format(name, parent, "tool", "0.5 0 0") for name, parent in (("j1", "a1"), ("j2", "b1"))]
+    trees = [
+        links("a", "a1", "b", "b1", "tool"),
+        TURN.format("ja", "a", "a1", "0 0 0"),
+        TURN.format("jb", "b", "b1", "0 0 0"),
+    ]
+    assert load(*trees, *meeting).mobility == 4
+
+
+def test_trees_that_nothing_joins_are_refused_with_a_joint_that_joins_them(load, tmp_path, capsys):
+    elements = [*FOUR_BAR, PIN.format("a", "crank", "rocker", "0 0.1 0", "0.4 0.1 0")]
+    with pytest.raises(
+        cinegen.CinegenError, match=r"r.urdf:1: 2 links have no parent, .*: 'ground' .*, 'coupler' "
+    ) as refused:
+        load(*elements)
+    joint = re.search("<joint .*</joint>", str(refused.value))[0]
+    assert load(*elements, joint).nodes[0] == "ground"
+    pinned = [*FOUR_BAR, PIN.format("a", "crank", "coupler", "0 0.1 0", "0 0 0")]
+    with pytest.raises(cinegen.CinegenError, match="2 links have no parent"):
+        load(*pinned, ignore_loops=True)
+    assert load(*pinned, joint, ignore_loops=True).mobility == 2
+
+
+@pytest.mark.parametrize(("limits", "edit"), [
+    ('lower="1" upper="-0.5"', 'lower="-0.5" upper="1"'),
+    ('upper="-1"', 'lower="-1" upper="0"'),
+    ('lower="0.5"', 'lower="0" upper="0.5"'),
+])  # fmt: skip
+def test_reversed_limits_are_refused_and_exchanged_on_request(tmp_path, limits, edit, typed):
+    path = tmp_path / "r.urdf"
+    path.write_text(robot(links("a", "b"), LIMITED.format(limits)))
+    said = typed("info", path, code=1).err
+    assert f"swap them ({edit}), or add --swap-limits (in Python swap_limits=True)" in said
+    option = re.search(r"add (--\S+)", said)[1]
+    assert "lower and upper limits exchanged, as requested: j" in typed("info", path, option).err
+    assert urdf2raff([str(path), "-o", str(tmp_path / "r.raff"), option]) == 0
+    with pytest.warns(UserWarning, match="exchanged"):
+        swapped = cinegen.load(path, swap_limits=True)
+    path.write_text(robot(links("a", "b"), LIMITED.format(edit)))
+    assert swapped.limits["j"][:2] == cinegen.load(path).limits["j"][:2]
+
+
+# --- xml file ---------------------------------------------------------------------------------------------------------
+# XML as robots are published in; what could make a program read what it must not is refused.
+
+
+@pytest.mark.parametrize("text", [
+    "<robot><drake:joint drake:name='x'/><link/></robot>", "<robot><plugin gz::kind='x'/><link/></robot>",
+    "<robot><!-- a -- b --><link/></robot>", "\n  <?xml version='1.0'?><robot><link/></robot>",
+    "<?xml version='0.0'?><robot><link/></robot>",
+    "\ufeff<?xml version='1.0' encoding='utf-16'?><robot><link/></robot>",
+    "<robot xmlns='http://drake.mit.edu'><link/></robot>",
+])  # fmt: skip
+def test_what_can_mean_only_one_thing_is_read(text):
+    tree = parse_xml(text, "x")
+    assert tree.tag == "robot"
+    assert tree.find("link") is not None
+
+
+@pytest.mark.parametrize(("text", "says"), [
+    ("", "x:1: invalid XML"),
+    ("<robot>\n<link>\n</robot>", r"x:3: invalid XML: Opening and ending tag mismatch"),
+    ("<robot/><robot/>", "x:1: invalid XML: Extra content"),
+    ("<robot>\n" + 10_000 * "<a>" + 10_000 * "</a>" + "</robot>", "x:2: invalid XML: Excessive depth"),
+    ("<!DOCTYPE r [<!ENTITY a 'ha'><!ENTITY b '&a;&a;'>]><r>&b;</r>", "x:1: the entity 'a' is not read"),
+    ("<!DOCTYPE r [<!ENTITY a SYSTEM 'file:///etc/passwd'>]><r>&a;</r>", "x:1: the entity 'a' is not read"),
+    ("<!DOCTYPE r SYSTEM 'x.dtd'><r>\n&b;</r>", r"x:\d: the entity 'b' is not read"),
+    ("<r xmlns:xi='http://www.w3.org/2001/XInclude'>\n<xi:include href='/etc/passwd'/></r>",
+     "x:2: '/etc/passwd' by XInclude is not read"),
+])  # fmt: skip
+def test_what_is_no_xml_is_told_by_its_line(text, says):
+    with pytest.raises(RaffError, match=says):
+        parse_xml(text, "x")
+
+
+def test_a_text_is_read_in_the_encoding_that_it_says(tmp_path):
+    path = tmp_path / "a.xml"
+    for content in (
+        "<r a='\xe9'/>".encode(),
+        b"\xef\xbb\xbf" + "<r a='\xe9'/>".encode(),
+        "<r a='\xe9'/>".encode("utf-16"),
+        b"<?xml version='1.0' encoding='ISO-8859-1'?><r a='\xe9'/>",
+    ):
+        path.write_bytes(content)
+        assert parse_xml(read_text(path), "x").get("a") == "\xe9"
+
+
+@pytest.mark.parametrize(("content", "says"), [
+    (b"<r>\n\xe9</r>", r":2: this is not text in utf-8: save the file as UTF-8"),
+    (b"<?xml version='1.0' encoding='klingon'?><r/>", r":1: unknown encoding 'klingon'"),
+    (b"<?xml version='1.0' encoding='hex'?><r/>", r":1: unknown encoding 'hex'"),
+])  # fmt: skip
+def test_an_encoding_that_is_none_is_told(content, says, tmp_path):
+    path = tmp_path / "a.xml"
+    path.write_bytes(content)
+    with pytest.raises(RaffError, match=says):
+        read_text(path)
