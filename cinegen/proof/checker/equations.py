@@ -47,8 +47,8 @@ class Slot(NamedTuple):
 
 
 class Parts(NamedTuple):
-    """Rows of a closure: slots, values, derivatives (slots, rows), second ones (slots, slots that vary) of each row, third
-    ones by their slots."""
+    """Rows of a closure: slots, values, derivatives (slots, rows), second ones (slots, slots that vary) of each row,
+    third ones by their slots."""
 
     slots: list[Slot]
     values: list[arb]
