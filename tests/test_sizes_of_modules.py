@@ -11,12 +11,6 @@ import pytest
 FOLDER, FILE, FUNCTION = 25, 400, 60
 """Modules of a folder, lines of a file, lines of a function without its docstring."""
 
-LONGER = {
-    "cinegen/assembly/_kernels.py", "cinegen/dynamics/_kernels/torques.py", "cinegen/ik/_kernels/levels.py",
-    "cinegen/ik/_kernels/trial.py",
-}  # fmt: skip
-"""Files that are to be split; none is added."""
-
 
 @pytest.fixture(scope="module")
 def modules(root):
@@ -31,8 +25,7 @@ def test_a_folder_is_read_at_a_glance(modules):
 
 
 def test_a_file_is_one_module_and_not_two(modules):
-    assert {path.as_posix() for path, text in modules.items() if text.count("\n") > FILE} <= LONGER
-    assert {name for name in LONGER if name not in {path.as_posix() for path in modules}} == set()
+    assert {path.as_posix() for path, text in modules.items() if text.count("\n") > FILE} == set()
 
 
 def test_a_function_is_one_idea(modules):

@@ -19,7 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 from cinegen.arrays import Array
-from cinegen.assembly._kernels import COLUMN, IS_PRISMATIC, PARENT
+from cinegen.assembly._kernels.tables import COLUMN, IS_PRISMATIC, PARENT
 from cinegen.jit.compiled import Table
 from cinegen.joints import common_point
 from raff2urdf.raff.document import LoopKind

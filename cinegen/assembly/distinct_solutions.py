@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cinegen.assembly._kernels import Complex
+from cinegen.assembly._kernels.tables import Complex
 
 SAME = 1e-6
 """Features (characteristic lengths, relative to their size where that is larger) closer than this are the same."""

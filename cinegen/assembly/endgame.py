@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cinegen.arrays import Array, Bools, Integers
-from cinegen.assembly._kernels import ARRIVED, INFINITE, LOST, SINGULAR, Complex
+from cinegen.assembly._kernels.tables import ARRIVED, INFINITE, LOST, SINGULAR, Complex
 from cinegen.assembly.distinct_solutions import SAME
 from cinegen.assembly.linkage import Linkage
 from cinegen.assembly.linkage_tables import Tracked

@@ -24,7 +24,7 @@ import numpy as np
 import pinocchio as pin
 
 from cinegen.arrays import Array
-from cinegen.assembly._kernels import COLUMN, PARENT
+from cinegen.assembly._kernels.tables import COLUMN, PARENT
 from cinegen.assembly.bodies import JointCentre, LinkageBodies, LinkageJoint
 from cinegen.assembly.linkage import Linkage
 from raff2urdf.raff.document import LoopKind

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cinegen.arrays import Array
-from cinegen.assembly._kernels import ARRIVED, INFINITE, LOST, SINGULAR, Complex
+from cinegen.assembly._kernels.tables import ARRIVED, INFINITE, LOST, SINGULAR, Complex
 from cinegen.assembly.distinct_solutions import SAME
 from cinegen.assembly.endgame import PathEnds, path_ends
 from cinegen.assembly.families import Family

@@ -8,8 +8,8 @@ import numpy as np
 import pinocchio as pin
 
 from cinegen.arrays import Array
-from cinegen.assembly import _kernels as kernel
-from cinegen.assembly._kernels import COLUMN, Complex, LinkageScratch, LinkageTables, ParameterPath
+from cinegen.assembly._kernels.tables import COLUMN, LOST, Complex, LinkageScratch, LinkageTables, ParameterPath
+from cinegen.assembly._kernels.tracking import solve_from
 from cinegen.assembly.bodies import CutJoint
 from cinegen.assembly.families import RigidGroups, Rod
 from cinegen.assembly.linkage import ACCURACY, Linkage
@@ -107,8 +107,8 @@ class LegAssembly:
 def _solve(leg: _Leg, path: ParameterPath, home: Complex) -> Complex | None:
     guess, ends, rng = np.append(home, 0.0)[None], np.zeros(1, dtype=np.int64), None
     for _ in range(_ATTEMPTS):
-        kernel.solve_from(leg.tables, path, guess, ends, leg.scratch)
-        if ends[0] != kernel.LOST:
+        solve_from(leg.tables, path, guess, ends, leg.scratch)
+        if ends[0] != LOST:
             return np.asarray(guess[0, :-1])
         rng = rng or np.random.default_rng(0)
         guess[0, :-1] = home + rng.uniform(-np.pi, np.pi, size=len(home))

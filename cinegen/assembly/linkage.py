@@ -6,15 +6,16 @@ import os
 from collections.abc import Collection
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
-from types import ModuleType
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
 from numba import complex128, float64, int64, typeof
 
 from cinegen.arrays import Array, Integers
-from cinegen.assembly import _kernels as kernel
-from cinegen.assembly._kernels import Complex, LinkageTables, ParameterPath
+from cinegen.assembly._kernels.equations import evaluate, write_features
+from cinegen.assembly._kernels.tables import LOST, Complex, LinkageTables, ParameterPath
+from cinegen.assembly._kernels.tracking import solve_from, track
 from cinegen.assembly.bodies import CutJoint, LinkageBodies
 from cinegen.assembly.certify import BodyFeature
 from cinegen.assembly.dependent_joints import check_joints, followers, list_of, redundant_joints, remedy
@@ -185,24 +186,24 @@ class Linkage:
         )
 
     @cached_property
-    def kernel(self) -> ModuleType:
+    def kernel(self) -> SimpleNamespace:
         """The kernels, compiled at the first access: a linkage of which only the structure is asked needs none."""
         path = typeof(self.fixed(self.locked_values(self.mechanism.q_home)))
         tables, scratch, unknowns = typeof(self.tables), typeof(self.scratch), complex128[:, ::1]
         with together():
-            prepare(kernel.track, tables, path, unknowns, int64[::1], float64[:, ::1], scratch)
-            prepare(kernel.solve_from, tables, path, unknowns, int64[::1], scratch)
-            prepare(kernel.write_features, tables, path, unknowns, complex128[:, :, ::1], scratch)
-            prepare(kernel.evaluate, tables, path, complex128[::1], scratch)
-        return kernel
+            prepare(track, tables, path, unknowns, int64[::1], float64[:, ::1], scratch)
+            prepare(solve_from, tables, path, unknowns, int64[::1], scratch)
+            prepare(write_features, tables, path, unknowns, complex128[:, :, ::1], scratch)
+            prepare(evaluate, tables, path, complex128[::1], scratch)
+        return SimpleNamespace(track=track, solve_from=solve_from, write_features=write_features, evaluate=evaluate)
 
     def _check_idle(self) -> None:
         """Refuse a mechanism whose locked joints don't determine its features: a general combination of them, which the
         slice selects, moves where any of them does."""
         cut = np.append(np.random.default_rng(0).normal(size=3 * self.tables.features), [0.0, 0.0]).astype(complex)
-        evaluate = interpreted(kernel.evaluate)  # a few times: not worth a compilation
+        plainly = interpreted(evaluate)  # a few times: not worth a compilation
         for q in self.mechanism.structure.samples if self.idle else ():
-            evaluate(
+            plainly(
                 self.tables, self.fixed(self.locked_values(q))._replace(slices=np.array([cut, cut])), self.unknowns(q),
                 self.scratch,
             )  # fmt: skip
@@ -367,7 +368,7 @@ class Linkage:
             reached, ends = self.newton(ahead[None], locked, rank)
             start, meant, moved = self.features(np.array([solution, ahead, reached[0]]), locked)
             far = float(np.abs(meant - start).max(initial=0.0))
-            if ends[0] != kernel.LOST and far > _IDLE and np.abs(moved - start).max(initial=0.0) > 0.5 * far:
+            if ends[0] != LOST and far > _IDLE and np.abs(moved - start).max(initial=0.0) > 0.5 * far:
                 return True
         return False
 

@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cinegen.arrays import Array, Integers
-from cinegen.assembly import _kernels as kernel
-from cinegen.assembly._kernels import Complex, LinkageScratch, LinkageTables
+from cinegen.assembly._kernels.tables import ARRIVED, COLUMN, Complex, LinkageScratch, LinkageTables
 from cinegen.assembly.bodies import CutJoint, Feature
 from cinegen.jit.compiled import Table
 from raff2urdf.raff.document import LoopKind
@@ -46,7 +45,7 @@ def scratch_of(tables: LinkageTables, passive: int) -> LinkageScratch:
     """Allocate working memory for a linkage with so many passive joints."""
     rows, features = 3 * len(tables.differences) + len(tables.products) + 1, tables.features
     joints, unknowns = len(tables.joints), passive + 1
-    locked = max(int(tables.joints[:, kernel.COLUMN].max()) - passive, 0)  # joints that follow others have no column
+    locked = max(int(tables.joints[:, COLUMN].max()) - passive, 0)  # joints that follow others have no column
 
     def zeros(*shape: int) -> Complex:
         return np.zeros(shape, dtype=np.complex128)
@@ -74,4 +73,4 @@ class Tracked(NamedTuple):
     @property
     def arrived(self) -> Complex:
         """The solutions whose paths arrived."""
-        return np.asarray(self.solutions[self.ends == kernel.ARRIVED])
+        return np.asarray(self.solutions[self.ends == ARRIVED])

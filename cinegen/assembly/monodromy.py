@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cinegen.assembly._kernels import ARRIVED, SINGULAR, Complex
+from cinegen.assembly._kernels.tables import ARRIVED, SINGULAR, Complex
 from cinegen.assembly.distinct_solutions import DistinctSolutions
 from cinegen.assembly.linkage import Linkage
 from cinegen.assembly.trace_test import TraceResult, TraceTest

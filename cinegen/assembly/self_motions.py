@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cinegen.arrays import Array
-from cinegen.assembly._kernels import ARRIVED, LOST, SINGULAR, Complex, ParameterPath
+from cinegen.assembly._kernels.tables import ARRIVED, LOST, SINGULAR, Complex, ParameterPath
 from cinegen.assembly.distinct_solutions import DistinctSolutions
 from cinegen.assembly.linkage import ACCURACY, Linkage
 from cinegen.assembly.linkage_tables import Tracked

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from cinegen.arrays import Array
-from cinegen.assembly._kernels import Complex
+from cinegen.assembly._kernels.tables import Complex
 from cinegen.assembly.errors import ModesError
 from cinegen.assembly.families import Family, RigidGroups, SixLegs
 from cinegen.assembly.leg_assembly import LegAssembly, is_out_of_reach

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cinegen.arrays import Array
-from cinegen.assembly._kernels import ARRIVED, INFINITE, Complex, ParameterPath
+from cinegen.assembly._kernels.tables import ARRIVED, INFINITE, Complex, ParameterPath
 from cinegen.assembly.distinct_solutions import DistinctSolutions
 from cinegen.assembly.linkage import ACCURACY, Linkage
 from cinegen.assembly.linkage_tables import Tracked

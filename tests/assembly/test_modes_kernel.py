@@ -8,7 +8,9 @@ from hypothesis import strategies as st
 from linkages import hinge, ring, slide
 
 import cinegen
-from cinegen.assembly._kernels import ARRIVED, SINGULAR, ParameterPath, evaluate, solve
+from cinegen.assembly._kernels.equations import evaluate
+from cinegen.assembly._kernels.tables import ARRIVED, SINGULAR, ParameterPath
+from cinegen.assembly._kernels.tracking import solve
 from cinegen.assembly.distinct_solutions import DistinctSolutions
 from cinegen.assembly.endgame import path_ends
 from cinegen.assembly.errors import FreeMotionError

@@ -8,7 +8,8 @@ all joints of v_k A v_l: v their velocity, A their armature.
 from __future__ import annotations
 
 from cinegen.dynamics._kernels.memory import DynamicsMemory
-from cinegen.dynamics._kernels.torques import CLEAR, HELD, OPEN, UNCLEAR, complete, factor_actuated, sum_screws
+from cinegen.dynamics._kernels.motions import CLEAR, complete, factor_actuated, sum_screws
+from cinegen.dynamics._kernels.torques import HELD, OPEN, UNCLEAR
 from cinegen.jit.compiled import Array, compiled, entry
 from cinegen.jit.se3 import combine, cross, dot
 from cinegen.jit.vectors import copy

@@ -26,12 +26,9 @@ from cinegen.ik._kernels.secondary import write_orthonormal
 from cinegen.ik._kernels.tasks import tasks_left
 from cinegen.ik._kernels.weights import find_least_motion
 from cinegen.ik.thresholds import (
-    ARMIJO,
-    ARRIVED,
     AT_LIMIT,
     BARRED,
     LEAST_SCALE,
-    LEVEL_TRIES,
     NOISE,
     REST,
     RESTING,
@@ -57,7 +54,7 @@ def add_levels(memory: SolverMemory) -> None:
         task = task_at(memory.task_handles[i])
         if task.is_active != 0 and task.is_still == 0:
             still[task.level] = 0.0
-    memory.first_free = _first_left(memory)
+    memory.first_free = first_left(memory)
     memory.carry = _first_carry(memory)
     _scale_first(memory)
     copy(memory.step, secondary, memory.n)
@@ -82,7 +79,7 @@ def add_levels(memory: SolverMemory) -> None:
 
 
 @compiled
-def _first_left(memory: DirectionsMemory) -> int:
+def first_left(memory: DirectionsMemory) -> int:
     """Fill `axes` with what the first level leaves; return the index of the first of these."""
     p, k = memory.active_rows, memory.mobility
     if memory.found_by != BASIS:
@@ -157,7 +154,7 @@ def _add_level(memory: LevelsMemory, level: int) -> None:
     if rows == 0 or width <= 0:
         return
     rank = min(memory.level_rank[level], rows, width)
-    _decompose(memory, level, first)
+    decompose_level(memory, level, first)
     left, total = memory.level_error, 0.0
     for i in range(rows):
         left[i] = memory.wanted[start + i] - inner(memory.task_jacobian[start + i], memory.step, n)
@@ -181,7 +178,7 @@ def _add_level(memory: LevelsMemory, level: int) -> None:
 
 
 @compiled
-def _decompose(memory: LevelsMemory, level: int, first: int) -> None:
+def decompose_level(memory: LevelsMemory, level: int, first: int) -> None:
     """Decompose a level's rows in the freedom `axes[first:]`, whose basis becomes that of its singular vectors; fill
     `level_squares`, largest first, and the directions in which the level is corrected."""
     start, k = memory.level_end[level - 1], memory.mobility
@@ -366,121 +363,3 @@ def promise(memory: LevelsMemory) -> None:
                 others += (wanted - 0.5 * above) * above
                 own += (wanted - above - 0.5 * part) * part
         memory.level_rest[level], memory.level_promised[level] = memory.level_cost[level] - others, own
-
-
-@compiled
-def find_lower_lack(memory: LevelsMemory) -> float:
-    """Return the largest component of the lower levels' errors in `trial_error` that is to be corrected."""
-    lack = 0.0
-    for level in range(1, memory.guarded_levels):
-        start = memory.level_end[level - 1]
-        rows = memory.level_end[level] - start
-        for i in range(memory.level_kept[level]):
-            lack = max(lack, abs(inner(memory.level_in[level, i], memory.trial_error[start:], rows)))
-    return lack
-
-
-@compiled
-def correct_lower(memory: LevelsMemory, is_locked: bool) -> None:
-    """Add the corrections of lower levels to `correction`; `trial_error` is what is left of them without it."""
-    if is_locked:
-        _find_directions_again(memory)
-    for level in range(1, memory.guarded_levels):
-        start = memory.level_end[level - 1]
-        rows, left = memory.level_end[level] - start, memory.level_error
-        for i in range(rows):
-            s = inner(memory.task_jacobian[start + i], memory.correction, memory.n)
-            left[i] = memory.trial_error[start + i] - s
-        for i in range(memory.level_kept[level]):
-            s = inner(memory.level_in[level, i], left, rows)
-            add_multiple(s, memory.level_out[level, i], memory.correction, memory.n)
-
-
-@compiled
-def _find_directions_again(memory: LevelsMemory) -> None:
-    """Find the directions in which lower levels are corrected, after the first level's rows were decomposed again."""
-    found_by = memory.found_by
-    first = _first_left(memory)
-    memory.found_by = found_by
-    for level in range(1, memory.guarded_levels):
-        rows = memory.level_end[level] - memory.level_end[level - 1]
-        memory.level_kept[level] = 0
-        if rows > 0 and first < memory.mobility:
-            _decompose(memory, level, first)
-            first += min(memory.level_rank[level], rows, memory.mobility - first)
-
-
-@compiled
-def shorten_levels(memory: LevelsMemory) -> bool:
-    """Shorten lower levels' parts if one of these levels loses by the trial; return whether it was necessary.
-
-    Parts below that level are shortened, or its own if they are zero. No level shortens those above.
-    """
-    for level in range(1, memory.levels):
-        cost, left, promised = tasks_left(memory, level), memory.level_rest[level], memory.level_promised[level]
-        arrived = 0.5 * ARRIVED * ARRIVED
-        is_near = max(memory.level_cost[level], left) <= arrived
-        if cost <= arrived or (not is_near and (promised <= 0.0 or left - cost >= ARMIJO * promised - NOISE)):
-            continue
-        if not _has_parts(memory, level + 1):
-            if not _has_part(memory, level):
-                continue
-            _shorten_part(memory, level)
-        else:
-            for below in range(level + 1, memory.parts):
-                _shorten_part(memory, below)
-        memory.level_tries += 1
-        promise(memory)
-        return True
-    return False
-
-
-@compiled
-def _has_part(memory: LevelsMemory, level: int) -> bool:
-    """Return whether a level moves a joint."""
-    has = False
-    for j in range(memory.n):
-        has = has or memory.level_part[level, j] != 0.0
-    return has
-
-
-@compiled
-def _has_parts(memory: LevelsMemory, level: int) -> bool:
-    """Return whether a level or one below it moves a joint."""
-    has = False
-    for below in range(level, memory.parts):
-        has = has or _has_part(memory, below)
-    return has
-
-
-@compiled
-def _shorten_part(memory: LevelsMemory, level: int) -> None:
-    """Halve a level's part of the attempted step; leave it out after some tries."""
-    part = memory.level_part[level]
-    left = 0.5 if memory.level_tries % LEVEL_TRIES < LEVEL_TRIES - 1 else 0.0
-    for j in range(memory.n):
-        memory.attempted[j] -= (1.0 - left) * part[j]
-        memory.secondary[j] -= (1.0 - left) * part[j]
-        part[j] *= left
-    memory.level_scale[level] = max(0.5 * memory.level_scale[level], LEAST_SCALE)
-
-
-@compiled
-def scale_parts(memory: LevelsMemory, factor: float, eases: bool) -> None:
-    """Scale the parts below the first, as the secondary step was scaled; also in later ticks if `eases`."""
-    if memory.parts == 0:
-        return
-    for level in range(1, memory.parts):
-        for j in range(memory.n):
-            memory.level_part[level, j] *= factor
-        if eases:
-            memory.level_scale[level] = max(factor * memory.level_scale[level], LEAST_SCALE)
-    promise(memory)
-
-
-@compiled
-def keep_parts(memory: LevelsMemory, accepted: bool) -> None:
-    """Keep the parts of a tick's step for the next, which may turn back."""
-    for level in range(memory.parts):
-        for j in range(memory.n):
-            memory.level_last[level, j] = memory.level_part[level, j] if accepted else 0.0

@@ -6,7 +6,7 @@ import math
 
 from cinegen.ik._kernels import memory as m
 from cinegen.ik._kernels.decomposition import unweighted
-from cinegen.ik._kernels.levels import keep_parts
+from cinegen.ik._kernels.level_parts import keep_parts
 from cinegen.ik._kernels.memory import SVD, LevelsMemory, RecordMemory, SolverMemory, task_at
 from cinegen.ik._kernels.tasks import measure
 from cinegen.ik.thresholds import (

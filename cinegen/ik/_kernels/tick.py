@@ -5,8 +5,9 @@ from __future__ import annotations
 from cinegen.ik._kernels.memory import STATUS, SolverMemory
 from cinegen.ik._kernels.proposal import is_sure, propose
 from cinegen.ik._kernels.record import finish
+from cinegen.ik._kernels.steps import set_out
 from cinegen.ik._kernels.tasks import read_tasks
-from cinegen.ik._kernels.trial import guard, judge_given, set_out, try_step
+from cinegen.ik._kernels.trial import guard, judge_given, try_step
 from cinegen.ik.thresholds import BEGIN, DONE, GUARD, JUDGE, PROPOSED, RANK_NEEDED, REFUSED, REJECTED
 from cinegen.jit.compiled import compiled, entry
 from cinegen.loops._kernels.kinematics import evaluate

@@ -246,8 +246,8 @@ class Robot:
                 column([v.r for v in along]),
             )
             closures.append([])
-            for i, (m, r) in enumerate(zip(here.second, over.second, strict=True)):
-                half = arb_mat(m.nrows(), m.ncols(), [x.rad() * _UP / 2 for x in r.entries()])
+            for i, (m, unsure) in enumerate(zip(here.second, over.second, strict=True)):
+                half = arb_mat(m.nrows(), m.ncols(), [x.rad() * _UP / 2 for x in unsure.entries()])
                 bent = half * spread
                 closures[-1].append([m * by, bent, (absolute(m) + half) * away])
                 if more:

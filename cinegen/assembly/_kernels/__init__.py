@@ -1,0 +1,1 @@
+"""Kernels of linkages in complex numbers: their equations, Newton's method and path tracking."""
