@@ -106,7 +106,7 @@ def read_lines(
     try:
         header = decode_header(first)
     except CinegenError as error:
-        raise failure(f"{path}: {error}") from None
+        raise failure("\n".join(f"{path}: {why}" for why in str(error).split("\n"))) from None
     found: list[_L] = []
 
     def read(number: int, line: bytes) -> None:

@@ -22,7 +22,7 @@ from cinegen.ik.tasks.described import AnyDescription
 from cinegen.mission.drawn_obstacle import DrawnObstacle
 from cinegen.model.fingerprint import fingerprint
 from cinegen.model.mechanism import Mechanism
-from cinegen.typed_json import DoF, decoder, encode
+from cinegen.typed_json import DoF, decoder, encode, every_problem
 from raff2urdf.escape import one_line
 
 VERSION: Literal[3] = 3
@@ -227,7 +227,8 @@ def decode_header(first: bytes) -> MissionHeader:
     try:
         header = _HEADER.decode(first)
     except _NOT_DECODED as error:
-        raise MissionError(f"line 1: {error}") from None
+        problems = every_problem(first, _HEADER, error).split("\n")
+        raise MissionError("\n".join(f"line 1: {problem}" for problem in problems)) from None
     if not header.robots:
         raise MissionError("line 1: Expected at least one robot - at `$.robots`")
     robots = {one_line(name): _shown(robot) for name, robot in header.robots.items()}
@@ -256,7 +257,7 @@ def decode_moment(data: bytes, header: MissionHeader, before: Moment | None = No
     try:
         moment = _MOMENT.decode(data)
     except _NOT_DECODED as error:
-        raise MissionError(str(error)) from None
+        raise MissionError(every_problem(data, _MOMENT, error)) from None
     robots, wrong = {} if before is None else dict(before.robots), list[str]()
     for written, sample in moment.robots.items():
         name = one_line(written)
