@@ -11,7 +11,7 @@ import pinocchio as pin
 from cinegen.arrays import Array, ArrayLike
 from cinegen.errors import CinegenError, UnknownNameError
 from cinegen.ik._kernels.memory import TaskMemory
-from cinegen.ik.tasks.equations import FrameEquations, ConstrainedAxes
+from cinegen.ik.tasks.equations import ConstrainedAxes, FrameEquations
 from cinegen.ik.tasks.values import ROTATIONS, TRANSLATIONS, WANTED, checked_priority, is_count, pose
 from cinegen.ik.thresholds import ROTATION
 from cinegen.jit.foreign import SE3_DISTANCE, address, frame_of
