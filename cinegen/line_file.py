@@ -101,8 +101,10 @@ def read_lines(
     """
     with raised_as(failure, RaffError):
         first, *lines = read_bytes(path, largest=_LARGEST).split(b"\n")
-    with raised_as(failure, CinegenError, f"{path}: "):
+    try:
         header = decode_header(first)
+    except CinegenError as error:
+        raise failure("\n".join(f"{path}: {why}" for why in str(error).split("\n"))) from None
     found: list[_L] = []
 
     def read(number: int, line: bytes) -> None:

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterator
 from dataclasses import asdict, is_dataclass
 from enum import Enum
-from typing import Annotated, Any, TypeVar, get_origin
+from types import UnionType
+from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 
 import msgspec
 import numpy as np
 import pinocchio as pin
-from msgspec import Meta
+from msgspec import Meta, Struct, UnsetType
 
 from cinegen.arrays import Array
+from raff2urdf.escape import one_line
 
 Vector3 = tuple[float, float, float]
 Vector4 = tuple[float, float, float, float]
@@ -32,6 +35,61 @@ def decoder(kind: Any, result: type[_T] | None = None) -> msgspec.json.Decoder[_
     It raises `msgspec.MsgspecError`, whose message names the field, or `RecursionError`.
     """
     return msgspec.json.Decoder(kind, dec_hook=_decoded)
+
+
+def every_problem(data: bytes | str, of: msgspec.json.Decoder[Any], first: Exception) -> str:
+    """Return all problems of what a decoder refused, a line each.
+
+    Args:
+        data: that was refused.
+        of: decoder.
+        first: its error.
+    """
+    try:
+        value = msgspec.json.decode(data)
+        return "\n".join(_problems(value, of.type, "$")) or str(first)
+    except (msgspec.MsgspecError, RecursionError, UnicodeError):
+        return str(first)
+
+
+def _problems(value: Any, kind: Any, at: str) -> list[str]:
+    try:
+        msgspec.convert(value, kind, dec_hook=_decoded)
+    except msgspec.ValidationError as error:
+        what, _, where = str(error).partition(" - at `$")
+    else:
+        return []
+    problems = [f"{problem} - at `{at}`" for problem in _wrong_fields(value, kind)]
+    for part, inner, name in _parts(value, kind):
+        problems += _problems(part, inner, at + name)
+    return problems or [f"{what} - at `{at}{where.rstrip('`')}`"]
+
+
+def _wrong_fields(value: Any, kind: Any) -> list[str]:
+    if not (isinstance(kind, type) and issubclass(kind, Struct) and isinstance(value, dict)):
+        return []
+    fields, config = msgspec.structs.fields(kind), kind.__struct_config__
+    known = {config.tag_field, *(field.encode_name for field in fields)}
+    missing = [field.encode_name for field in fields if field.required and field.encode_name not in value]
+    unknown = [one_line(name) for name in value if name not in known] if config.forbid_unknown_fields else []
+    return [f"Object missing required field `{name}`" for name in missing] + [
+        f"Object contains unknown field `{name:.40}`" for name in unknown
+    ]
+
+
+def _parts(value: Any, kind: Any) -> Iterator[tuple[Any, Any, str]]:
+    """Yield the parts of a value with their types and names: fields of structs, elements of lists and mappings."""
+    origin, inner = get_origin(kind), [one for one in get_args(kind) if one not in (type(None), UnsetType)]
+    if origin in (Union, UnionType) and len(inner) == 1:
+        yield value, inner[0], ""
+    elif isinstance(kind, type) and issubclass(kind, Struct) and isinstance(value, dict):
+        for field in msgspec.structs.fields(kind):
+            if field.encode_name in value:
+                yield value[field.encode_name], field.type, f".{field.encode_name}"
+    elif origin is dict and isinstance(value, dict):
+        yield from ((part, inner[1], f".{one_line(name):.40}") for name, part in value.items())
+    elif origin in (tuple, list) and inner[1:] in ([], [...]) and isinstance(value, list):
+        yield from ((part, inner[0], f"[{i}]") for i, part in enumerate(value))
 
 
 def encode(message: Any) -> bytes:

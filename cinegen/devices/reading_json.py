@@ -5,6 +5,7 @@ The tables in `docs/reference/protocol.md` are generated from the classes here b
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Literal, NamedTuple, TypeVar, cast
 
 import msgspec
@@ -14,8 +15,7 @@ from msgspec import UNSET, Struct, UnsetType
 
 from cinegen.errors import CinegenError
 from cinegen.sensor import Reading, Twist
-from cinegen.typed_json import Button, Vector3, Vector4, Vector6, decoder, encode
-from raff2urdf.errors import raised_as
+from cinegen.typed_json import Button, Vector3, Vector4, Vector6, decoder, encode, every_problem
 
 LONGEST = 4096
 """Bytes of a line; no valid line is half as long."""
@@ -133,7 +133,7 @@ def decode_recorded(line: bytes | str) -> Reading:
     Raises:
         ReadingError: it doesn't match the schema.
     """
-    message = _decoded(line, _RECORDED)
+    message = _decoded(line, _RECORDED, every_problem)
     twist, target, buttons = _partial(message)
     return Reading(message.time, twist, target, buttons or frozenset(), message.pressed)
 
@@ -160,11 +160,15 @@ def encode_header(timeout: float) -> bytes:
     return encode(ReadingsHeader("readings", VERSION, timeout)) + b"\n"
 
 
-def _decoded(line: bytes | str, decode: msgspec.json.Decoder[_M]) -> _M:
+def _decoded(
+    line: bytes | str, decode: msgspec.json.Decoder[_M], problem: Callable[..., str] = lambda *of: str(of[-1])
+) -> _M:
     if len(line) > LONGEST:
         raise ReadingError(f"a line must not be longer than {LONGEST} bytes")
-    with raised_as(ReadingError, (msgspec.MsgspecError, RecursionError, UnicodeError)):
+    try:
         return decode.decode(line)
+    except (msgspec.MsgspecError, RecursionError, UnicodeError) as error:
+        raise ReadingError(problem(line, decode, error)) from None
 
 
 def _partial(message: ReadingMessage) -> PartialReading:

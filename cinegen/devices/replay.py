@@ -25,6 +25,7 @@ from cinegen.devices.reading_json import (
 from cinegen.errors import CinegenError
 from cinegen.line_file import LineFile, read_lines, reason
 from cinegen.sensor import NO_TWIST, Reading, TimedSensor
+from cinegen.typed_json import every_problem
 
 _HEADER = msgspec.json.Decoder(ReadingsHeader)
 
@@ -138,8 +139,8 @@ def _timeout(first: bytes) -> float:
     try:
         header = _HEADER.decode(first)
     except (msgspec.MsgspecError, RecursionError, UnicodeError) as error:
-        example = '{"cinegen": "readings", ...}'
-        raise RecordError(f"not a recording of readings (its first line would be {example}): {error}") from None
+        example, why = '{"cinegen": "readings", ...}', every_problem(first, _HEADER, error)
+        raise RecordError(f"not a recording of readings (its first line would be {example}): {why}") from None
     if header.version != VERSION:
         raise RecordError(f"a recording of version {header.version}; only version {VERSION} can be read")
     if header.timeout is not None and header.timeout < 0.0:

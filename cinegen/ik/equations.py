@@ -49,7 +49,7 @@ def equations(
     """
     model, data, length = mechanism.model, system.data, system.length
     errors, rows = [np.zeros(0)], [np.zeros((0, model.nv))]
-    heaviest = max((task.memory.weight for task, _ in tasks), default=1.0)  # only the proportions of weights matter
+    heaviest = max((task.heaviest for task, _ in tasks), default=1.0)  # only the proportions of weights matter
     for task, axes in tasks:
         placement = pin.updateFramePlacement(model, data, task.frame) * task.offset
         jacobian = np.zeros((6, model.nv))
@@ -57,7 +57,7 @@ def equations(
             of_node = pin.getFrameJacobian(model, data, task.frame, pin.ReferenceFrame.LOCAL).reshape(6, -1)
             jacobian[:] = task.offset.toActionMatrixInverse() @ of_node
         error, row = task.equations(placement, jacobian * system.scale, axes)
-        weight, of_row = task.memory.weight / heaviest, task.memory.row_weight[: task.rows]
+        weight, of_row = task.heaviest / heaviest, task.row_weights / task.heaviest
         if not weighted:
             weight, of_row = 1.0, np.ones(task.rows)
         linear, angular = np.split(of_row * error, [task.translation])

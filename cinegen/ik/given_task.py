@@ -70,7 +70,7 @@ class GivenTask:
     def __init__(self, task: Task, state: State) -> None:
         self.task, self.memory = task, TaskMemory()
         self._words = self.memory.words
-        self.changed: Callable[[], None] = lambda: None
+        self.changed: Callable[[bool], None] = lambda binds: None
         self.problem = ""
         self.memory.own_target[:3] = np.eye(3)
         self.memory.target = address(self.memory.own_target)
@@ -122,7 +122,7 @@ class GivenTask:
         self._words[_VALID] = 0
         if task.priority != self.priority:
             self.priority = checked_priority(task.priority)
-            self.changed()
+            self.changed(True)
         if task.weight != self._weight:
             self._weight = self.memory.weight = checked_weight(task.weight)
         self.evaluate_error(state)

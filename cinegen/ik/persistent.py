@@ -50,9 +50,10 @@ class PersistentSolver(Solver):
         self._tried: tuple[bytes, ...] = ()  # targets of the last search
         super().__init__(mechanism, dt, q, gain, acceleration, keep_branch)
 
-    def _mark_changed(self) -> None:
-        super()._mark_changed()
-        self._tried = ()
+    def _mark_changed(self, binds: bool) -> None:
+        super()._mark_changed(binds)
+        if binds:
+            self._tried = ()
 
     def _step(self) -> Step:
         if self._goal is not None and (self._detour is None or self._targets() != self._tried):

@@ -59,6 +59,7 @@ def _bind(task: AnyTask, mechanism: Mechanism, fixed: int) -> None:
     if isinstance(task, GivenTask):
         task.hold(mechanism.structure.held_columns)
         return
+    task.write()
     frame, (named, offset) = model.frames[task.frame], task.valid_axes_and_offset
     memory.joint, memory.offset[:] = frame.parentJoint, frame_of(frame.placement * offset)
     memory.moved_by[:] = supporting_columns(model, frame.parentJoint)[fixed:]

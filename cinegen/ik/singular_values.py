@@ -155,7 +155,7 @@ def _ever(mechanism: Mechanism, system: ClosedLoops, q: Array, tasks: Sequence[t
 
 def _twists(mechanism: Mechanism, system: ClosedLoops, tasks: Sequence[tuple[FrameTask, Array]], along: Array) -> Array:
     """Return the shortest twists (tasks, 6) of the tasks' frames, in world axes, whose rows are `along` (rows,)."""
-    heaviest = max(task.memory.weight for task, _ in tasks)
+    heaviest = max(task.heaviest for task, _ in tasks)
     twists, row = np.zeros((len(tasks), 6)), 0
     for twist, (task, axes) in zip(twists, tasks, strict=True):
         placement = pin.updateFramePlacement(mechanism.model, system.data, task.frame) * task.offset

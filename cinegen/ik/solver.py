@@ -19,7 +19,7 @@ from cinegen.ik._kernels.memory import SolverMemory
 from cinegen.ik._kernels.tick import tick
 from cinegen.ik.branch import regular_neighbour
 from cinegen.ik.control.rates import checked_period
-from cinegen.ik.control.tasks import TaskControl
+from cinegen.ik.control.tasks import BIND, TaskControl
 from cinegen.ik.given_task import GivenTask
 from cinegen.ik.joints import ACCELERATION, JointSettings
 from cinegen.ik.setup import set_up_solver
@@ -96,7 +96,7 @@ class Solver(TaskControl):
     """
 
     __slots__ = (
-        "__weakref__", "_handle", "_joints", "_keeps_linearisation", "_q", "_refused_at", "_tick", "_user",
+        "__weakref__", "_handle", "_joints", "_keeps_linearisation", "_q", "_refused_at", "_tick",
         "linearisation", "mechanism",
     )  # fmt: skip
 
@@ -134,9 +134,10 @@ class Solver(TaskControl):
         if acceleration is not None and not isinstance(acceleration, Mapping):
             acceleration = dict.fromkeys(mechanism.joints, acceleration)
         self._joints.set_columns(ACCELERATION, acceleration)
+        self._changed = BIND
         self._write_tasks()
         self._q = self._memory.q
-        self._changed = True
+        self._changed = BIND
         self._earlier = None
         self._latest = None
         self._keeps_branch = False
@@ -197,7 +198,7 @@ class Solver(TaskControl):
         memory.q[:], memory.closure, memory.is_at_q, memory.phase = q, closure, 0, BEGIN
         memory.last[:] = memory.drift[:] = memory.secondary[:] = 0.0
         memory.secondary_scale = memory.turn_scale = 1.0
-        if not self._changed:  # tasks forget what they followed
+        if self._changed != BIND:  # tasks forget what they followed
             for task in self._tasks:
                 task.memory.is_followed = 0
             memory.is_warm = 0
@@ -216,7 +217,7 @@ class Solver(TaskControl):
         if relocked:
             set_up_solver(self._memory, self._joints.held)
             self._ranks.clear()
-            self._changed = True
+            self._changed = BIND
         self._joints.write(self._memory, self._lifted)
 
     @property
@@ -258,7 +259,7 @@ class Solver(TaskControl):
         for copy, task in zip(self._tasks, valid, strict=True):
             copy.memory.aim[:], copy.memory.is_followed = task.memory.aim, task.memory.is_followed
             copy.memory.kept_error[:] = task.memory.kept_error
-        if not other._changed and len(valid) == len(other.tasks):
+        if other._changed != BIND and len(valid) == len(other.tasks):
             own.level_scale[:], own.level_rank[:] = memory.level_scale, memory.level_rank
             own.level_last[:] = memory.level_last * ratio
             for name in ("is_warm", "signature", "task_rank"):

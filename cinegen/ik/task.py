@@ -11,20 +11,23 @@ import pinocchio as pin
 from cinegen.arrays import Array, ArrayLike
 from cinegen.errors import CinegenError, UnknownNameError
 from cinegen.ik._kernels.memory import TaskMemory
-from cinegen.ik.tasks.equations import FrameEquations
+from cinegen.ik.tasks.equations import ConstrainedAxes, FrameEquations
 from cinegen.ik.tasks.values import ROTATIONS, TRANSLATIONS, WANTED, checked_priority, is_count, pose
 from cinegen.ik.thresholds import ROTATION
 from cinegen.jit.foreign import SE3_DISTANCE, address, frame_of
+from cinegen.jit.one_thread import HasUser, OneThread
 
 _TARGET = TaskMemory.fields["target"].slot
+_NO_ROWS = ConstrainedAxes.of(np.zeros(6))
 
 
 class FrameTask(FrameEquations):
     """A frame on a node follows a target; made by `Solver.add_task`.
 
-    All may be set at any time between two ticks, and takes effect at the next one. A value that can't be followed (a
-    target that is no SE3 or not finite, a `weight` of 0, a node that does not exist) is kept, and the task is left out
-    until it is corrected: the status of each tick reports it.
+    All may be set at any time, by any thread, and takes effect at the next tick; what is changed in place, as in
+    `task.target.translation += ...`, only between two ticks. A value that can't be followed (a target that is no SE3 or
+    not finite, a `weight` of 0, a node that does not exist) is kept, and the task is left out until it is corrected:
+    the status of each tick reports it.
 
     Args:
         node: name of a base, link or frame.
@@ -48,8 +51,8 @@ class FrameTask(FrameEquations):
     """
 
     __slots__ = (
-        "__weakref__", "_axes", "_frame", "_largest", "_node", "_offset", "_priority", "_special",
-        "_target", "_weight", "_weights", "_words", "_wrong", "changed", "find_frame", "measure",
+        "__weakref__", "_axes", "_frame", "_is_moved", "_node", "_offset", "_priority", "_read", "_special",
+        "_target", "_twist", "_weight", "_words", "_written", "_wrong", "changed", "find_frame", "measure", "user",
     )  # fmt: skip
 
     def __init__(
@@ -67,20 +70,23 @@ class FrameTask(FrameEquations):
     ) -> None:
         self._priority = checked_priority(priority)
         self._node, self._axes, self._frame, self._offset = node, axes, frame, pose(offset)
-        self.memory = TaskMemory()
+        self.memory = TaskMemory(translation=0, rotation=0)
         self._words = self.memory.words
-        self.changed: Callable[[], None] = _nothing  # called when the solver has to write the task again
+        self.user: HasUser = OneThread()  # its solver: nobody without one
+        self.changed: Callable[[bool], None] | None = _nothing  # called with whether a solver has to bind the task anew
         self.find_frame: Callable[[str], int] = _unknown_frame
         self.measure: Callable[[FrameTask], tuple[float, float]] = _no_solver
         self._wrong: dict[str, Any] = {}
-        self._target = pin.SE3.Identity()
-        self._special = False  # follows a twist, or has an invalid value
+        self._target = self._read = pin.SE3.Identity()
+        self._twist: Array | None = None
+        self._special = self._is_moved = False  # follows a twist, or has an invalid value; another frame follows
+        self._weight, self._rows, self._written = 1.0, _NO_ROWS, _NO_ROWS
         self.target = target
-        self._weight, self._largest, self._weights = 1.0, 1.0, np.zeros(6)
-        self._constrained = [], []
         self.translation, self.rotation, self.weight = translation, rotation, weight
         if weights is not None:
             self.weights = weights
+        self.changed = None
+        self.write()
 
     def copy(self, frame: int | None = None) -> FrameTask:
         """Return a task of no solver with the same values; it follows a pose.
@@ -91,14 +97,14 @@ class FrameTask(FrameEquations):
         frame = self.frame if frame is None else frame
         copied = FrameTask(
             self._node, self._target, weight=self._weight, axes=self._axes, frame=frame, offset=self._offset,
-            weights=self._weights, priority=self._priority,
+            weights=self._rows.weights, priority=self._priority,
         )  # fmt: skip
         for name, value in self._wrong.items():
             copied._refuse(name, value)
         return copied
 
     def __repr__(self) -> str:
-        follows = "twist" if self.twist is not None else "pose"
+        follows = "pose" if self._twist is None else "twist"
         return f"<FrameTask of {self.node}: {follows}, {self.translation} translations, {self.rotation} rotations>"
 
     @property
@@ -159,9 +165,8 @@ class FrameTask(FrameEquations):
 
     def _accept_frame(self, name: str) -> None:
         """Let another frame follow, or be followed along other axes."""
-        self.memory.is_followed = 0
-        self._accept(name)
-        self.changed()
+        self._is_moved = True
+        self._accept(name, True)
 
     @property
     def target(self) -> pin.SE3:
@@ -174,18 +179,41 @@ class FrameTask(FrameEquations):
             self._refuse("target", target)
             return
         copied = self._target = target.copy()
-        if SE3_DISTANCE is None:
+        place = id(copied) + (SE3_DISTANCE or 0)
+        if self._special or self.user._user:  # a tick reads the one before, to its end
+            self._twist = None
+            self._accept("target")
+        elif SE3_DISTANCE is None:
             self.read_target()
         else:
-            self._words[_TARGET] = id(copied) + SE3_DISTANCE
-        if self._special:
-            self.memory.is_twist = 0
-            self._accept("target")
+            self._words[_TARGET] = place  # no other thread comes in between, as in `Solver.step`
+            self._read = copied
 
     def read_target(self) -> None:
         """Copy the target into the task's memory, where its numbers can't be read in place."""
         self.memory.own_target[:] = frame_of(self._target)
         self.memory.target = address(self.memory.own_target)
+
+    def write(self) -> bool:
+        """Write all that was set into the task's memory; only its user may, between two ticks. Return whether it has to
+        be bound anew: other axes are constrained, or another frame follows."""
+        memory, rows, before, twist, moved = self.memory, self._rows, self._written, self._twist, self._is_moved
+        self._written, self._is_moved, target = rows, False, self._target
+        memory.weight, memory.is_valid = self._weight * rows.largest, 0 if self._wrong else 1
+        memory.is_twist = 0 if twist is None else 1
+        if twist is not None:
+            memory.twist[:] = twist
+        if SE3_DISTANCE is None:
+            self.read_target()
+        else:
+            self._words[_TARGET], self._read = id(target) + SE3_DISTANCE, target
+        if moved:
+            memory.is_followed = 0
+        if rows is before:
+            return moved
+        memory.translation, memory.rotation, memory.is_even = len(rows.linear), len(rows.angular), rows.is_even
+        memory.row_axis[: len(rows.axes)], memory.row_weight[: len(rows.axes)] = rows.axes, rows.parts
+        return moved or rows.axes != before.axes
 
     @property
     def error(self) -> tuple[float, float]:
@@ -202,20 +230,19 @@ class FrameTask(FrameEquations):
 
         None while the task follows a pose; setting one ends the other. Directions of zero velocity do not drift.
         """
-        return self.memory.twist.copy() if self.memory.is_twist else None
+        return None if self._twist is None else self._twist.copy()
 
     @twist.setter
     def twist(self, twist: Any) -> None:
         try:
-            given = np.asarray(twist, dtype=float).reshape(6)
+            given = np.array(twist, dtype=float).reshape(6)
             if not np.isfinite(given).all():
                 raise ValueError
         except (TypeError, ValueError):
             self._refuse("target", twist)
             return
-        self.memory.twist[:], self.memory.is_twist = given, 1
+        self._twist = given
         self._accept("target")
-        self._special = True
 
     @property
     def translation(self) -> int:
@@ -223,7 +250,7 @@ class FrameTask(FrameEquations):
 
         Setting it sets their `weights` to 1.
         """
-        return int(self._wrong.get("translation", self.memory.translation))
+        return int(self._wrong.get("translation", len(self._rows.linear)))
 
     @translation.setter
     def translation(self, count: int) -> None:
@@ -235,7 +262,7 @@ class FrameTask(FrameEquations):
 
         Setting it sets their `weights` to 1.
         """
-        return int(self._wrong.get("rotation", self.memory.rotation))
+        return int(self._wrong.get("rotation", len(self._rows.angular)))
 
     @rotation.setter
     def rotation(self, count: int) -> None:
@@ -248,22 +275,21 @@ class FrameTask(FrameEquations):
         They multiply `weight`. An axis whose weight is 0 is not constrained. Two constrained rotations determine the
         direction of the third axis, as `rotation` = 2 does that of z.
         """
-        return np.array(self._wrong.get("weights", self._weights))
+        return np.array(self._wrong.get("weights", self._rows.weights))
 
     @weights.setter
     def weights(self, weights: ArrayLike) -> None:
         try:
-            given = np.asarray(weights, dtype=float)
+            given = np.array(weights, dtype=float)
             good = given.shape == (6,) and bool(((given >= 0.0) & (given < np.inf)).all())
         except (TypeError, ValueError):
             good = False
         if not good:
             self._refuse("weights", weights)
             return
-        self._weights[:] = given
         for name in ("weights", "translation", "rotation"):
-            self._accept(name)
-        self._write_rows()
+            self._wrong.pop(name, None)
+        self._constrain_by(given)
 
     @property
     def weight(self) -> float:
@@ -273,12 +299,12 @@ class FrameTask(FrameEquations):
     @weight.setter
     def weight(self, weight: float) -> None:
         try:
-            heaviest = weight * self._largest
+            heaviest = weight * self._rows.largest
             good = 0.0 < heaviest < np.inf
         except (TypeError, ValueError):
             good = False
         if good:
-            self._weight, self.memory.weight = weight, heaviest
+            self._weight = weight
             self._accept("weight")
         else:
             self._refuse("weight", weight)
@@ -296,52 +322,55 @@ class FrameTask(FrameEquations):
     @priority.setter
     def priority(self, priority: int) -> None:
         self._priority = checked_priority(priority)
-        self.changed()
+        self._change(True)
 
     def _constrain(self, name: str, count: Any, axes: slice, patterns: Sequence[Sequence[float]]) -> None:
         """Constrain so many axes, each with a weight of 1."""
         if is_count(count):
-            self._weights[axes] = patterns[int(count)]
-            self._accept(name)
-            self._write_rows()
+            weights = self._rows.weights.copy()
+            weights[axes] = patterns[int(count)]
+            self._wrong.pop(name, None)
+            self._constrain_by(weights)
         else:
             self._refuse(name, count)
 
-    def _write_rows(self) -> None:
-        """Write the constrained axes into the task's memory."""
-        memory, weights, before = self.memory, self._weights, self._constrained
-        self._largest = float(weights.max()) or 1.0
-        linear, angular = np.flatnonzero(weights[:3]), np.flatnonzero(weights[3:])
-        if len(angular) == 2 and angular[1] - angular[0] == 2:
-            angular = angular[::-1]  # with the free axis they are right-handed: z, x, y
-        rows = np.concatenate([linear, 3 + angular])
-        memory.translation, memory.rotation = len(linear), len(angular)
-        memory.row_axis[: len(rows)], memory.row_weight[: len(rows)] = rows, weights[rows] / self._largest
-        memory.is_even = int(len(set(weights[3:])) == 1)
-        self._constrained = linear.tolist(), angular.tolist()
-        if self._constrained != before:
-            self.changed()
+    def _constrain_by(self, weights: Array) -> None:
+        """Constrain the axes (6,) whose weight is not 0."""
+        before, self._rows = self._rows, ConstrainedAxes.of(weights)
+        self._change(self._rows.axes != before.axes)
         self.weight = self._wrong.get("weight", self._weight)
 
     def _refuse(self, name: str, value: Any) -> None:
         self._wrong[name] = value
         self._special = True
-        self.memory.is_valid = 0
+        self._change(False)
 
-    def _accept(self, name: str) -> None:
+    def _accept(self, name: str, binds: bool = False) -> None:
         self._wrong.pop(name, None)
-        self._special = bool(self._wrong)
-        self.memory.is_valid = 0 if self._wrong else 1
+        self._special = bool(self._wrong) or self._twist is not None
+        self._change(binds)
+
+    def _change(self, binds: bool) -> None:
+        """Have what was set written: by the solver at its next tick, or at once."""
+        if self.changed is None:
+            self.write()
+        else:
+            self.changed(binds)
 
     @property
     def rows(self) -> int:
         """Number of equations."""
-        return int(self.memory.translation + self.memory.rotation)
+        return len(self._rows.axes)
 
     @property
     def row_weights(self) -> Array:
         """(rows,) weight of each equation: `weight` times that of its axis."""
-        return self.memory.weight * self.memory.row_weight[: self.rows]
+        return self.heaviest * self._rows.parts
+
+    @property
+    def heaviest(self) -> float:
+        """Weight of the heaviest equation."""
+        return self._weight * self._rows.largest
 
     def is_valid(self) -> bool:
         """Return whether the target and all other values can be followed."""
@@ -364,8 +393,8 @@ class FrameTask(FrameEquations):
         return f"{which} has an orientation that is {why}: give an orthonormal matrix of determinant 1"
 
 
-def _nothing() -> None:
-    """Do nothing: no solver needs to know that the task changed."""
+def _nothing(binds: bool) -> None:
+    """Do nothing: the task is being made."""
 
 
 def _unknown_frame(node: str) -> int:

@@ -10,13 +10,19 @@ import inspect
 from collections.abc import Callable
 from functools import wraps
 from threading import get_ident
-from typing import Concatenate, ParamSpec, TypeVar, cast
+from typing import Concatenate, ParamSpec, Protocol, TypeVar, cast
 
 from cinegen.errors import CinegenError
 
 _Owner = TypeVar("_Owner", bound="OneThread")
 _Parameters = ParamSpec("_Parameters")
 _Result = TypeVar("_Result")
+
+
+class HasUser(Protocol):
+    """An object of this kind, to those that use its memory: 0, or the thread that is in one of its methods."""
+
+    _user: int
 
 
 class OneThread:

@@ -22,8 +22,7 @@ from cinegen.ik.tasks.described import AnyDescription
 from cinegen.mission.drawn_obstacle import DrawnObstacle
 from cinegen.model.fingerprint import fingerprint
 from cinegen.model.mechanism import Mechanism
-from cinegen.typed_json import DoF, decoder, encode
-from raff2urdf.errors import raised_as
+from cinegen.typed_json import DoF, decoder, encode, every_problem
 from raff2urdf.escape import one_line
 
 VERSION: Literal[3] = 3
@@ -225,8 +224,11 @@ def decode_header(first: bytes) -> MissionHeader:
         raise MissionError(f"not a mission: record one with `cinegen drive --record FILE.jsonl`{readings}")
     if kind.version != VERSION:
         raise MissionError(f"a mission of version {kind.version}; only version {VERSION} can be read")
-    with raised_as(MissionError, _NOT_DECODED, "line 1: "):
+    try:
         header = _HEADER.decode(first)
+    except _NOT_DECODED as error:
+        problems = every_problem(first, _HEADER, error).split("\n")
+        raise MissionError("\n".join(f"line 1: {problem}" for problem in problems)) from None
     if not header.robots:
         raise MissionError("line 1: Expected at least one robot - at `$.robots`")
     robots = {one_line(name): _shown(robot) for name, robot in header.robots.items()}
@@ -252,8 +254,10 @@ def decode_moment(data: bytes, header: MissionHeader, before: Moment | None = No
     Raises:
         MissionError: it doesn't match the schema, is of other robots or obstacles, or is not after the moment before.
     """
-    with raised_as(MissionError, _NOT_DECODED):
+    try:
         moment = _MOMENT.decode(data)
+    except _NOT_DECODED as error:
+        raise MissionError(every_problem(data, _MOMENT, error)) from None
     robots, wrong = {} if before is None else dict(before.robots), list[str]()
     for written, sample in moment.robots.items():
         name = one_line(written)

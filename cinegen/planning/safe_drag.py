@@ -162,9 +162,10 @@ class AvoidingSolver(Solver):
             )
         return super()._add_given(task)
 
-    def _mark_changed(self) -> None:
-        super()._mark_changed()
-        self._targets = tuple[Array, ...]()  # a new situation
+    def _mark_changed(self, binds: bool) -> None:
+        super()._mark_changed(binds)
+        if binds:
+            self._targets = tuple[Array, ...]()  # a new situation
 
     def _step(self) -> Step:
         suspended, motion = bool(self._memory.tasks_are_suspended), None

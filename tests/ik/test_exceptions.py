@@ -14,7 +14,7 @@ import pinocchio as pin
 import pytest
 
 import cinegen
-from cinegen import CinegenError, Solver, Status
+from cinegen import CinegenError, FrameTask, Solver, Status
 from cinegen.ik import LookAhead, Posture
 from cinegen.ik.barrier import Bounds
 
@@ -368,6 +368,43 @@ def test_a_second_thread_gets_an_error_and_leaves_the_first_unharmed(robot, use)
             meeting.go.set()
         np.testing.assert_array_equal(first.result(60).q, expected[0])
     for q in expected[1:]:  # one after the other, in another thread, is no error
+        np.testing.assert_array_equal(solver.step().q, q)
+
+
+def _set(task, name):
+    values = {
+        "target": pin.SE3(task.target.rotation, task.target.translation - 0.02), "node": "link1", "axes": "world",
+        "offset": np.array([0.0, 0.0, 0.01]), "twist": np.array([0.0, 0.0, 0.1, 0.0, 0.0, 0.0]), "translation": 1,
+        "rotation": 3, "weights": [1.0, 0.5, 0.5, 0.0, 0.0, 0.1], "weight": 0.3, "priority": 1,
+    }  # fmt: skip
+    setattr(task, name, values[name])
+
+
+@pytest.mark.parametrize(
+    "name", [name for name, value in inspect.getmembers(FrameTask) if getattr(value, "fset", None)]
+)
+def test_what_another_thread_sets_of_a_task_is_whole_in_the_next_tick(robot, name):
+    mechanism, meeting = robot("delta4"), Meeting()
+    both = []
+    for _ in range(2):
+        solver = _pulled(mechanism)
+        solver.add_task(mechanism.end, translation=1, rotation=0, weight=2.0)
+        solver.step()
+        both.append(solver)
+    solver, alone = both
+    expected = [alone.step().q]
+    _set(alone.tasks[0], name)
+    expected += [alone.step().q for _ in range(3)]
+    solver.barriers = (meeting,)
+    with ThreadPoolExecutor(1) as pool:
+        first = pool.submit(solver.step)
+        assert meeting.inside.wait(60)
+        try:
+            _set(solver.tasks[0], name)
+        finally:
+            meeting.go.set()
+        np.testing.assert_array_equal(first.result(60).q, expected[0])
+    for q in expected[1:]:
         np.testing.assert_array_equal(solver.step().q, q)
 
 

@@ -26,19 +26,24 @@ from cinegen.joints import kinematic_data
 from cinegen.model.plausible import FAR_TARGET, check_lengths
 from raff2urdf.residual import log
 
+WRITE, BIND = 1, 2
+"""What the next tick does: write what was set of tasks, or also bind them to the kernel's memory anew."""
+
 AddedTask = TypeVar("AddedTask", bound="Task | Range")
 
 
 class TaskControl(ObjectiveControl):
     """Control of a solver's tasks at run time."""
 
-    __slots__ = ("_blends", "_changed", "_given", "_ranks", "_record", "_tasks")
+    __slots__ = ("_blends", "_changed", "_given", "_ranks", "_record", "_tasks", "_user", "_written")
 
     _tasks: list[AnyTask]
     _given: list[tuple[int, GivenTask]]  # tasks in Python, with their index among all
     _blends: list[Blend]
     _ranks: dict[tuple[object, ...], int]
-    _changed: bool  # tasks must be written into the kernel's memory
+    _changed: int  # whether tasks must be written into the kernel's memory, or bound to it
+    _written: tuple[AnyTask, ...]  # those that it refers to
+    _user: int  # 0, or the thread that is in a method
     _record: Array
 
     @property
@@ -128,10 +133,11 @@ class TaskControl(ObjectiveControl):
         task.target = target
         if not task.memory.is_valid:
             raise CinegenError(f"a task's weights are six finite numbers of at least 0, not {weights!r:.80}")
-        task.changed, task.measure, task.find_frame = self._mark_changed, self._error_of, self.mechanism.frame_id
+        task.measure, task.find_frame = self._error_of, self.mechanism.frame_id
         self._check_thread()
+        task.user, task.changed = self, self._mark_changed
         self._tasks.append(task)
-        self._changed = True
+        self._changed = BIND
         return task
 
     def _add_given(self, task: Any) -> Any:
@@ -151,7 +157,7 @@ class TaskControl(ObjectiveControl):
         in_python.changed = self._mark_changed
         self._check_thread()
         self._tasks.append(in_python)
-        self._changed = True
+        self._changed = BIND
         return task
 
     def blend(
@@ -203,7 +209,7 @@ class TaskControl(ObjectiveControl):
             if other is task:
                 self._check_thread()
                 self._tasks.pop(i).changed = _nothing
-                self._changed = True
+                self._changed = BIND
                 break
 
     def _advance_blends(self) -> None:
@@ -221,17 +227,20 @@ class TaskControl(ObjectiveControl):
 
     def _error_of(self, task: FrameTask) -> tuple[float, float]:
         """Return what the last tick left of a task's error; at the present configuration if there was none since."""
-        if self._latest is not None and not self._changed and task in self._tasks:
+        if self._latest is not None and self._changed != BIND and task in self._tasks:
             return Step(self._latest, self._layout).errors[self._tasks.index(task)]
         if not task.is_valid():
             return math.nan, math.nan
         return task.distances(self.mechanism, self._q)
 
-    def _mark_changed(self) -> None:
-        self._changed = True
+    def _mark_changed(self, binds: bool) -> None:
+        self._changed = BIND if binds else self._changed or WRITE
 
     def _write_tasks(self) -> None:
-        """Write the tasks into the kernel's memory, which is allocated again for their number."""
+        """Write the tasks into the kernel's memory, which is allocated again if their number or rows have changed."""
+        changed, self._changed = self._changed, 0  # what another thread sets from here on is written in the next tick
+        if changed == WRITE and not any([task.write() for task in self.frame_tasks]):
+            return
         memory = self._memory
         if memory.joints == 0:  # it is not set up
             set_up_solver(memory, self._joints.held)
@@ -246,7 +255,7 @@ class TaskControl(ObjectiveControl):
         levels = tuple(int(task.memory.level) for task in self._tasks)
         self._layout = Layout(self._joints.held, tasks, levels, fields, self._dt)
         self._earlier, self._latest = None, None
-        self._changed = False
+        self._written = tuple(self._tasks)
 
     def _rank(self) -> None:
         """Compute the generic rank of the valid tasks."""
@@ -261,10 +270,13 @@ class TaskControl(ObjectiveControl):
         key = tuple(_place(task) for task in tasks)
         if key not in self._ranks:
             try:
-                self._ranks[key] = task_rank(self._joints.held, self._joints.held.structure.system, tasks)
+                found = task_rank(self._joints.held, self._joints.held.structure.system, tasks)
             except Exception as error:  # of a task in Python: the loop must go on
                 self._catch(f"a task of {self.mechanism.name}", error)
                 return sum(task.rows for task in tasks)
+            if key != tuple(_place(task) for task in tasks):  # another thread has changed one
+                return found
+            self._ranks[key] = found
         return self._ranks[key]
 
     @property
@@ -277,7 +289,7 @@ class TaskControl(ObjectiveControl):
 
     def _target_velocity(self, i: int, task: AnyTask) -> pin.Motion:
         earlier, latest = self._earlier, self._latest
-        if earlier is None or latest is None or self._changed or isinstance(task, GivenTask):
+        if earlier is None or latest is None or self._changed == BIND or isinstance(task, GivenTask):
             return pin.Motion.Zero()
         if task.twist is not None:
             return pin.Motion.Zero()
@@ -357,5 +369,5 @@ def _place(task: AnyTask) -> tuple[object, ...]:
     return task.frame, task.axes, *task.offset.homogeneous.ravel().tolist(), *(task.weights > 0.0).tolist()
 
 
-def _nothing() -> None:
+def _nothing(binds: bool) -> None:
     """Do nothing, in place of the callback of a task that was removed."""

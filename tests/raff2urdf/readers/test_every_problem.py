@@ -1,5 +1,6 @@
 """Problems of a file that don't need each other are reported in one answer."""
 
+import json
 import re
 
 import pytest
@@ -343,6 +344,20 @@ def test_a_mission(tmp_path):
         Player(Recording.load(path))
     said = str(found.value).splitlines()
     assert [name in line for name, line in zip(("'one' was changed", "'two' was changed"), said, strict=True)]
+    header = json.loads(lines[0])
+    header["robots"]["one"] |= {"nq": "3", "index": [0, "x", 2.5], "base": {"placement": [0] * 7, "noed": 1}}
+    del header["robots"]["two"]["urdf"], header["created"]
+    path.write_text(json.dumps(header) + "\n", encoding="utf-8")
+    with pytest.raises(MissionError) as found:
+        Recording.load(path)
+    said = str(found.value).splitlines()
+    wanted = (
+        "line 1: Object missing required field `created` - at `$`", "robots.one.index[1]`", "robots.one.index[2]`",
+        "got `str` - at `$.robots.one.nq`", "unknown field `noed` - at `$.robots.one.base`", "quaternion of length 1",
+        "missing required field `urdf` - at `$.robots.two`",
+    )  # fmt: skip
+    assert len(said) == len(wanted), said
+    assert [sum(part in line for line in said) for part in wanted] == [1] * len(wanted), said
 
 
 def test_a_task_of_a_synthesis(tmp_path):
