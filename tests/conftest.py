@@ -59,7 +59,7 @@ NO_PORT = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarni
 def pytest_collection_modifyitems(items):
     for item in items:
         if item.path.parent.name in ("browser", "cockpit", "devices", "session"):
-            item.add_marker(NO_PORT)
+            item.add_marker(NO_PORT, append=False)  # what a test says of its own comes later, and wins
     for function in {item.obj.__func__ if hasattr(item.obj, "__func__") else item.obj for item in _laws(items)}:
         own = getattr(function, "_hypothesis_internal_use_settings", None) or settings.default
         count = max(3, round(EXAMPLES * own.max_examples))

@@ -171,7 +171,7 @@ def test_what_stands_in_the_world_may_be_hit_by_a_link_further_out():
 # Pairs of links that an SRDF disables.
 
 
-PANDA, PANDA_SRDF = SHARE / "panda_description/urdf/panda.urdf", SHARE / "panda_description/srdf/panda.srdf"
+PANDA_URDF, PANDA_SRDF = SHARE / "panda_description/urdf/panda.urdf", SHARE / "panda_description/srdf/panda.srdf"
 
 LINKS = "abcde"
 CHAIN = (
@@ -273,7 +273,7 @@ def test_other_files_are_not_taken_for_an_srdf(chain, tmp_path):
 
 
 def test_moveits_srdf_of_the_panda_is_read_as_its_file_lists_it():
-    mechanism = cinegen.load(PANDA, srdf=PANDA_SRDF)
+    mechanism = cinegen.load(PANDA_URDF, srdf=PANDA_SRDF)
     listed = {
         frozenset((one.get("link1"), one.get("link2"))): one.get("reason")
         for one in etree.parse(PANDA_SRDF).iter("disable_collisions")

@@ -34,10 +34,6 @@ seeds = st.integers(0, 2**32 - 1)
 SCALES = (1e-60, 1e-9, 1.0, 1e9, 1e60)
 
 
-def law(examples: int):
-    return settings(max_examples=examples, deadline=None, derandomize=True, database=None)
-
-
 def near(mechanism: cinegen.Mechanism, pose: pin.SE3, rng: np.random.Generator, away: float) -> pin.SE3:
     """A pose some way off another, in lengths and rad."""
     turned = pose.rotation @ pin.exp3(away * rng.normal(size=3))
@@ -301,7 +297,7 @@ def orthogonal(rng: np.random.Generator, n: int) -> np.ndarray:
     return np.linalg.qr(rng.normal(size=(n, n)))[0]
 
 
-@law(100)
+@settings(max_examples=100)
 @given(seeds, st.sampled_from(SCALES))
 def test_singular_values_are_numpys_from_nothing_and_from_any_guess(seed, scale):
     matrix, rng = random_matrix(seed)
@@ -339,7 +335,7 @@ def test_singular_vectors_that_are_carried_on_for_long_stay_orthogonal():
     assert np.sqrt(square) == pytest.approx(np.linalg.svd(matrix, compute_uv=False), abs=1e-12)
 
 
-@law(50)
+@settings(max_examples=50)
 @given(seeds, st.floats(0.0, 1e-3))
 def test_what_rounding_has_added_is_straightened(seed, off):
     rng = np.random.default_rng(seed)
@@ -372,7 +368,7 @@ def random_rows(seed: int) -> tuple[np.ndarray, int, np.random.Generator]:
     return rng.normal(size=(count, rank)) @ rng.normal(size=(rank, n)), rank, rng
 
 
-@law(80)
+@settings(max_examples=80)
 @given(seeds, st.sampled_from((1e-9, 1.0, 1e9)))
 def test_free_motions_are_orthonormal_and_open_no_loop(seed, scale):
     rows, rank, _ = random_rows(seed)
@@ -384,7 +380,7 @@ def test_free_motions_are_orthonormal_and_open_no_loop(seed, scale):
     assert added >= sigma[rank - 1] / sigma[0] / 4.0**rank  # column pivoting knows the rank no worse than that
 
 
-@law(80)
+@settings(max_examples=80)
 @given(seeds)
 def test_the_shortest_correction_is_the_pseudoinverses(seed):
     rows, rank, rng = random_rows(seed)
@@ -466,7 +462,7 @@ def random_bounds(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.nda
     return wanted, g, low, high
 
 
-@law(80)
+@settings(max_examples=80)
 @given(seeds)
 def test_the_nearest_point_is_inside_and_none_is_nearer(seed):
     wanted, g, low, high = random_bounds(seed)
@@ -474,7 +470,7 @@ def test_the_nearest_point_is_inside_and_none_is_nearer(seed):
     assert x == pytest.approx(by_nnls(wanted, g, low, high), abs=1e-6 * max(1.0, np.abs(wanted).max()))
 
 
-@law(80)
+@settings(max_examples=80)
 @given(seeds)
 def test_bounds_that_are_parallel_doubled_or_nothing_do_no_harm(seed):
     """As a loop makes them: joints that turn together, against each other, or not at all; all on their bounds."""
@@ -488,7 +484,7 @@ def test_bounds_that_are_parallel_doubled_or_nothing_do_no_harm(seed):
     check_nearest(wanted, g, low, high)
 
 
-@law(80)
+@settings(max_examples=80)
 @given(seeds)
 def test_a_corner_where_more_bounds_meet_than_there_are_dimensions(seed):
     rng = np.random.default_rng(seed)
@@ -500,7 +496,7 @@ def test_a_corner_where_more_bounds_meet_than_there_are_dimensions(seed):
     assert check_nearest(corner + out, g, np.full(3 * k, -np.inf), g @ corner) == pytest.approx(corner, abs=1e-8)
 
 
-@law(80)
+@settings(max_examples=80)
 @given(seeds)
 def test_bounds_that_contradict_each_other_are_known(seed):
     """Acceleration limits can ask for what position limits forbid: 0 need not be inside."""

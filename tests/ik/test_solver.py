@@ -64,7 +64,7 @@ def test_targets_that_are_no_numbers_give_a_status_and_leave_the_rest_alone(robo
         assert np.isnan(step.errors[0][0])
     for attribute, value in (
         ("target", np.eye(4)), ("target", None), ("translation", 7), ("rotation", -1), ("rotation", "all"),
-        ("weight", "a"), ("weight", np.inf), ("weight", 0.0),
+        ("rotation", True), ("weight", "a"), ("weight", np.inf), ("weight", 0.0),
     ):  # fmt: skip
         task = solver.add_task("platform")
         assert task.is_valid()

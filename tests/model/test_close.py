@@ -17,10 +17,6 @@ CLOSED = ("delta4", "hybrid")
 seeds = st.integers(0, 2**32 - 1)
 
 
-def law(examples: int):
-    return settings(max_examples=examples, deadline=None, derandomize=True, database=None)
-
-
 def by_numpy(mechanism: cinegen.Mechanism, q: np.ndarray, locked: tuple[str, ...]) -> closure.Closing:
     free = np.ones(mechanism.model.nv, dtype=bool)
     for joint in locked:
@@ -36,7 +32,7 @@ def some_locked(mechanism: cinegen.Mechanism, rng: np.random.Generator) -> tuple
 
 
 @pytest.mark.parametrize("name", CLOSED)
-@law(25)
+@settings(max_examples=25)
 @given(seed=seeds, away=st.sampled_from((1e-6, 1e-3, 0.03, 0.2, 0.6)))
 def test_it_is_the_configuration_that_gauss_newton_reaches(robot, name, seed, away):
     mechanism, rng = robot(name), np.random.default_rng(seed)

@@ -19,10 +19,6 @@ SOME = ("delta4", "five_bar", "hybrid")
 seeds = st.integers(0, 2**32 - 1)
 
 
-def law(examples: int):
-    return settings(max_examples=examples, deadline=None, derandomize=True, database=None)
-
-
 def motors(mechanism: cinegen.Mechanism, q: np.ndarray) -> np.ndarray:
     return q[[mechanism.q_index(joint) for joint in mechanism.actuated]]
 
@@ -49,7 +45,7 @@ def slowly(mechanism: cinegen.Mechanism, q: np.ndarray, goal: np.ndarray) -> np.
 
 
 @pytest.mark.parametrize("name", SOME)
-@law(8)
+@settings(max_examples=8)
 @given(seed=seeds)
 def test_a_jump_ends_where_a_slow_motion_does(robot, name, seed):
     mechanism, rng = robot(name), np.random.default_rng(seed)

@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from small_robots import four_bar
 from ticking import ticked
 
 import cinegen
@@ -130,28 +131,20 @@ def hinge(name: str, low: float, high: float) -> str:
     return f'<joint name="{name}" type="hinge" axis="0 1 0" range="{low} {high}"/>'
 
 
-def four_bar(low: float, high: float, start: float = 60.0) -> str:
-    """A crank of 0.1 m, a coupler of 0.3 m and a rocker of 0.25 m on a ground of 0.3 m; the rocker has limits."""
-    return f"""RAFF bars
-    robot r {{
-      link 1 {{ parameters {{ theta {start} }} type 2 pred 0 }}
-      link 2 {{ parameters {{ d 100 theta -40 }} type 2 pred 1 }}
-      frame 3 {{ parameters {{ d 300 }} pred 2 }}
-      link 4 {{ parameters {{ d 300 theta 100 }} type 2 pred 0 limits {{ {low} {high} }} }}
-      frame 5 {{ parameters {{ d 250 }} pred 4 }}
-      constraint {{ frame 3 frame 5 type 2 }}
-    }}"""
+def limited(low: float, high: float, start: float = 60.0) -> str:
+    """A four-bar whose rocker has limits, degrees."""
+    return four_bar((start, -40, 100), (100, 300, 300, 250), ("", "", f"limits {{ {low} {high} }}"))
 
 
 def test_another_branch_is_taken_where_the_one_as_written_is_beyond_a_limit():
-    free = cinegen.load(four_bar(-179.0, 179.0))
-    near = np.degrees(free.q_home[free.q_index("joint4")])
+    free = cinegen.load(limited(-179.0, 179.0))
+    near = np.degrees(free.q_home[free.q_index("joint3")])
     assert near > 0.0
-    below = cinegen.load(four_bar(-170.0, -10.0))
+    below = cinegen.load(limited(-170.0, -10.0))
     assert below.closure(below.q_home) <= 1e-12
-    assert -170.0 <= np.degrees(below.q_home[below.q_index("joint4")]) <= -10.0
+    assert -170.0 <= np.degrees(below.q_home[below.q_index("joint3")]) <= -10.0
     (note,) = [note for note in below.source.notes if "home was moved" in note]
-    assert f"joint4 ({near:.4g} deg, limit -10)" in note
+    assert f"joint3 ({near:.4g} deg, limit -10)" in note
     solver = cinegen.Solver(below, dt=0.01)
     task = solver.add_task("frame5", rotation=0)
     task.target.translation += [0.01, 0.0, 0.0]
@@ -160,8 +153,8 @@ def test_another_branch_is_taken_where_the_one_as_written_is_beyond_a_limit():
 
 
 def test_what_cannot_be_met_is_named_joint_by_joint():
-    with pytest.warns(cinegen.CinegenWarning, match=r"no configuration was found .* joint4 \([\d.]+ deg, limit 3\)"):
-        mechanism = cinegen.load(four_bar(-3.0, 3.0))
+    with pytest.warns(cinegen.CinegenWarning, match=r"no configuration was found .* joint3 \([\d.]+ deg, limit 3\)"):
+        mechanism = cinegen.load(limited(-3.0, 3.0))
     assert mechanism.closure(mechanism.q_home) <= 1e-12
 
 
@@ -207,7 +200,7 @@ def test_joints_of_a_tree_begin_at_the_nearest_value_within_their_limits():
 def test_raff2urdf_writes_the_same_home(tmp_path):
     import raff2urdf
 
-    (tmp_path / "bars.raff").write_text(four_bar(-170.0, -10.0), encoding="utf-8")
-    with pytest.warns(raff2urdf.RaffWarning, match="home 100 of link 4 is outside its limits"):
+    (tmp_path / "bars.raff").write_text(limited(-170.0, -10.0), encoding="utf-8")
+    with pytest.warns(raff2urdf.RaffWarning, match="home 100 of link 3 is outside its limits"):
         (made,) = raff2urdf.convert(tmp_path / "bars.raff", tmp_path)
-    assert cinegen.load(made.file).q_home == pytest.approx(cinegen.load(four_bar(-170.0, -10.0)).q_home, abs=1e-9)
+    assert cinegen.load(made.file).q_home == pytest.approx(cinegen.load(limited(-170.0, -10.0)).q_home, abs=1e-9)

@@ -100,7 +100,7 @@ def test_spherical_has_the_gradient_of_its_total_potential_for_an_arm(step, reac
     assert found.gradient(q) == pytest.approx(by_formula, abs=5e-3 * (1.0 + np.abs(wanted).max()))
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(around_start)
 def test_elliptical_has_the_gradient_of_its_total_potential_for_an_arm(step):
     scene = figure("rod")

@@ -58,8 +58,6 @@ def test_nothing_comes_nearer_than_the_safety_distance(root, name):
 # The axis of a vortex, and its weight.
 
 
-X, Y, Z = np.eye(3)
-
 vectors = arrays(float, 3, elements=st.floats(-2.0, 2.0).map(lambda x: round(x, 4)))
 
 
@@ -110,7 +108,6 @@ def test_a_folding_vortex_comes_nearer_to_the_axis_of_the_base(n, point, base):
 # Vortices of shapes, against distances that are computed otherwise.
 
 
-Z = np.array([0.0, 0.0, 1.0])
 lengths = st.floats(-2.0, 2.0).map(lambda x: round(x, 4))
 points = arrays(float, 3, elements=lengths)
 

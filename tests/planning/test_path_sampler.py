@@ -132,7 +132,7 @@ def rod(root):
 
 
 @given(st.tuples(*6 * [UNIT]))
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 def test_an_edge_is_clear_all_along_and_none_is_where_something_is_too_near(rod, parts):
     scene, clearance = rod
     model = scene.mechanism.model

@@ -194,7 +194,7 @@ def test_a_target_may_be_as_far_away_as_numbers_go():
 # `AvoidingSolver` among obstacles that move: accelerations by finite differences, distances by coal.
 
 
-DT, ACCELERATION, SPEED, SAFETY = 1 / 240, 10.0, 1.0, 0.01
+DT, ACCELERATION, SPEED = 1 / 240, 10.0, 1.0
 
 
 def among_a_ball(name, acceleration=ACCELERATION):
@@ -354,7 +354,6 @@ def test_where_nothing_can_be_done_it_comes_to_a_full_stop_within_its_limits():
 # Accelerations of joints that brake before limits of position, next to others that take longer.
 
 
-DT = 1 / 240
 READY = 0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785, 0.02
 OBSTACLES = [
     {"name": "table", "kind": "box", "size": [2.0, 2.0, 0.1], "point": [0.0, 0.0, -0.1]},
@@ -395,7 +394,7 @@ def test_an_arm_whose_fingers_are_coupled_obeys_its_limits():
 # Predicted distances from obstacles that move, against coal at instants that are 1 ms apart.
 
 
-DT, SAFETY, STRIDE = 1e-3, 0.01, 5e-3
+INSTANT, STRIDE = 1e-3, 5e-3
 BOX = np.array([0.2, 0.06, 0.1])
 
 
@@ -408,7 +407,7 @@ def test_no_distance_below_the_safety_distance_is_overlooked(spin):
     given = {"safety": SAFETY, "start": {}, "goal": {"point": [0.0, 0.0, 0.0]}, "obstacle": [box]}
     clearance = clearance_of(scene_of(given, mechanism=mechanism))
     joints = ReactingJoints(mechanism, clearance.links, motion_limits(mechanism).acceleration)
-    joints.dt = DT
+    joints.dt = INSTANT
     encounters, outcomes = Encounters(clearance, SAFETY, joints), []
     links = [one for one in clearance.links if one.joint]
     for number in range(12):
@@ -417,8 +416,8 @@ def test_no_distance_below_the_safety_distance_is_overlooked(spin):
         manoeuvre = joints.manoeuvre(q, v, rng.uniform(-1.0, 1.0, 7), 0.2) if number % 3 else joints.braking
         pose, velocity = _course(mechanism, q, rng)
         motion = ObstacleMotion(pose, 0)
-        turn = pin.exp3(np.array([0.0, 0.0, spin * DT]))
-        motion.update(pin.SE3(turn @ pose.rotation, pose.translation + velocity * DT), 1, DT)
+        turn = pin.exp3(np.array([0.0, 0.0, spin * INSTANT]))
+        motion.update(pin.SE3(turn @ pose.rotation, pose.translation + velocity * INSTANT), 1, INSTANT)
         assert encounters.follow({0: motion}, 1)
         found = encounters.meet(q, v, manoeuvre)
         dense = _distances(mechanism, links, joints, q, v, manoeuvre, lambda t, m=motion: m.pose(1, t))
@@ -427,7 +426,7 @@ def test_no_distance_below_the_safety_distance_is_overlooked(spin):
         outcomes.append(dense.min() < SAFETY)
         low = np.flatnonzero(dense < SAFETY - STRIDE)
         if len(low):
-            assert found.first <= low[0] * DT + 1e-9
+            assert found.first <= low[0] * INSTANT + 1e-9
             assert found.place is not None
         if dense.min() >= SAFETY:
             assert found.first == np.inf
@@ -446,7 +445,7 @@ def _course(mechanism, q, rng):
 
 def _distances(mechanism, links, joints, q, v, manoeuvre: Manoeuvre, pose):
     data, shape, found = mechanism.model.createData(), coal.Box(*BOX), []
-    times = np.arange(0.0, HORIZON, DT)
+    times = np.arange(0.0, HORIZON, INSTANT)
     for t, moved in zip(times, joints.roll_out(v, manoeuvre, times).moved, strict=True):
         pin.forwardKinematics(mechanism.model, data, q + moved)
         at = pose(float(t))

@@ -4,7 +4,6 @@ import re
 from itertools import cycle
 from typing import Any
 
-from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
 from raff2urdf.raff.compound import VARIABLES
@@ -27,12 +26,6 @@ from raff2urdf.raff.document import (
     RaffVariable,
     SensorConstraint,
 )
-
-
-def examples(count: int) -> settings:
-    """So many random examples; the first pays for imports and for the parser's making, so there is no deadline."""
-    return settings(max_examples=count, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-
 
 UNITS = ("mm", "um", "cm", "m")
 

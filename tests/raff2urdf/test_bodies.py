@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
-from strategies import documents, examples
+from strategies import documents
 
 import cinegen
 import raff2urdf
@@ -74,7 +74,7 @@ def volume(surface: Array) -> float:
 
 
 @given(st.lists(st.tuples(st.floats(0, 360), st.floats(60, 400)), min_size=3, max_size=7), st.floats(-40, 40))
-@examples(40)
+@settings(max_examples=40)
 def test_a_plate_holds_all_joints_of_a_link_and_hides_none(polar: list[tuple[float, float]], tilt: float) -> None:
     """Where they are in a plane; the eye of each joint stands out of the plate on both sides."""
     rows = [f"link {1 + i} {{ parameters {{ gamma {a} d {d} }} type 2 pred 9 }}" for i, (a, d) in enumerate(polar)]
@@ -165,7 +165,7 @@ def mesh_of(shape: Shape) -> tuple[Array, Array]:
 
 
 @given(st.floats(-2, 2), st.floats(0.01, 2), st.floats(0, 1))
-@examples(100)
+@settings(max_examples=100)
 def test_rod_and_sleeve_stay_together_over_the_whole_stroke(low: float, stroke: float, part: float) -> None:
     """As do carriage and rail."""
     high = low + stroke
@@ -229,7 +229,7 @@ def pair(distance: float, ratio: float, name: str = "", alpha: float = 0.0) -> D
 
 
 @given(st.floats(20, 150), st.floats(0.1, 8), st.sampled_from([0.0, 180.0]))
-@examples(60)
+@settings(max_examples=60)
 def test_pitch_radii_have_the_ratio_and_touch(distance: float, ratio: float, alpha: float) -> None:
     """Whichever way the axes point: the sense of the ratio is about a common direction."""
     (mesh,) = meshes(pair(distance, -ratio if alpha == 0.0 else ratio, alpha=alpha))
@@ -274,7 +274,7 @@ def test_a_differential_has_bevel_gears_with_one_apex() -> None:
 
 
 @given(st.floats(0.05, 20))
-@examples(60)
+@settings(max_examples=60)
 def test_numbers_of_teeth_have_the_ratio(ratio: float) -> None:
     """To 2 % at least, and exactly if it is a ratio of small numbers."""
     one, other = tooth_numbers(ratio)
@@ -425,7 +425,7 @@ def test_a_recipe_that_makes_no_solid_is_refused(text: str) -> None:
 
 
 @given(documents(moderate=True, graphics=False, least_robots=1))
-@examples(30)
+@settings(max_examples=30)
 def test_every_robot_is_drawn_by_solids_that_its_text_names(document: Document) -> None:
     """Each recipe is one that `triangles` makes, and the same robot is drawn by the same bytes."""
     for one in document.robots:

@@ -7,7 +7,7 @@ from random import Random
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from mechanisms import (
     CLOSED_CHAINS,
@@ -26,7 +26,7 @@ from mechanisms import (
     turn,
 )
 from scipy.optimize import least_squares
-from strategies import documents, examples
+from strategies import documents
 
 from raff2urdf import loads
 from raff2urdf.closure import close, closed_walk, generic_rank, passive, rank
@@ -67,7 +67,7 @@ def apart(document: Document, cluster: Cluster, q: np.ndarray) -> float:
 
 
 @given(chains, seeds, st.sampled_from([1e-6, 1e-3, 0.1, 0.3]))
-@examples(120)
+@settings(max_examples=120)
 def test_a_mechanism_pulled_apart_closes_again(name: str, seed: int, size: float) -> None:
     document = loads(KNOWN[name][0])
     (cluster,) = clusters_of(document)
@@ -90,7 +90,7 @@ class Counted:
 
 
 @given(chains.filter(lambda name: name != "flat parallelogram"), seeds)
-@examples(60)
+@settings(max_examples=60)
 def test_closing_converges_quadratically(name: str, seed: int) -> None:
     """From 1e-3, the gap goes as 1e-3, 1e-6, 1e-12: a handful of evaluations, dependent rows or not."""
     counted = Counted(cluster_of(KNOWN[name][0]))
@@ -99,7 +99,7 @@ def test_closing_converges_quadratically(name: str, seed: int) -> None:
 
 
 @given(chains.filter(lambda name: name not in ("flat parallelogram", "Sarrus", "Bennett")), seeds)
-@examples(60)
+@settings(max_examples=60)
 def test_closing_is_the_shortest_correction(name: str, seed: int) -> None:
     """To first order it is the pseudo-inverse's: nothing moves along what the loops leave free.
 
@@ -115,7 +115,7 @@ def test_closing_is_the_shortest_correction(name: str, seed: int) -> None:
 
 
 @given(chains, seeds)
-@examples(30)
+@settings(max_examples=30)
 def test_what_is_closed_stays_where_it_is(name: str, seed: int) -> None:
     cluster = cluster_of(KNOWN[name][0])
     q = close(cluster, perturbed(cluster, seed, 0.05)).q
@@ -145,7 +145,7 @@ def test_closing_ends_where_no_step_can_lower_the_gap() -> None:
 
 
 @given(chains, seeds, st.floats(0.01, 3.0))
-@examples(40)
+@settings(max_examples=40)
 def test_closing_never_ends_farther_open_than_it_began_and_leaves_its_input_alone(
     name: str, seed: int, size: float
 ) -> None:
@@ -160,7 +160,7 @@ def test_closing_never_ends_farther_open_than_it_began_and_leaves_its_input_alon
 
 
 @given(chains, seeds)
-@examples(30)
+@settings(max_examples=30)
 def test_no_step_goes_farther_than_a_linearisation_can_know(name: str, seed: int) -> None:
     """A radian, or a characteristic length, however far the way."""
     cluster = cluster_of(KNOWN[name][0])
@@ -183,7 +183,7 @@ SLIDES = [f"joint{10 * leg + 3}" for leg in range(6)]  # of the 6-UPS
 
 
 @given(chains.filter(lambda name: name not in ("truss", "flat parallelogram")), seeds)
-@examples(60)
+@settings(max_examples=60)
 def test_joints_that_are_held_do_not_move_and_the_others_close(name: str, seed: int) -> None:
     document = loads(KNOWN[name][0])
     (cluster,) = clusters_of(document)
@@ -200,7 +200,7 @@ def test_joints_that_are_held_do_not_move_and_the_others_close(name: str, seed: 
 
 
 @given(documents(moderate=True, least_robots=1, graphics=False), seeds)
-@examples(80)
+@settings(max_examples=80)
 def test_the_loops_jacobian_is_that_of_finite_differences(document: Document, seed: int) -> None:
     """For any tree and any kinds of loops, open as they are."""
     rng = np.random.default_rng(seed)
@@ -253,7 +253,7 @@ def matrices(draw: st.DrawFn) -> tuple[np.ndarray, int]:
 
 
 @given(matrices())
-@examples(100)
+@settings(max_examples=100)
 def test_the_rank_is_the_number_of_independent_rows(made: tuple[np.ndarray, int]) -> None:
     matrix, expected = made
     assert rank(matrix) == expected
@@ -264,7 +264,7 @@ def test_nothing_has_rank_0() -> None:
 
 
 @given(matrices(), st.randoms(use_true_random=False))
-@examples(100)
+@settings(max_examples=100)
 def test_passive_joints_are_the_first_in_order_that_depend_on_none_before_them(
     made: tuple[np.ndarray, int], random: Random
 ) -> None:

@@ -9,9 +9,9 @@ from typing import Any
 
 import jsonschema
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from mechanisms import KNOWN
-from strategies import documents, examples
+from strategies import documents
 
 from raff2urdf import RaffError, constraints, constraints_check, loads
 from raff2urdf.loops.mobility import analyse
@@ -60,7 +60,7 @@ def test_what_is_written_of_known_mechanisms_is_what_the_schema_describes(name: 
 
 
 @given(documents(moderate=True, loops=False, least_robots=1))
-@examples(60)
+@settings(max_examples=60)
 def test_what_is_written_of_any_robot_is_what_the_schema_describes_and_reads_back(document: Document) -> None:
     for robot in document.robots:
         found = made(document, robot)

@@ -12,10 +12,9 @@ import pytest
 import trimesh
 from ezdxf.colors import aci2rgb
 from ezdxf.document import Drawing
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from mechanisms import turn
-from strategies import examples
 
 from raff2urdf import RaffError
 from raff2urdf.graphics import dxf, nff
@@ -69,7 +68,7 @@ def directed_area(triangles: np.ndarray) -> np.ndarray:
 
 
 @given(outlines(), rotations(), st.tuples(*[st.floats(-20.0, 20.0)] * 3))
-@examples(200)
+@settings(max_examples=200)
 def test_triangles_have_the_area_of_their_polygon_and_face_where_it_does(
     outline: list[tuple[float, float]], rotation: np.ndarray, offset: tuple[float, float, float]
 ) -> None:
@@ -90,7 +89,7 @@ def test_a_concave_quadrangle_is_cut_along_its_inner_diagonal() -> None:
 
 
 @given(outlines())
-@examples(30)
+@settings(max_examples=30)
 def test_what_is_seen_from_both_sides_faces_both(outline: list[tuple[float, float]]) -> None:
     corners = np.column_stack([np.array(outline), np.zeros(len(outline))])
     found = directed_area(cut(corners, both=True))
@@ -137,7 +136,7 @@ def test_a_polygon_of_too_many_corners_is_refused() -> None:
 
 
 @given(st.lists(st.tuples(outlines(6), st.none() | COLOURS), min_size=1, max_size=60))
-@examples(60)
+@settings(max_examples=60)
 def test_colours_become_few_and_no_area_is_lost(parts: list[tuple[list[tuple[float, float]], None]]) -> None:
     polygons = Polygons()
     for outline, colour in parts:
@@ -157,7 +156,7 @@ def test_colours_become_few_and_no_area_is_lost(parts: list[tuple[list[tuple[flo
 
 
 @given(outlines(), st.sampled_from([1e-15, 1.0, 1e30]))
-@examples(40)
+@settings(max_examples=40)
 def test_stl_is_read_back_by_another_reader(outline: list[tuple[float, float]], size: float) -> None:
     triangles = cut(size * np.column_stack([np.array(outline), np.zeros(len(outline))]))
     content = stl(triangles)
@@ -263,7 +262,7 @@ HEX = st.integers(0, 0xFFFFFF)
 
 
 @given(st.lists(st.lists(st.tuples(outlines(), HEX, st.booleans()), max_size=4), min_size=1, max_size=3))
-@examples(80)
+@settings(max_examples=80)
 def test_random_polygons_are_read_back(objects: list[list[tuple[list[tuple[float, float]], int, bool]]]) -> None:
     """Each object's polygons lie over each other, in planes of their own; area, colours and vertices are kept."""
     lines, areas, points = ["nff", "version 2.1"], {}, set()

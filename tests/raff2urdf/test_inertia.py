@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 import yourdfpy
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from mechanisms import shift, turn
-from strategies import examples
 from yourdfpy import Box, Cylinder, Geometry, Mesh, Sphere, Visual
 
 from raff2urdf import RaffError
@@ -76,7 +75,7 @@ def test_a_shape_weighs_its_volume_and_turns_as_the_textbook_says(
 
 
 @given(SIZES, SIZES, SIZES, PLACES)
-@examples(40)
+@settings(max_examples=40)
 def test_a_mesh_of_a_box_is_that_box(x: float, y: float, z: float, place: np.ndarray) -> None:
     mesh = trimesh.creation.box((x, y, z), transform=place)
     assert_same(of_surface(mesh, RHO), of_geometry(box(x, y, z), RHO).in_frame(place), 1e-6)
@@ -109,7 +108,7 @@ def test_what_encloses_nothing_weighs_nothing(vertices: list[list[float]], faces
 
 
 @given(SIZES, SIZES, SIZES, PLACES)
-@examples(40)
+@settings(max_examples=40)
 def test_two_halves_are_the_whole(x: float, y: float, z: float, place: np.ndarray) -> None:
     """The parallel axes theorem: a box sawn across, wherever it stands."""
     half = of_geometry(box(x / 2, y, z), RHO)
@@ -118,7 +117,7 @@ def test_two_halves_are_the_whole(x: float, y: float, z: float, place: np.ndarra
 
 
 @given(st.lists(st.tuples(SIZES, SIZES, SIZES, PLACES), min_size=1, max_size=4), st.sampled_from("bcs"))
-@examples(60)
+@settings(max_examples=60)
 def test_whatever_is_drawn_some_body_has_that_inertia(
     shapes: list[tuple[float, float, float, np.ndarray]], kind: str
 ) -> None:

@@ -4,10 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from mechanisms import Matrix, shift, turn
-from strategies import examples
 
 from raff2urdf.raff.kleinfinger import Kleinfinger, parameters, transform
 
@@ -39,7 +38,7 @@ def off(one: Matrix, other: Matrix) -> float:
 
 
 @given(kleinfingers)
-@examples(200)
+@settings(max_examples=200)
 def test_the_transform_is_the_product_of_its_six_elementary_ones(k: Kleinfinger) -> None:
     """Rz(gamma) Tz(epsilon) Rx(alpha) Tx(d) Rz(theta) Tz(r), from father to link."""
     product = turn("z", k.gamma) @ shift("z", k.epsilon) @ turn("x", k.alpha)
@@ -48,7 +47,7 @@ def test_the_transform_is_the_product_of_its_six_elementary_ones(k: Kleinfinger)
 
 
 @given(kleinfingers)
-@examples(300)
+@settings(max_examples=300)
 def test_a_transform_made_of_parameters_comes_back_exactly(k: Kleinfinger) -> None:
     """However nearly parallel the axes are."""
     placement = transform(k)
@@ -56,7 +55,7 @@ def test_a_transform_made_of_parameters_comes_back_exactly(k: Kleinfinger) -> No
 
 
 @given(generic)
-@examples(200)
+@settings(max_examples=200)
 def test_the_parameters_themselves_come_back_where_they_are_unique(k: Kleinfinger) -> None:
     """That is where the axes are not parallel, with alpha from 0 to 180 degrees, and the others from -180 to 180."""
     assert np.allclose(parameters(transform(k)), k, rtol=0, atol=1e-11)
@@ -71,7 +70,7 @@ def placements(draw: st.DrawFn, alphas: st.SearchStrategy[float]) -> Matrix:
 
 
 @given(placements(tiny | tiny.map(lambda angle: math.pi - angle)))
-@examples(300)
+@settings(max_examples=300)
 def test_a_placement_on_a_nearly_parallel_axis_comes_back_as_well_as_doubles_allow(placement: Matrix) -> None:
     size = max(1.0, float(np.abs(placement[:3, 3]).max()))
     assert off(transform(parameters(placement)), placement) <= SKEWED * size
@@ -89,7 +88,7 @@ def test_an_axis_keeps_its_tilt_however_far_away_it_is(angle: float, far: float,
 
 
 @given(placements(st.sampled_from([0.0, math.pi])))
-@examples(60)
+@settings(max_examples=60)
 def test_between_parallel_axes_the_perpendicular_is_taken_through_the_new_origin(placement: Matrix) -> None:
     k = parameters(placement)
     assert k.r == 0.0

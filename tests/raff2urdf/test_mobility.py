@@ -8,11 +8,10 @@ from random import Random
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from mechanisms import CLOSED_CHAINS, KNOWN, axis_at, delta, five_bar, four_bar, gough_stewart, ring, serial, shift
 from small_robots import four_bar as rough_four_bar
-from strategies import examples
 
 import raff2urdf
 from raff2urdf import RaffError, loads
@@ -24,7 +23,7 @@ from raff2urdf.raff.document import UNITS_PER_METRE, Document, LoopKind, RaffPar
 from raff2urdf.shipped import robots
 from raff2urdf.tree import clusters, placements
 
-FEW = examples(5)
+FEW = settings(max_examples=5)
 
 
 def analysis_of(text: str, loops: Mapping[str, str] | None = None) -> Analysis:
@@ -42,7 +41,7 @@ def test_the_mobility_of_known_mechanisms_is_found(name: str) -> None:
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([7, 8]), st.integers(0, 6))
-@examples(10)
+@settings(max_examples=10)
 def test_a_ring_of_n_skew_hinges_has_mobility_n_less_6(seed: int, n: int, cut: int) -> None:
     rng = np.random.default_rng(seed)
     axes = [axis_at(rng.uniform(-1, 1, 3), rng.normal(size=3)) for _ in range(n)]

@@ -8,9 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from strategies import documents, examples, layouts
+from strategies import documents, layouts
 from wrong_raff import END, FIGURE_5, LINK, ONE, WRONG_BODIES, WRONG_TEXTS, assert_in_order, text_of
 
 import raff2urdf
@@ -197,7 +197,7 @@ _SCRAPS = ["{", "}", "(", ")", '"', "/", "5", "1e999", "-", "link", "type", "rob
 
 
 @given(documents(most_parts=3), st.lists(st.tuples(st.floats(0, 1), st.integers(0, 12), st.sampled_from(_SCRAPS))))
-@examples(150)
+@settings(max_examples=150)
 def test_whatever_is_done_to_a_text_it_is_a_document_or_an_error_with_its_place(
     document: Document, changes: list[tuple[float, int, str]]
 ) -> None:
@@ -230,13 +230,13 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
 
 
 @given(documents())
-@examples(80)
+@settings(max_examples=80)
 def test_what_is_written_reads_back_as_the_same_document(document: Document) -> None:
     assert raff2urdf.loads(raff2urdf.dumps(document)) == document
 
 
 @given(documents(least_robots=1), st.data())
-@examples(40)
+@settings(max_examples=40)
 def test_white_space_and_comments_mean_nothing(document: Document, data: st.DataObject) -> None:
     text = raff2urdf.dumps(document)
     assert raff2urdf.loads(data.draw(layouts(text))) == document
@@ -383,7 +383,7 @@ def warnings_of(text: str) -> list[str]:
 
 
 @given(documents(least_robots=1))
-@examples(60)
+@settings(max_examples=60)
 def test_a_document_without_faults_passes(document: Document) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RaffWarning)

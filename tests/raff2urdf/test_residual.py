@@ -5,10 +5,9 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from mechanisms import Matrix, shift, turn
-from strategies import examples
 
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.residual import ROWS, log, log_derivative, loop_residual, skew
@@ -51,14 +50,14 @@ def placements(draw: st.DrawFn, farthest: float = 3.0) -> Matrix:
 
 
 @given(directions(), st.floats(0, 3.1))
-@examples(150)
+@settings(max_examples=150)
 def test_the_rotation_vector_is_the_logarithm(direction: np.ndarray, angle: float) -> None:
     rotation = pin.exp3(angle * direction)
     assert np.allclose(log(rotation), pin.log3(rotation), rtol=0, atol=1e-12)
 
 
 @given(directions(), st.floats(-100, -1).map(lambda exponent: 10.0**exponent))
-@examples(100)
+@settings(max_examples=100)
 def test_a_small_rotation_keeps_its_relative_precision(direction: np.ndarray, angle: float) -> None:
     """It is seen in the antisymmetric part of R alone: the trace is 3 to the last digit (Rodrigues' formula)."""
     cross = skew(direction)
@@ -67,14 +66,14 @@ def test_a_small_rotation_keeps_its_relative_precision(direction: np.ndarray, an
 
 
 @given(directions(), st.floats(-15, -1).map(lambda exponent: 10.0**exponent))
-@examples(100)
+@settings(max_examples=100)
 def test_a_rotation_by_nearly_pi_keeps_angle_and_direction(direction: np.ndarray, below: float) -> None:
     rotation = pin.exp3((math.pi - below) * direction)
     assert np.allclose(log(rotation), (math.pi - below) * direction, rtol=0, atol=2e-15)
 
 
 @given(directions())
-@examples(60)
+@settings(max_examples=60)
 def test_a_rotation_by_pi_has_one_of_its_two_vectors(direction: np.ndarray) -> None:
     half_turn = 2.0 * np.outer(direction, direction) - np.eye(3)
     vector = log(half_turn)
@@ -85,7 +84,7 @@ SMALL = 3e-3  # rad: below, Pinocchio's is wrong by up to 2e-9
 
 
 @given(directions(), st.floats(SMALL, 3.1) | st.floats(-2.5, -1.5).map(lambda exponent: 10.0**exponent))
-@examples(150)
+@settings(max_examples=150)
 def test_the_derivative_of_the_rotation_vector_is_pinocchios(direction: np.ndarray, angle: float) -> None:
     """Pinocchio's is by the velocity in the moving axes, one rotation away."""
     rotation = pin.exp3(angle * direction)
@@ -93,7 +92,7 @@ def test_the_derivative_of_the_rotation_vector_is_pinocchios(direction: np.ndarr
 
 
 @given(directions(), st.floats(0.0, SMALL))
-@examples(150)
+@settings(max_examples=150)
 def test_the_derivative_of_a_small_rotation_vector_is_its_series(direction: np.ndarray, angle: float) -> None:
     """The inverse of the left Jacobian of SO(3), by Bernoulli's numbers; what is left out is below 1e-19 here."""
     cross = angle * skew(direction)
@@ -116,7 +115,7 @@ def numeric(kind: LoopKind, placement: Matrix, length: float) -> np.ndarray:
 
 
 @given(kinds, placements(), st.floats(0.3, 3.0))
-@examples(250)
+@settings(max_examples=250)
 def test_the_derivative_of_a_gap_is_that_of_finite_differences(
     kind: LoopKind, placement: Matrix, length: float
 ) -> None:
@@ -152,13 +151,13 @@ FORBIDDEN = {
 
 
 @given(st.data(), kinds)
-@examples(150)
+@settings(max_examples=150)
 def test_a_gap_is_zero_wherever_the_joint_lets_its_ends_be(data: st.DataObject, kind: LoopKind) -> None:
     assert np.abs(loop_residual(kind, data.draw(freedoms(kind)), 1.0)[0]).max() <= 1e-15
 
 
 @given(st.data(), kinds, st.floats(1e-6, 1.0), st.sampled_from([0.5, 1.0, 2.0]))
-@examples(200)
+@settings(max_examples=200)
 def test_a_gap_is_as_large_as_the_ends_are_off_what_the_joint_allows(
     data: st.DataObject, kind: LoopKind, size: float, length: float
 ) -> None:
@@ -172,7 +171,7 @@ def test_a_gap_is_as_large_as_the_ends_are_off_what_the_joint_allows(
 
 
 @given(st.data(), kinds)
-@examples(100)
+@settings(max_examples=100)
 def test_a_closed_joint_moves_freely_as_it_may_and_not_at_all_else(data: st.DataObject, kind: LoopKind) -> None:
     """The derivative's null space, at a closed loop, is the joint's freedom: in the first end's axes."""
     derivative = loop_residual(kind, data.draw(freedoms(kind)), 1.0)[1]
@@ -191,7 +190,7 @@ def test_a_hinge_with_opposite_axes_is_not_closed(flip: Matrix) -> None:
 
 
 @given(st.floats(-7, 7), st.floats(0, 3.1), st.floats(-7, 7))
-@examples(100)
+@settings(max_examples=100)
 def test_a_hinges_gap_is_the_angle_between_its_axes_whatever_the_turn_about_them(
     before: float, angle: float, after: float
 ) -> None:
@@ -203,7 +202,7 @@ def test_a_hinges_gap_is_the_angle_between_its_axes_whatever_the_turn_about_them
 
 
 @given(st.floats(-12, -2), st.floats(0, 2 * math.pi))
-@examples(60)
+@settings(max_examples=60)
 def test_hinges_whose_axes_nearly_point_against_each_other_are_open_by_nearly_pi(exponent: float, about: float) -> None:
     below = 10.0**exponent
     placement = placement_of(pin.exp3((math.pi - below) * np.array([math.cos(about), math.sin(about), 0.0])))

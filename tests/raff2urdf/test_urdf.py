@@ -9,11 +9,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yourdfpy
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from lxml import etree
 from mechanisms import shift, turn
-from strategies import EXTREME, UNITS, documents, examples
+from strategies import EXTREME, UNITS, documents
 from yourdfpy import Calibration, Dynamics, Inertial, Joint, Limit, Link, Mimic, Robot, SafetyController, Visual
 
 import raff2urdf
@@ -76,7 +76,7 @@ def pinocchios(text: str, q: dict[str, float]) -> dict[str, np.ndarray]:
 
 
 @given(trees, st.integers(0, 2**32 - 1))
-@examples(60)
+@settings(max_examples=60)
 def test_pinocchio_places_every_node_where_raff_does(document: Document, seed: int) -> None:
     for robot in document.robots:
         q = drawn_q(document, robot, seed)
@@ -128,7 +128,7 @@ def test_limits_are_in_radians_metres_and_seconds() -> None:
 
 
 @given(st.tuples(EXTREME, EXTREME), EXTREME.filter(bool), st.sampled_from([1, 2]), st.sampled_from(UNITS))
-@examples(100)
+@settings(max_examples=100)
 def test_limits_read_back_to_the_same_double(pair: tuple[float, float], speed: float, kind: int, units: str) -> None:
     """Up to what counts as unlimited."""
     link = RaffLink(1, RaffParameters(), JointType(kind), 0, limits=(min(pair), max(pair)), velocity=abs(speed))
@@ -171,7 +171,7 @@ def check_shapes(text: str) -> int:
 
 
 @given(trees)
-@examples(40)
+@settings(max_examples=40)
 def test_every_robot_is_drawn_with_shapes_that_can_be_shown(document: Document) -> None:
     for robot in document.robots:
         moves = sum(link.type is not JointType.FIXED for link in robot.links)
@@ -217,7 +217,7 @@ def ends_of_bars(document: Document, robot: RaffRobot | None = None) -> dict[str
 
 
 @given(st.builds(Kleinfinger, *[st.floats(-3, 3) if i % 2 == 0 else st.floats(0.1, 1.0) for i in range(6)]))
-@examples(40)
+@settings(max_examples=40)
 def test_bars_lead_all_the_way_to_where_a_child_stands(k: Kleinfinger) -> None:
     words = f"gamma {math.degrees(k.gamma)!r} epsilon {1e3 * k.epsilon!r} alpha {math.degrees(k.alpha)!r}"
     words += f" d {1e3 * k.d!r} theta {math.degrees(k.theta)!r} r {1e3 * k.r!r}"
@@ -277,7 +277,7 @@ def test_a_translated_robot_is_a_valid_yourdfpy_urdf_and_its_text_is_that_object
     moments=(1e-9,) * 6,
     sizes=(1.0, 2.0, 1.0 / 3.0),
 )
-@examples(200)
+@settings(max_examples=200)
 def test_numbers_read_back_to_the_same_doubles_and_rotations_to_rounding(xyz, rpy, spin, moments, sizes) -> None:
     turned, placed = from_origin((0.0, 0.0, 0.0), spin), from_origin(xyz, rpy)
     placed[:3, :3] = (turned @ turned.T @ placed)[:3, :3]  # with rounding errors, as products have

@@ -35,11 +35,6 @@ SEEDS = st.integers(0, 2**32 - 1)
 UNITS = {"um": 1e6, "mm": 1e3, "cm": 1e2, "m": 1.0}
 
 
-def law(examples: int):
-    """So many examples, the same every time."""
-    return settings(max_examples=examples, deadline=None, derandomize=True, database=None)
-
-
 def load(text: str) -> cinegen.Mechanism:
     return cinegen.load(f"RAFF any\n{text}")
 
@@ -88,7 +83,7 @@ def random_tree(rng: np.random.Generator, unit: str) -> tuple[str, dict, dict]:
     return text, nodes, joints
 
 
-@law(120)
+@settings(max_examples=120)
 @given(SEEDS, st.sampled_from(sorted(UNITS)))
 def test_a_random_tree_stands_where_the_products_of_six_elementary_transforms_put_it(seed, unit):
     rng = np.random.default_rng(seed)
@@ -120,7 +115,7 @@ def test_a_random_tree_stands_where_the_products_of_six_elementary_transforms_pu
 # --- loops -------------------------------------------------------------------------------------------------------
 
 
-@law(60)
+@settings(max_examples=60)
 @given(SEEDS)
 def test_random_loops_leave_the_mobility_that_screw_theory_says(seed):
     """One to four loops, coupled or not, between links, frames and the base, closed as rigid, prismatic, revolute and
@@ -138,7 +133,7 @@ def test_random_loops_leave_the_mobility_that_screw_theory_says(seed):
     assert len(one.actuated) == mobility
 
 
-@law(20)
+@settings(max_examples=20)
 @given(SEEDS)
 def test_platforms_on_legs_have_the_mobility_of_gruebler_and_kutzbach(seed):
     """M = (freedoms of all joints) - 6 (legs - 1), for whatever legs, cut anywhere, in any unit, written with rounded
@@ -302,14 +297,14 @@ def exactly(mechanism: Mechanism, units: str = "mm") -> cinegen.Mechanism:
     return load(mechanism.text(joint_digits=None, units=units))
 
 
-@law(8)
+@settings(max_examples=8)
 @given(SEEDS)
 def test_where_the_base_stands_does_not_matter(seed):
     mechanism, place = closed(seed), somewhere(np.random.default_rng(seed + 1), 2.0)
     same_tool(exactly(mechanism), exactly(mechanism.moved(place)), place, 1.0, seed)
 
 
-@law(15)
+@settings(max_examples=15)
 @given(SEEDS)
 def test_how_links_are_numbered_and_in_what_order_they_stand_does_not_matter(seed):
     mechanism, rng = closed(seed), np.random.default_rng(seed + 1)
@@ -324,7 +319,7 @@ def test_how_links_are_numbered_and_in_what_order_they_stand_does_not_matter(see
 
 
 @pytest.mark.parametrize("name", RINGS)
-@law(4)
+@settings(max_examples=4)
 @given(seed=SEEDS)
 def test_which_joint_was_cut_does_not_matter(name, seed):
     axes = RINGS[name][0](np.random.default_rng(seed))
@@ -338,7 +333,7 @@ def test_which_joint_was_cut_does_not_matter(name, seed):
         same_tool(one, other, np.eye(4), 1.0, seed)
 
 
-@law(15)
+@settings(max_examples=15)
 @given(SEEDS, st.sampled_from([1e-9, 1e-6, 1e-3, 1e3, 1e6]))
 def test_a_robot_of_micrometres_moves_like_its_twin_of_metres(seed, factor):
     mechanism = closed(seed)

@@ -96,7 +96,7 @@ def test_what_can_not_be_closed_is_no_number_and_does_not_stop_the_others() -> N
 
 @pytest.mark.parametrize("name", CLOSED)
 @given(st.integers(0, 10**6))
-@settings(deadline=None, max_examples=8)
+@settings(max_examples=8)
 def test_a_line_of_equal_steps_is_where_each_of_its_configurations_is_alone(name: str, seed: int) -> None:
     """What is foreseen from the steps before saves work, and makes no difference; nor do turns, stops and other
     steps between."""

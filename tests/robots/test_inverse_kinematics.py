@@ -128,7 +128,7 @@ def test_out_of_reach_it_says_what_was_tried_and_stays_whole(name: str) -> None:
 
 
 @given(st.integers(0, 3), st.integers(0, 3), st.integers(0, 10**6))
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 def test_only_what_a_pull_holds_is_brought_there(translation: int, rotation: int, seed: int) -> None:
     mechanism = mechanism_of("rx90")
     node = end_of(mechanism)

@@ -239,7 +239,7 @@ def test_a_coupling_of_raff_comes_back_as_it_was_written(coupling, units):
     assert back.offset == pytest.approx(there.offset, abs=1e-11)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(trees(5), st.data())
 def test_a_coupling_means_the_same_at_any_joint_values(text, data):
     tree = parse(text, "x")
