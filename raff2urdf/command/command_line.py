@@ -197,7 +197,9 @@ class Commands(_ColouredHelp, TyperGroup):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse the command line; `help NAME` is `NAME --help`."""
         if args[:1] == ["help"]:
-            args = [*args[1:], "--help"]
+            if len(args) > 2:
+                ctx.fail(f"help takes the name of one command, not {len(args) - 1}")
+            args = [*(name for name in args[1:] if name != "help"), "--help"]
         return super().parse_args(ctx, args)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:

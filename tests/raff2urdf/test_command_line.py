@@ -102,3 +102,5 @@ def test_the_version_is_that_of_the_distribution(typed):
 @pytest.mark.parametrize("words", [("help",), ("help", "draw"), ("help", "darw")])
 def test_help_is_a_command_and_an_option(typed, words):
     assert typed(*words)[1:] == typed(*words[1:], "--help")[1:]
+    assert typed("help", "help")[1:] == typed("--help")[1:]
+    assert "help takes the name of one command, not 2" in typed("help", "draw", "draw")[2]
