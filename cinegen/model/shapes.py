@@ -118,7 +118,8 @@ def _with_sticks(model: pin.Model, source: MechanismSource, tree: Any, sticks: I
         return Shapes(list(sticks), meshes.links, sentence)
     left = {link.get("name") for link in tree.iterchildren("link") if link.find("visual") is not None}
     joints = {model.frames[model.getFrameId(link, pin.FrameType.BODY)].parentJoint for link in drawn - left}
-    return Shapes(found + [stick for stick in sticks if stick.parentJoint in joints], meshes.links, sentence)
+    needed = [stick for stick in sticks if stick.parentJoint in joints] if joints else []
+    return Shapes(found + needed, meshes.links, sentence)
 
 
 def _sentence(lost: Mapping[str, str]) -> str:

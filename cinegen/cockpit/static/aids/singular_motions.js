@@ -1,6 +1,6 @@
 // Motions that are lost near a type 1 singularity, or uncontrolled near a type 2 singularity: a double arrow for a
 // translation, an arc for a rotation, both for a screw motion. They are drawn stronger the nearer the singularity is; none
-// before a person drives, as in the status: many robots are near one at home.
+// before a person drives, as in the status: many robots are near one at home. Their labels go when the robot rests.
 
 import { Group, Vector3 } from "three";
 import { valueOf } from "../base/names.js";
@@ -21,7 +21,7 @@ export const KINDS = {
 
 /** @typedef {import("../base/messages").SingularityReport} SingularityReport */
 /**
- * @typedef {{ key: string, kind: "type1" | "type2", group: Group, where: Vector3, paint: import("three").MeshBasicMaterial,
+ * @typedef {{ key: string, kind: "type1" | "type2", group: Group, paint: import("three").MeshBasicMaterial,
  *   arrow: Group, arc: Group }} Mark
  */
 
@@ -49,16 +49,20 @@ export class SingularMotions {
 
   #show() {
     const { report } = this.session;
-    const driven = this.view.resolution.still || this.session.driven;
+    const { still } = this.view.resolution;
+    const driven = still || this.session.driven;
+    const moves = still || this.session.tasks.length > 0 || Boolean(report?.moving || this.session.hello?.playback);
     for (const robot of this.session.robots) {
       for (const kind of /** @type {const} */ (["type1", "type2"])) {
         const found = valueOf(report?.robots, robot.name)?.[kind];
         const key = `${kind} ${robot.name}`;
         const near = this.aids.shows("singular") && driven ? closeness(found) : 0;
         const mark = this.#marks.get(key);
-        if (!this.#changes.differs(key, near > 0 ? found : null)) continue;
+        if (!this.#changes.differs(key, near > 0 ? { found, moves } : null)) continue;
         if (near > 0 && found && found.twist?.length === 6 && found.position) {
           this.#place(mark ?? this.#make(key, kind), found, near, robot);
+          const labelled = moves && found.sigma < LABELLED * (found.threshold ?? 0);
+          this.labels.put(key, labelled ? (found.text ?? "") : "", new Vector3().fromArray(found.position), KINDS[kind].label);
         } else if (mark !== undefined) this.#hide(mark);
       }
     }
@@ -86,9 +90,6 @@ export class SingularMotions {
     mark.arc.visible = shares[1] >= SHARE * most;
     along(mark.arrow, straight);
     along(mark.arc, rotation);
-    const labelled = found.sigma < LABELLED * (found.threshold ?? 0);
-    mark.where.fromArray(found.position);
-    this.labels.put(mark.key, labelled ? (found.text ?? "") : "", mark.where, KINDS[mark.kind].label);
     this.view.changed();
   }
 
@@ -96,7 +97,7 @@ export class SingularMotions {
   #make(key, kind) {
     const material = paint(KINDS[kind].colour);
     const [arrow, arc] = [twoWays(material), twist(material)];
-    const mark = { key, kind, group: new Group(), where: new Vector3(), paint: material, arrow, arc };
+    const mark = { key, kind, group: new Group(), paint: material, arrow, arc };
     mark.arc.scale.setScalar(0.7);
     mark.group.add(mark.arrow, mark.arc);
     this.view.stage.add(mark.group);

@@ -22,7 +22,7 @@ export class Record {
       press(this.button, on);
       write(this.label, on ? "Stop recording" : "Record");
       write(section.note, on ? `${fixed(recording?.seconds ?? 0, 0)} s` : "");
-      const status = on ? `to ${recording?.file}` : "cinegen replay shows it, cinegen export hands it on";
+      const status = on ? `to ${recording?.file}` : "cinegen replay shows it, cinegen export converts it for robots";
       write(this.status, recording?.error || status);
       this.status.classList.toggle("bad", Boolean(recording?.error));
     });

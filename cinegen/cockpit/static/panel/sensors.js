@@ -18,7 +18,7 @@ const SPEEDS = [
   { name: "linear_speed", id: "speed", label: "Speed", low: 0.001, high: 10, format: (value) => units.speed(value),
     hint: "How fast a fully deflected sensor moves" },
   { name: "angular_speed", id: "turning", label: "Turning", low: 0.01, high: 10, format: (value) => units.turning(value),
-    hint: "How fast a fully deflected sensor turns" },
+    hint: "How fast a fully deflected sensor rotates" },
 ];
 const PORTS = "Name its port when starting: --sensor ID=PORT";
 
