@@ -134,7 +134,7 @@ def look(page, azimuth, elevation, middle, height, radius, top):
     window["/Background"].set_property("bottom_color", [1.0, 1.0, 1.0])
     azimuth, elevation = math.radians(azimuth), math.radians(elevation)
     centre = np.array([middle[0], middle[1], 0.5 * (height + top)])
-    distance = 3.9 * max(radius, 0.75 * (top - height))
+    distance = 4.6 * max(radius, 0.75 * (top - height))
     eye = centre + distance * np.array(
         [math.cos(azimuth) * math.cos(elevation), math.sin(azimuth) * math.cos(elevation), math.sin(elevation)]
     )
