@@ -19,6 +19,7 @@ from urllib.parse import urlsplit
 import tornado.httpserver
 import tornado.web
 import tornado.websocket
+from tornado.iostream import IOStream
 
 from cinegen.cockpit.clients import FASTEST, Client, TokenBucket
 from cinegen.cockpit.page import PageFeed, viewer
@@ -132,6 +133,7 @@ class _Guarded(tornado.web.RequestHandler):
             )
 
     is_private = True  # whether a token is needed, if there is one
+    _stream: IOStream | None = None  # of a method that HTTP does not have: `prepare` is not called
 
     @property
     def may_drive(self) -> bool:

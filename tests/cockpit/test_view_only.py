@@ -1,5 +1,6 @@
 """An address that only shows the session: the server refuses commands from there, whatever the page does."""
 
+import socket
 from urllib.parse import parse_qs, urlsplit
 
 import pytest
@@ -62,6 +63,15 @@ def test_its_commands_are_refused(page):
     assert (state.paused, state.recording) == (False, None)
     assert (page.q["delta4"] == q).all()
     viewer.leave()
+
+
+def test_a_method_that_http_does_not_have_is_answered_without_a_traceback(page, caplog):
+    address = urlsplit(page.url)
+    with socket.create_connection((address.hostname, address.port), timeout=30) as client:
+        client.sendall(b"BREW / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")
+        assert client.makefile("rb").read().startswith(b"HTTP/1.1 405 ")
+    assert get(page.url)[0] == 200  # by now what was logged is logged
+    assert not caplog.records
 
 
 def test_neither_token_stands_for_the_other(page):
