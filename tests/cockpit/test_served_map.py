@@ -253,7 +253,6 @@ def test_turns_in_one_place_are_shown_on_a_ball_about_it(made, robot):
     assert not any(axis.translates for axis in cloud.description.axes)
 
 
-@pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
 def test_beside_the_map_stands_its_robot(made, robot):
     path, _ = made("delta4", Region(BOX), "sigma_1", "margin")
     setup = map_setup(path, "margin", robot("delta4"))

@@ -138,7 +138,6 @@ def test_the_list_of_sensors_shows_the_axes(raff, tmp_path, typed):
 # --- a session -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
 def test_a_mouse_whose_z_axis_is_inverted_and_turned_back_while_it_drives(robot, tmp_path):
     device = PlayedMagellan(tmp_path / "mouse").plug()
     delta = robot("delta4")

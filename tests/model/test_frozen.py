@@ -119,9 +119,9 @@ def test_raff2urdf_writes_them_closed(form, tmp_path):
 
 
 @pytest.mark.parametrize(("gap", "relax"), [(0.45, False), (40.0, None)], ids=["exact", "too much to be play"])
-def test_what_is_not_closed_in_the_plane_is_told_with_the_edit_that_does(gap, relax):
+def test_what_is_not_closed_in_the_plane_is_told_with_the_edit_that_does(raff, gap, relax):
     with pytest.raises(cinegen.ClosureError, match=f"revolute, {gap:g} mm along its axis") as caught:
-        cinegen.load(bars(gap), relax=relax)
+        raff(bars(gap).partition("\n")[2], relax=relax)
     found = re.search(
         r"no motion changes these gaps\. It closes with a frame on frame5, '(parameters .*)', lengths in mm",
         str(caught.value),
@@ -131,9 +131,9 @@ def test_what_is_not_closed_in_the_plane_is_told_with_the_edit_that_does(gap, re
     assert cinegen.load(mended, relax=False).mobility == 1
 
 
-def test_an_axis_that_points_the_other_way_and_a_gap_are_mended_together():
+def test_an_axis_that_points_the_other_way_and_a_gap_are_mended_together(raff):
     with pytest.raises(cinegen.ClosureError, match="frame3 and frame5 point against each other") as caught:
-        cinegen.load(bars(30.0, turned="alpha 180"))
+        raff(bars(30.0, turned="alpha 180").partition("\n")[2])
     found = re.search(r"It closes with a frame on frame5, '(parameters .*)', lengths in mm", str(caught.value))
     assert found, caught.value
     mended = bars(30.0, turned="alpha 180", end="frame 6")
