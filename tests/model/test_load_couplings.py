@@ -297,7 +297,7 @@ def test_what_is_not_read_of_an_mjcf_is_listed(write):
     assert mjcf.read(path)[2] == ["equality constraint 'g' (not active)", "limits of tendon 'two'"]
     notes = cinegen.load(path).source.notes
     assert notes == ("not read: equality constraint 'g' (not active)", "not read: limits of tendon 'two'")
-    _, constraints, ignored, _ = mjcf.read(path, ignore=["e"])
+    _, constraints, ignored, *_ = mjcf.read(path, ignore=["e"])
     assert [coupling["name"] for coupling in constraints["couplings"]] == ["f"]
     assert ignored[0] == "equality constraint 'e'"
 
