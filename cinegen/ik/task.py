@@ -12,8 +12,7 @@ from cinegen.arrays import Array, ArrayLike
 from cinegen.errors import CinegenError, UnknownNameError
 from cinegen.ik._kernels.memory import TaskMemory
 from cinegen.ik.tasks.equations import ConstrainedAxes, FrameEquations
-from cinegen.ik.tasks.values import ROTATIONS, TRANSLATIONS, WANTED, checked_priority, is_count, pose
-from cinegen.ik.thresholds import ROTATION
+from cinegen.ik.tasks.values import ROTATIONS, TRANSLATIONS, WANTED, checked_priority, fault_of, is_count, pose
 from cinegen.jit.foreign import SE3_DISTANCE, address, frame_of
 from cinegen.jit.one_thread import HasUser, OneThread
 
@@ -381,16 +380,8 @@ class FrameTask(FrameEquations):
         """The value with which ticks leave the task out, and what it must be; empty while it is valid."""
         for name, value in self._wrong.items():
             return f"{name} of the task of '{self._node}' is {value!r:.80}: give {WANTED[name]}"
-        target, which = self._target, f"target of the task of '{self._node}'"
-        if not np.isfinite(target.translation).all():
-            return f"{which} has the position {target.translation.tolist()}: give three finite numbers (m)"
-        rotation = target.rotation
-        with np.errstate(all="ignore"):  # where squares overflow, too
-            off = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
-            if off <= ROTATION and np.linalg.det(rotation) > 0.0:
-                return ""
-        why = "a reflection" if off <= ROTATION else f"no rotation, by {off:.2g}"
-        return f"{which} has an orientation that is {why}: give an orthonormal matrix of determinant 1"
+        wrong = fault_of(self._target)
+        return f"target of the task of '{self._node}' has {wrong}" if wrong else ""
 
 
 def _nothing(binds: bool) -> None:

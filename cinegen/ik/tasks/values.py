@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from cinegen.arrays import ArrayLike
 from cinegen.errors import CinegenError
+from cinegen.ik.thresholds import ROTATION
 
 TRANSLATIONS = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (1.0, 1.0, 1.0))
 ROTATIONS = ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 0.0), (1.0, 1.0, 1.0))
@@ -62,3 +63,16 @@ def checked_priority(priority: Any) -> int:
 def is_count(count: object) -> bool:
     """Return whether this is a number of constrained axes, 0 to 3; True and False are none."""
     return isinstance(count, SupportsIndex) and not isinstance(count, bool | np.bool_) and 0 <= index(count) < 4
+
+
+def fault_of(target: pin.SE3) -> str:
+    """Return why a target can't be followed, and what it must be; empty if it can."""
+    if not np.isfinite(target.translation).all():
+        return f"the position {target.translation.tolist()}: give three finite numbers (m)"
+    rotation = target.rotation
+    with np.errstate(all="ignore"):  # where squares overflow, too
+        off = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
+        if off <= ROTATION and np.linalg.det(rotation) > 0.0:
+            return ""
+    why = "a reflection" if off <= ROTATION else f"no rotation, by {off:.2g}"
+    return f"an orientation that is {why}: give an orthonormal matrix of determinant 1"
