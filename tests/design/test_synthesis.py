@@ -202,7 +202,7 @@ LARGEST = {
     ],
 )  # fmt: skip
 def test_objectives_are_those_of_the_loaded_robot(tmp_path, what, more):
-    values = changed(objective=[{"minimise": what}], starts=1, **more)
+    values = changed(objective=[{"minimise": what}], **more)
     found = synthesize("five_bar", values)
     assert found.values[0] < found.before[0]
     path = tmp_path / "best.raff"
