@@ -72,7 +72,7 @@ class Bodies:
             shape, w = self._shapes[i], [arb(x) for x in numbers]
             if not all(x >= 0 for x in w) or self._data["shapes"][i]["slack"] is None:
                 raise CertificateError("a point is not known to be of a body")
-            ends.append(shape.placed.times(column(w) * (1 / sum(w, arb(0)))))
+            ends.append(shape.body.times(shape.points * column(w) * (1 / sum(w, arb(0)))))
             most += shape.radius - arb(self._data["shapes"][i]["slack"])
             names.append(self._data["shapes"][i]["name"])
         size = sum((x * x for x in ends[0].less(ends[1]).sizes().entries()), arb(0)).sqrt()
