@@ -80,7 +80,7 @@ def test_sliders_and_number_fields_of_a_page_without_a_server_have_names_units_a
     tools(page, "view")
     page.select_option("#measures", index=1)
     tools(page, "pose")
-    assert any(name == "joint1 of scara, in radians" for name, *_ in ranges(page))
+    assert becomes(page, lambda: any(name == "joint1 of scara, in radians" for name, *_ in ranges(page)))
     slider = page.locator("[data-joint='scara/joint1'] input[type=range]")
     slider.press("Home")  # to its least value, which is read at once
     assert slider.get_attribute("aria-valuetext").startswith("minus 2.269 ")

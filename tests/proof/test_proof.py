@@ -724,18 +724,18 @@ def assert_true(certificate, result, mechanism, rng):
     assert all(witness["configuration"] for witness in result["witnesses"])  # all of it is within reach
     if result["proved"] < 1.0:
         return
-    coordinates = Coordinates(mechanism, list(RECTANGLE))
+    coordinates, clearance = Coordinates(mechanism, list(RECTANGLE)), certificate["bounds"]["clearance"]
+    least = None if clearance is None else distances(mechanism)
     for values in rng.uniform(low, high, (30, len(low))):
         q = coordinates.from_home(dict(zip(RECTANGLE, values, strict=True)), steps=10)
         assert q is not None
         by_name = {one["name"]: one["limits"] for one in certificate["variables"]}
         for name in mechanism.joints:
-            least, most = by_name[name]
-            assert not certificate["bounds"]["limits"] or least <= q[mechanism.q_index(name)] <= most
+            low_end, high_end = by_name[name]
+            assert not certificate["bounds"]["limits"] or low_end <= q[mechanism.q_index(name)] <= high_end
         sigma = certificate["bounds"]["sigma"]
         assert sigma is None or min(singularity(mechanism, q).sigma) > sigma
-        clearance = certificate["bounds"]["clearance"]
-        assert clearance is None or distances(mechanism)(q) > clearance
+        assert clearance is None or least(q) > clearance
 
 
 def mutate(certificate, mechanism, count):
