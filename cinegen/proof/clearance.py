@@ -41,7 +41,7 @@ def shapes_of(mechanism: Mechanism) -> dict[str, Any]:
     is None.
 
     Raises:
-        ProofError: there are no such pairs.
+        ProofError: there are no such pairs, or rods may rotate about themselves.
     """
     joints, rounding, shapes = bodies_of(mechanism), RADIUS * mechanism.length, list[dict[str, Any]]()
     for body in link_bodies(mechanism.successive):
@@ -52,7 +52,12 @@ def shapes_of(mechanism: Mechanism) -> dict[str, Any]:
             "slack": _slack(solid) + rounding if solid is body.as_described else None,
             "points": [list(map(float, solid.placement.act(point))) for point in points],
         })  # fmt: skip
-    pairs = mechanism.structure.derived(link_pairs).of(PairReason.CHECKED)
+    pairs, idle = mechanism.structure.derived(link_pairs).of(PairReason.CHECKED), mechanism.structure.idle_joints
+    if idle:
+        raise ProofError(
+            f"{mechanism.name}: rods may rotate about themselves ({', '.join(idle)}), so that a pose does not "
+            "determine distances: leave out the clearance"
+        )
     if not pairs:
         raise ProofError(f"{mechanism.name}: no two links may collide: leave out the clearance")
     return {"shapes": shapes, "pairs": [list(pair) for pair in pairs]}

@@ -15,6 +15,7 @@ from flint import arb, ctx
 from matplotlib.colors import to_rgba
 from scipy.spatial.transform import Rotation
 
+import cinegen
 import cinegen.proof.checker
 import cinegen.proof.proof
 import cinegen.proof.spread
@@ -632,6 +633,19 @@ NEAR = {
 }
 
 
+RSSR = """RAFF Rod
+robot rod {
+  link 1 { type 2 pred 0 actuated 1 }
+  link 2 { parameters { d 100 } type 2 pred 1 }
+  link 3 { parameters { alpha 90 theta 90 } type 2 pred 2 }
+  link 4 { parameters { alpha 90 theta 90 } type 2 pred 3 }
+  frame 5 { parameters { d 220 } pred 4 }
+  link 6 { parameters { d 250 alpha 70 } type 2 pred 0 }
+  frame 7 { parameters { d 150 } pred 6 }
+  constraint { frame 5 frame 7 type 3 }
+}"""
+
+
 def distances(mechanism):
     """A function that returns the least distance between the shapes of a description, by Pinocchio."""
     bodies, pairs = (lambda pairs: (pairs.bodies, pairs.of(PairReason.CHECKED)))(link_pairs(mechanism))
@@ -669,6 +683,8 @@ def test_what_no_clearance_is_proved_of(robot):
         prove(robot("five_bar"), RECTANGLE, clearance=-0.1)
     with pytest.raises(ProofError, match="no two links may collide: leave out the clearance"):
         prove(robot("differential_wrist"), {"rx": (0.0, 0.1)}, clearance=0.0)
+    with pytest.raises(ProofError, match=r"rods may rotate about themselves \(joint3\)"):
+        prove(cinegen.load(RSSR), {"x": (0.0, 0.1)}, clearance=0.0)
     parameters = Parameters("five_bar")
     within = WithinTolerances(parameters, {"link*.d": 1e-4})
     with pytest.raises(ProofError, match="leave out the clearance or the tolerances"):
