@@ -74,7 +74,8 @@ def examined(path: Path | None, certificate: Mapping[str, Any]) -> Iterator[dict
         yield {}
         return
     head = f"{_MARK} {sha256(json.dumps(certificate, sort_keys=True).encode()).hexdigest()}"
-    first, *lines = path.read_text(errors="replace").splitlines() if path.exists() else [head]
+    text = path.read_text(errors="replace") if path.exists() else ""
+    first, *lines = (text or head).splitlines()  # one that was interrupted at once left an empty file
     if not first.startswith(_MARK):
         raise ProofError(f"{path} is not what an interrupted proof left: move it away, or give another output")
     with path.open("a" if lines and first == head else "w") as file:
@@ -92,7 +93,7 @@ class _Kept(dict[int, BoxResult]):
         super().__init__()
         self._file = file
         for line in lines:
-            with suppress(ValueError):  # it was not written to its end
+            with suppress(ValueError, TypeError):  # it was not written to its end
                 number, *result = json.loads(line)
                 super().__setitem__(number, BoxResult(*result))
 

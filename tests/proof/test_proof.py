@@ -420,6 +420,8 @@ def test_an_interrupted_proof_goes_on_where_it_was(robot, tmp_path, monkeypatch)
     numbers.clear()
     prove(robot("five_bar"), RECTANGLE, unfinished=part)  # something else is asked
     assert len(numbers) == whole.boxes
+    part.write_text("")
+    assert prove(robot("five_bar"), RECTANGLE, unfinished=part)
     part.write_text("a file of somebody")
     with pytest.raises(ProofError, match="move it away, or give another output"):
         prove(robot("five_bar"), RECTANGLE, unfinished=part)

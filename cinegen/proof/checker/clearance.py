@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import product
+from itertools import combinations_with_replacement, product
 from typing import Any
 
 from flint import arb, arb_mat
@@ -28,13 +28,13 @@ class Bodies:
         away = column([*tube.y, *[0] * (along.nrows() - len(tube.y))])
         rest = unsure * row_sums(along) + added_sizes([jacobian, *(m / 2 for m in by), unsure]) * away
         parts = [[slopes[i, k] for i in range(slopes.nrows())] for k in range(count)]
+        products = {pair: q for q, pair in enumerate(combinations_with_replacement(range(n), 2), n)}
         for (j, m), k in product(enumerate(turned), range(count)):
-            column_k = [m[i, k] for i in range(m.nrows())]
-            if j < n and k < n:
-                q = n + min(j, k) * n - min(j, k) * (min(j, k) - 1) // 2 + abs(j - k)
-                parts[q] = [a + b for a, b in zip(parts[q], column_k, strict=True)]
+            bends, q = [m[i, k] for i in range(m.nrows())], products.get((min(j, k), max(j, k)))
+            if q is None:
+                rest += absolute(column(bends))
             else:
-                rest += absolute(column(column_k))
+                parts[q] = [a + b for a, b in zip(parts[q], bends, strict=True)]
         numbers = [robot.residual(point, here), *parts, rest.entries()]
         placed = list[Form]()
         for start in range(0, len(numbers[0]), 12):
