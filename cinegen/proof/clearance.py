@@ -21,6 +21,7 @@ from cinegen.model import Mechanism
 from cinegen.proof.document import RADIUS, ProofError
 from cinegen.proof.equations import Equations
 from cinegen.proof.matrices import Matrices
+from cinegen.proof.tubes import Tubes
 
 _MANY = 64  # corners of a shape, above which the one around it counts
 _STEPS = 10_000  # of a plane's normal: whole numbers, which a certificate states in few digits
@@ -122,19 +123,12 @@ class Clearances:
         for k, name in enumerate(mechanism.joints):
             self._q[mechanism.q_index(name)] = document["variables"][k]["at"]
 
-    def examine(self, x: Array, p: Array, along: Array, y: Array) -> list[Distances]:
-        """Return what is known of the distances in boxes.
-
-        Args:
-            x: (boxes, unknowns) configurations at the centres, dimensionless.
-            p: (boxes, parameters) poses there, m and rad.
-            along: (boxes, unknowns + parameters, .) their change by eta.
-            y: (boxes, unknowns) radius about that.
-        """
+    def examine(self, tubes: Tubes) -> list[Distances]:
+        """Return what is known of the distances in boxes."""
         examined = list[Distances]()
-        for start in range(0, len(x), _AT_ONCE):
+        for start in range(0, len(tubes.x), _AT_ONCE):
             some = slice(start, start + _AT_ONCE)
-            examined += self._examined(x[some], p[some], along[some], y[some])
+            examined += self._examined(tubes.x[some], tubes.centre[some], tubes.along[some], tubes.near[some])
         return examined
 
     def _examined(self, x: Array, p: Array, along: Array, y: Array) -> list[Distances]:

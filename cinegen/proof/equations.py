@@ -51,22 +51,30 @@ class Point(NamedTuple):
 
 
 class Change(NamedTuple):
-    """The derivative over boxes: J + sum_j G_j eps_j + [-R, R], R = R_1 + R_2.
+    """The derivative over boxes: J + sum_k (G_k + T_k) eta_k + [-R, R], R = R_1 + R_2.
 
     Attributes:
-        by: (boxes, n, rows, columns) G.
-        bent: (boxes, rows, columns) R_1, of the second derivatives.
+        by: (boxes, eta, rows, columns) G, of the second derivatives.
+        bent: (boxes, rows, columns) R_1, what they and third ones change.
         apart: (boxes, rows, columns) R_2, by the distance from X(eps).
-        sharper: (boxes, ., rows, columns) what third derivatives, where they are known, add to the last of G, if they
-            are wanted.
-        narrow: (boxes, rows, columns) R_1 without that.
+        sharper: (boxes, products, rows, columns) T, of the third derivatives where they are known, by the products of
+            eps, the last of eta.
     """
 
     by: Array
     bent: Array
     apart: Array
     sharper: Array
-    narrow: Array
+
+    @property
+    def whole(self) -> Array:
+        """(boxes, eta, rows, columns) G + T."""
+        first = self.by.shape[1] - self.sharper.shape[1]
+        return np.concatenate([self.by[:, :first], self.by[:, first:] + self.sharper], axis=1)
+
+    def nearer(self, shares: Array) -> Change:
+        """Return the change if the distance from X(eps) is at most a share (boxes,) of what it was."""
+        return self._replace(apart=self.apart * shares[:, None, None])
 
 
 class _Slot(NamedTuple):
@@ -90,6 +98,7 @@ class Equations:
         rows: indices of the equations that are not exactly 0; all at first.
         positive: indices of what is not 0 but positive.
         rates: indices of what is no equation, but yields velocities of joints.
+        has_radii: whether dimensions have tolerances.
         count: number of variables.
         width: number of columns that are not velocities of virtual joints.
         column: of each variable.
@@ -99,7 +108,7 @@ class Equations:
         self._document, variables = document, document["variables"]
         numbers = np.array(document["placements"])
         radii = np.array(document.get("radii", np.zeros(numbers.shape)))
-        self._placements, self._has_radii = np.zeros((len(numbers), 2, 4, 4)), "radii" in document
+        self._placements, self.has_radii = np.zeros((len(numbers), 2, 4, 4)), "radii" in document
         for k, part in enumerate((numbers, radii)):
             self._placements[:, k, :3, :3], self._placements[:, k, :3, 3] = part[:, :9].reshape(-1, 3, 3), part[:, 9:]
         self._placements[:, 0, 3, 3] = 1.0
@@ -165,27 +174,25 @@ class Equations:
                 whole.jacobian[:, 0, row] += curve.deriv()(values[:, k])[:, None] * self._column[k] / size
         return whole
 
-    def change(self, x: Array, p: Array, along: Array, y: Array, sharp: bool = False) -> Change:
+    def change(self, x: Array, p: Array, along: Array, y: Array) -> Change:
         """Return how the derivatives change over boxes.
 
         Args:
             x: (boxes, unknowns) dimensionless, at the centre.
             p: (boxes, parameters) m and rad, at the centre.
-            along: (boxes, unknowns + parameters, n) their change by eps.
+            along: (boxes, unknowns + parameters, eta) their change by eps, or by eps and their products.
             y: (boxes, unknowns) radius about X(eps).
-            sharp: whether third derivatives are wanted.
         """
         n, rows, count, m = len(x), self._memory.rows, len(self.unknown), along.shape[2]
         values, g, r = self.values(x, p), np.zeros((n, len(self._at), m)), np.zeros((n, len(self._at)))
         g[:, self.unknown], g[:, self.over] = along[:, :count] * self.units[:, None], along[:, count:]
         r[:, self.unknown] = y * self.units
-        whole = self._no_change(n, m, m - len(self.over) if sharp else 0)
+        whole = self._no_change(n, m, m - len(self.over))
         self._run(2, values, g, r, None, whole)
-        if self._has_radii:  # those of the second derivatives at the centre are not halved
-            point = Change(*(0.0 * part for part in whole))
+        if self.has_radii:  # those of the second derivatives at the centre are not halved
+            point = self._no_change(n, m, 0)
             self._run(2, values, _SHORT * g, 0.0 * r, None, point)
-            for part in (whole.bent, whole.narrow):
-                part[:] += 2.0 / _SHORT * point.bent
+            whole.bent[:] += 2.0 / _SHORT * point.bent
         for row, coupling in enumerate(self._document["couplings"], rows - len(self._document["couplings"])):
             for k, c in coupling["terms"]:
                 bend, column = np.polynomial.Polynomial([0.0, *c]).deriv(2), self._column[k] / coupling["size"]
@@ -193,7 +200,6 @@ class Equations:
                 far = np.abs(bend.deriv()(values[:, k])) * (spread + r[:, k])
                 whole.by[:, :, row] += (bend(values[:, k])[:, None] * g[:, k])[..., None] * column
                 whole.bent[:, row] += (far * spread)[:, None] * size
-                whole.narrow[:, row] += (far * spread)[:, None] * size
                 whole.apart[:, row] += ((np.abs(bend(values[:, k])) + far) * r[:, k])[:, None] * size
         return whole
 
@@ -245,7 +251,7 @@ class Equations:
         memory.resize(count=n, order=order, parameters=m, sums=m + 2, pairs=change.sharper.shape[1])
         at = at or Point(np.zeros((n, 2, rows)), np.zeros((n, 2, rows, columns)))
         inputs = values @ self._sums.T, np.einsum("sv,bvn->bsn", self._sums, g), r @ self._sums.T
-        names = "q", "along", "away", "residual", "jacobian", "by", "bent", "apart", "sharper", "narrow"
+        names = "q", "along", "away", "residual", "jacobian", "by", "bent", "apart", "sharper"
         for name, numbers in zip(names, (*inputs, *at, *change), strict=True):
             memory.point_at(name, np.ascontiguousarray(numbers))
         self._evaluate(memory.handle)
@@ -253,7 +259,7 @@ class Equations:
     def _no_change(self, n: int, m: int, pairs: int) -> Change:
         rows, columns = self._memory.rows, self._column.shape[1]
         shape = (n, rows, columns)
-        sizes = (n, m, rows, columns), shape, shape, (n, pairs, rows, columns), shape
+        sizes = (n, m, rows, columns), shape, shape, (n, pairs, rows, columns)
         return Change(*(np.zeros(size) for size in sizes))
 
     def _slots(self, chain: Sequence[Sequence[int]], end: int) -> tuple[list[_Slot], Array]:
@@ -293,7 +299,7 @@ class Equations:
             closures=len(closures), slots=len(slots), longest=longest, ends=longest + 1, rows=len(kinds),
             columns=self._column.shape[1], parameters=n, sums=n + 2, over=n,
         )  # fmt: skip
-        memory.length = float(self._document["length"])
+        memory.length, memory.unsure = float(self._document["length"]), 1.0 if self.has_radii else 1.0 / 3.0
         starts = np.concatenate([[0], np.cumsum(lengths)])
         for c, (closure, pair) in enumerate(zip(closures, chains, strict=True)):
             memory.chain[c] = starts[2 * c : 2 * c + 3]
@@ -307,6 +313,8 @@ class Equations:
         for i, slot in enumerate(slots):
             memory.kind[i], memory.before[i], memory.offset[i] = slot.kind, slot.before, slot.offset
         memory.by_slot[:] = self._sums @ self._column
+        virtual = set(self._document.get("virtual", []))
+        memory.virtual[:] = [virtual.issuperset(slot.variables) for slot in slots]
         return memory, np.array(kinds)
 
 

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from cinegen.arrays import Array
-from cinegen.proof.equations import Change, Equations, Point
+from cinegen.proof.equations import Equations
 from cinegen.proof.matrices import Matrices, products
+from cinegen.proof.tubes import Tubes
 
 _EXACT = (
     1e-9  # velocities with which openings across a planar linkage change the equations that are left out are larger
@@ -35,26 +36,16 @@ class SingularValues:
             loops = [k for cluster in self._second["clusters"] for loop in cluster["openings"] for k in loop]
             self._opening = np.array([e.column[k] for k in (*loops, *self._second["couplings"])], dtype=np.intp)
 
-    def smallest(self, x: Array, p: Array, along: Array, y: Array, at: Point, change: Change) -> tuple[Array, Array]:
-        """Return bounds (types, boxes) of the smallest singular values from below and above, of type 1 and 2.
-
-        Args:
-            x: (boxes, unknowns) configurations at the centres, dimensionless.
-            p: (boxes, parameters) poses there, m and rad.
-            along: (boxes, unknowns + parameters, .) their change by eta.
-            y: (boxes, unknowns) radius about that.
-            at: at the centres.
-            change: over the boxes.
-        """
-        e, n = self._equations, p.shape[1]
-        by = np.concatenate([change.by[:, :n], change.by[:, n:] + change.sharper], axis=1)
-        whole = Matrices(at.jacobian[:, 0], by, at.jacobian[:, 1] + change.narrow + change.apart)
-        by_twist = np.tile(self._by_twist, (len(x), 1, 1))
+    def smallest(self, tubes: Tubes) -> tuple[Array, Array]:
+        """Return bounds (types, boxes) of the smallest singular values from below and above, of type 1 and 2."""
+        e, n, at, change = self._equations, tubes.centre.shape[1], tubes.at, tubes.change
+        whole = Matrices(at.jacobian[:, 0], change.whole, at.jacobian[:, 1] + change.bent + change.apart)
+        by_twist = np.tile(self._by_twist, (len(tubes.x), 1, 1))
         sizes = [self._size(whole, n, list(range(len(e.unknown))), self._single, self._twist, by_twist)]
         if self._second is not None:
             across = sorted({*range(whole.c.shape[1])} - {*e.rows, *e.positive, *e.rates})
             kept = np.abs(whole.part(across, self._opening).c).max(axis=(0, 1), initial=0.0) < _EXACT
-            by_opening, stretch = self._by_opening(x, p, along, y)
+            by_opening, stretch = self._by_opening(tubes)
             by_opening = by_opening[:, kept][:, :, kept]
             low, high = self._size(whole, n, e.locked, self._passive, self._opening[kept], by_opening)
             sizes.append((low / stretch, high * stretch))
@@ -101,14 +92,14 @@ class SingularValues:
         is_small = defect[1] < 1.0
         return np.where(is_small, least[0] - more, 0.0), np.where(is_small, most[0] + more, np.inf)
 
-    def _by_opening(self, x: Array, p: Array, along: Array, y: Array) -> tuple[Array, Array]:
+    def _by_opening(self, tubes: Tubes) -> tuple[Array, Array]:
         """Return the openings of loops (boxes, ., .) by dimensionless and mixed ones about the centres of the clusters'
         axes, and what factor (boxes,) bounds how these centres move."""
         assert self._second is not None
-        e, blocks, stretch = self._equations, list[Array](), np.ones(len(x))
-        values, radius, count = e.values(x, p), np.zeros((len(x), e.count)), x.shape[1]
-        spread = np.abs(along).sum(axis=-1)
-        radius[:, e.unknown], radius[:, e.over] = (spread[:, :count] + y) * e.units, spread[:, count:]
+        x, e, blocks, stretch = tubes.x, self._equations, list[Array](), np.ones(len(tubes.x))
+        values, radius, count = e.values(x, tubes.centre), np.zeros((len(x), e.count)), x.shape[1]
+        spread = np.abs(tubes.along).sum(axis=-1)
+        radius[:, e.unknown], radius[:, e.over] = (spread[:, :count] + tubes.near) * e.units, spread[:, count:]
         for cluster in self._second["clusters"]:
             about, away, by = np.zeros((len(x), 3)), np.zeros((len(x), 3)), np.tile(np.eye(6), (len(x), 1, 1))
             for chain, end, share, off in cluster["about"]:

@@ -149,15 +149,13 @@ def _add_part(memory: BoxMemory, box: int, s: int, t: int, height: int) -> None:
 
 @compiled
 def _add_third(memory: BoxMemory, box: int, c: int, side: int) -> None:
-    """Add the third derivatives of V along one chain, the one that was followed last, to G and R_1."""
+    """Add the third derivatives of V along one chain, the one that was followed last, to T and R_1."""
     start, out, other = memory.chain[c, side], memory.scratch[0], memory.scratch[1]
     n = memory.chain[c, side + 1] - start
     for a in range(n):
         for b in range(a, n):
             for e in range(b, n):
-                if not (varies(memory, box, start + a) and varies(memory, box, start + b)):
-                    continue
-                if not varies(memory, box, start + e):
+                if memory.virtual[start + a] or memory.virtual[start + b] or memory.virtual[start + e]:
                     continue
                 copy(memory.after[e + 1], out)
                 for i in range(e, -1, -1):
@@ -187,11 +185,11 @@ def _add_quadratic(memory: BoxMemory, box: int, c: int, side: int, s: int, t: in
     for i in range(3):
         m, r = third[0, i, 3], third[1, i, 3]
         far = abs(m) * (linear_t * rest_u + rest_t * linear_u + rest_t * rest_u)
-        far += r / 3.0 * (linear_t + rest_t) * (linear_u + rest_u)
+        far += memory.unsure * r * (linear_t + rest_t) * (linear_u + rest_u)
         for j in range(memory.columns):
             unit = weight * memory.by_slot[start + s, j]
             if unit != 0.0:
-                memory.narrow[box, row + i, j] += far * unit
+                memory.bent[box, row + i, j] += far * unit
                 q = 0
                 for a in range(n):
                     for b in range(a, n):
@@ -201,11 +199,15 @@ def _add_quadratic(memory: BoxMemory, box: int, c: int, side: int, s: int, t: in
 
 
 @compiled
+def _is_third_known(memory: BoxMemory, c: int) -> bool:
+    return bool(memory.order == 2 and memory.pairs > 0 and memory.turns[c] == 0 and memory.linear[c] == 3)
+
+
+@compiled
 def _evaluate(memory: BoxMemory, box: int, c: int) -> None:
-    sharp = memory.order == 2 and memory.pairs > 0
     for side in range(2):
         follow(memory, box, c, side)
-        if sharp and memory.turns[c] == 0 and memory.linear[c] == 3:
+        if _is_third_known(memory, c):
             _add_third(memory, box, c, side)
     row, back, gap, e = memory.row[c], memory.scratch[0], memory.scratch[1], memory.scratch[3]
     write_back(memory.at[0], back)
@@ -257,10 +259,7 @@ def _evaluate_second(memory: BoxMemory, box: int, c: int, height: int, back: Arr
                     side, first = (0, start) if t < middle else (1, middle)
                     _write_turn(memory, side, s - first, t - first, height)
                 _add_part(memory, box, t, s, height)
-    n = memory.parameters
-    memory.by[box, :, row : row + height] = 0.0
-    memory.bent[box, row : row + height] = 0.0
-    memory.apart[box, row : row + height] = 0.0
+    n, is_known = memory.parameters, _is_third_known(memory, c)
     for s in range(start, stop):
         for j in range(memory.columns):
             unit = memory.by_slot[s, j]
@@ -268,8 +267,6 @@ def _evaluate_second(memory: BoxMemory, box: int, c: int, height: int, back: Arr
                 for i in range(height):
                     for k in range(n):
                         memory.by[box, k, row + i, j] += memory.part[s, i, k] * unit
-                    memory.bent[box, row + i, j] += memory.part[s, i, n] * unit
-                    is_known = memory.turns[c] == 0 and memory.linear[c] == 3 and i < 3 and varies(memory, box, s)
-                    if memory.pairs > 0 and not is_known:
-                        memory.narrow[box, row + i, j] += memory.part[s, i, n] * unit
+                    if i >= 3 or not is_known or memory.virtual[s]:
+                        memory.bent[box, row + i, j] += memory.part[s, i, n] * unit
                     memory.apart[box, row + i, j] += memory.part[s, i, n + 1] * unit

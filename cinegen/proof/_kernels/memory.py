@@ -24,14 +24,16 @@ class BoxMemory(Memory):
     parameters: int = parameter(0)
     sums: int = parameter(0)  # parameters + 2
     over: int = parameter(0)  # the first of the parameters: eps
-    pairs: int = parameter(0)  # products of eps, if third derivatives are wanted
+    pairs: int = parameter(0)  # products of eps among the parameters
     length: float = parameter(1.0)
+    unsure: float = parameter(1.0 / 3.0)  # part of the radii of third derivatives; 1 if those at the centre have some
     chain: Table = array("closures", 3, dtype=int)  # first slot of both chains, and the end of the second
     linear: Table = array("closures", dtype=int)  # number of constrained translations
     turns: Table = array("closures", dtype=int)  # ... and rotations
     rates: Table = array("closures", dtype=int)  # which
     row: Table = array("closures", dtype=int)  # the first
     kind: Table = array("slots", dtype=int)
+    virtual: Table = array("slots", dtype=int)  # whether all of their variables are
     before: Array = array("slots", 2, 4, 4)
     offset: Array = array("slots", 2, 4, 4)
     end: Array = array("closures", 2, 2, 4, 4)  # of both chains
@@ -45,10 +47,9 @@ class BoxMemory(Memory):
     residual: Array = foreign("count", 2, "rows")
     jacobian: Array = foreign("count", 2, "rows", "columns")
     by: Array = foreign("count", "parameters", "rows", "columns")  # G
-    bent: Array = foreign("count", "rows", "columns")  # R_1, of the second derivatives
+    bent: Array = foreign("count", "rows", "columns")  # R_1
     apart: Array = foreign("count", "rows", "columns")  # R_2, by the distance from X(eps)
-    sharper: Array = foreign("count", "pairs", "rows", "columns")  # what third derivatives add to G
-    narrow: Array = foreign("count", "rows", "columns")  # R_1 without that
+    sharper: Array = foreign("count", "pairs", "rows", "columns")  # T, of the third derivatives
 
     power: Array = array("longest", 4, 2, 4, 4)  # factors of a chain with their derivatives
     after: Array = array("ends", 2, 4, 4)

@@ -22,8 +22,9 @@ def absolute(m: arb_mat) -> arb_mat:
 
 def added_sizes(matrices: Sequence[arb_mat]) -> arb_mat:
     """Return the sums of absolute values of matrices."""
-    entries = zip(*(m.entries() for m in matrices), strict=True)
-    return arb_mat(matrices[0].nrows(), matrices[0].ncols(), [sum(map(abs, x), arb(0)) for x in entries])
+    rows, columns, count = matrices[0].nrows(), matrices[0].ncols(), len(matrices)
+    sizes = arb_mat(count, rows * columns, [abs(x) for m in matrices for x in m.entries()])
+    return arb_mat(rows, columns, (arb_mat(1, count, [1] * count) * sizes).entries())
 
 
 def row_sums(m: arb_mat) -> arb_mat:
@@ -86,4 +87,5 @@ def norms(parts: Sequence[arb_mat], squarings: int = 3) -> tuple[arb, arb]:
 
 def frobenius(parts: Sequence[arb_mat]) -> arb:
     """Return the Frobenius norm of matrices one above the other, from above."""
-    return sum((x * x for m in parts for x in m.entries()), arb(0)).upper().sqrt()
+    row = arb_mat([[x for m in parts for x in m.entries()]])
+    return (row * row.transpose())[0, 0].upper().sqrt()

@@ -20,12 +20,12 @@ class Bodies:
     def __init__(self, tube: Tube) -> None:
         self._data, self._n, along = tube.robot.data, len(tube.low), tube.along
         robot = Robot({**self._data, "closures": self._data["bodies"], "couplings": [], "rows": [], "virtual": []})
-        point, wide, n, count = robot.point(tube.x, tube.centre), tube.wide(along, 1), self._n, along.ncols()
+        point, wide, n, count = robot.point(tube.x, tube.centre), tube.wide(along, tube.near), self._n, along.ncols()
         here = robot.parts(point, 2)
         change = robot.change(wide, here, robot.parts(wide, 2, True))
-        jacobian, *by, bend, apart = (arb_mat(m) for m in (robot.jacobian(point, here), *change))
+        jacobian, *by, bend, apart = (arb_mat(m) for m in (robot.jacobian(point, here), *change[:count], *change[-2:]))
         slopes, turned, unsure = jacobian * along, [m * along / 2 for m in by], absolute(bend + apart) / 2
-        away = column([*tube.y, *[0] * (along.nrows() - len(tube.y))])
+        away = column([*tube.near, *[0] * (along.nrows() - len(tube.near))])
         rest = unsure * row_sums(along) + added_sizes([jacobian, *(m / 2 for m in by), unsure]) * away
         parts = [[slopes[i, k] for i in range(slopes.nrows())] for k in range(count)]
         products = {pair: q for q, pair in enumerate(combinations_with_replacement(range(n), 2), n)}

@@ -78,7 +78,7 @@ class Robot:
         self.columns = [*self.unknown, *self.over, *(k for k in data["given"] if k not in self.over)]
         self.width, self.virtual = len(self.columns), set(data.get("virtual", []))
         self.columns += data.get("virtual", [])
-        self.products = len(self.over) * (len(self.over) + 1) // 2 if self.virtual else 0
+        self.products = len(self.over) * (len(self.over) + 1) // 2
         self.units = [arb(self.variables[k]["unit"]) for k in self.columns]
         radius, self.placements = arb(data["radius"]), list[arb_mat]()
         self.radii = data.get("radii") or [[0] * 12 for _ in data["placements"]]
@@ -159,7 +159,7 @@ class Robot:
         They are of V = B - A and of E = A^T V, with the placements A and B of both ends; or the relative angular
         velocity, a sum of axes a_s, whose derivatives by t before s are a_t x a_s."""
         ends = ((closure[end], closure[f"{end}_end"]) for end in ("first", "second"))
-        if self.virtual and order == 2 and not closure["rotations"] and len(closure["translations"]) == 3:
+        if order == 2 and not closure["rotations"] and len(closure["translations"]) == 3:
             order = 3  # of V alone
         (slots, a, a1, a2, on_a), (others, b, b1, b2, on_b) = (self.family(*end, values, order, wide) for end in ends)
         turns, linear, n, rates = closure["rotations"], closure["translations"], len(slots), closure.get("rates")
@@ -235,9 +235,10 @@ class Robot:
         return self._by_columns(parts, closures, bends, 1)[0]
 
     def change(self, values: Sequence[Value], at: Sequence[Parts], wide: Sequence[Parts]) -> list[list[list[arb]]]:
-        """Return G_1 ... G_n, R_1 and R_2 (n + 2, rows, columns) of J + sum_j G_j eta_j + [-R_1 - R_2, R_1 + R_2]."""
+        """Return G, T, R_1 and R_2 (., rows, columns) of J + sum_k (G_k + T_k) eta_k + [-R_1 - R_2, R_1 + R_2]; T
+        belongs to products of eps among eta."""
         closures, n = list[list[list[arb_mat]]](), len(values[0].g)
-        more = self.products + 1 if self.virtual and n > len(self.over) else 0
+        products = self.products if n > len(self.over) else 0
         for here, over in zip(at, wide, strict=True):
             along = [_sum([values[k] for k in slot.variables]) for slot in here.slots if slot.varies]
             by, spread, away = (
@@ -248,22 +249,20 @@ class Robot:
             closures.append([])
             for i, (m, unsure) in enumerate(zip(here.second, over.second, strict=True)):
                 half = arb_mat(m.nrows(), m.ncols(), [x.rad() * _UP / 2 for x in unsure.entries()])
-                bent = half * spread
-                closures[-1].append([m * by, bent, (absolute(m) + half) * away])
-                if more:
-                    closures[-1][-1] += self._sharper(here, over, i, along, bent)
+                sharper = self._sharper(here, over, i, along, half * spread) if products else [half * spread]
+                closures[-1].append([m * by, *sharper, (absolute(m) + half) * away])
         bends = list[Any]()
         for coupling in self.data["couplings"]:
             bends.append([])
             for k, c in coupling["terms"]:
                 v, bend = values[k], arb_poly([0, *c]).derivative().derivative()
                 r = bend(arb(v.c, (v.spread() + v.r).upper())).rad()
-                parts = [*(bend(v.c) * g for g in v.g), r * v.spread(), (abs(bend(v.c)) + r) * v.r]
-                bends[-1].append((k, parts + ([arb(0)] * (more - 1) + [parts[n]]) * (more > 0)))
-        return self._by_columns(at, closures, bends, n + 2 + more)
+                parts = [*(bend(v.c) * g for g in v.g), *[arb(0)] * products]
+                bends[-1].append((k, [*parts, r * v.spread(), (abs(bend(v.c)) + r) * v.r]))
+        return self._by_columns(at, closures, bends, n + products + 2)
 
     def _sharper(self, at: Parts, over: Parts, i: int, along: Sequence[Value], bent: arb_mat) -> list[arb_mat]:
-        """Return what third derivatives, where they are known, add to G for products of eps, and R_1 without that."""
+        """Return T and R_1 of a row: third derivatives, where they are known, and what is not."""
         n, by, least = len(self.over), [[arb(0)] * self.products for _ in at.slots], bent.entries()
         varying = [t for t, slot in enumerate(at.slots) if slot.varies]
         for s in varying if i < 3 and at.third else []:  # not of rates
@@ -277,7 +276,7 @@ class Robot:
             by[s] = [quads[j, k] + (quads[k, j] if j != k else 0) for j in range(n) for k in range(j, n)]
             far = (size * 2 + rest).transpose() * absolute(middle) * rest
             least[s] = (far + (size + rest).transpose() * radius * (size + rest))[0, 0]
-        return [arb_mat(by), column(least)]
+        return [arb_mat(len(by), self.products, [x for row in by for x in row]), column(least)]
 
     def _by_columns(
         self, parts: Sequence[Parts], closures: Sequence[Any], couplings: Sequence[Any], n: int

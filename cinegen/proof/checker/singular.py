@@ -36,10 +36,7 @@ def smallest(tube: Tube) -> list[tuple[arb, arb]]:
 
 
 def _form(tube: Tube, rows: Sequence[int], columns: Sequence[int]) -> Form:
-    first, *by, bend, apart = (pick(m, rows, columns) for m in tube.parts)
-    *more, bend = (pick(m, rows, columns) for m in tube.sharper)
-    n = len(tube.low)
-    parts = [first, *by[:n], *(a + b for a, b in zip(by[n:], more, strict=True))]
+    *parts, bend, apart = (pick(m, rows, columns) for m in tube.parts)
     c, *g = (m.mid() for m in parts)
     return Form(c, g, absolute(bend + apart) + added_sizes([m - m.mid() for m in parts]))
 
@@ -90,7 +87,7 @@ def _kept(tube: Tube, opening: list[int]) -> list[int]:
 def _by_opening(tube: Tube, second: Mapping[str, Any], count: int) -> tuple[arb_mat, arb]:
     """Return the openings of loops by dimensionless, mixed ones about the centres of the clusters' axes, and what
     factor bounds how these centres move."""
-    values, by, stretch, start = tube.wide(tube.along, 1), identity(count), arb(1), 0
+    values, by, stretch, start = tube.wide(tube.along, tube.near), identity(count), arb(1), 0
     for cluster in second["clusters"]:
         length, about = arb(cluster["length"]), [arb(0)] * 3
         for chain, end, share, off in cluster["about"]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import combinations_with_replacement, product
 from typing import Any
 
 from flint import arb, arb_mat
@@ -10,7 +11,6 @@ from flint import arb, arb_mat
 from cinegen.proof.checker.balls import (
     CertificateError,
     absolute,
-    added,
     added_sizes,
     column,
     doubles,
@@ -22,6 +22,7 @@ from cinegen.proof.checker.balls import (
 )  # fmt: skip
 from cinegen.proof.checker.equations import Robot, Value
 
+_NEARER = 3  # times that z + E y takes the place of y
 _GAP = arb(1e-12)  # equations that no variable changes hold as designed if they are off by less
 
 
@@ -58,7 +59,7 @@ class Tube:
             box[k + j, j] = r
         all_columns, first = list(range(width)), pick(jacobian, rows, range(width))
         straight = arb_mat((-doubles(c * first * box)).tolist() + box.tolist()[k:])
-        change = robot.change(self.wide(straight, 0), here, here)
+        change = robot.change(self.wide(straight, [arb(0)] * k), here, here)
         bent = [c * pick(m, rows, all_columns) * straight for m in change[:n]]
         pairs = [(a, b) for a in range(n) for b in range(a, n)]
         second = arb_mat([
@@ -66,34 +67,52 @@ class Tube:
         ])  # fmt: skip
         curved, rest = -doubles(second), arb_mat(width - k, len(pairs)).tolist()
         self.along = arb_mat([x + y for x, y in zip(straight.tolist(), curved.tolist() + rest, strict=True)])
-        wide = self.wide(self.along, 1)
+        wide = self.wide(self.along, self.y)
         change = robot.change(wide, here, robot.parts(wide, 2, True))
-        self.parts, self.sharper = [jacobian, *change[: len(wide[0].g) + 2]], change[len(wide[0].g) + 2 :]
+        third = change[n + len(pairs) : -2]
+        both = [_added_rows(*m) for m in zip(change[n : n + len(pairs)], third, strict=True)]
+        self.parts = [jacobian, *change[:n], *both, *change[-2:]]
         self._check_rest(residual)
-        # equation 3: |C F(X(eps), P(eps))| <= z
-        constant, *by, unsure = self.less_identity(c, range(k))
-        squares, curve = added_sizes(by[n:]), row_sums(curved)
         z = (
             row_sums(c * column([residual[i] for i in rows]))
             + row_sums(c * first * straight)
-            + absolute(constant) * curve
+            + row_sums(second + curved)
         )
-        z += row_sums(second + curved) + added([row_sums(m * curved) for m in by[:n]]) + squares * curve / 2
         z += absolute(c) * (pick(self.parts[-2], rows, all_columns) * row_sums(self.along)) / 3
+        self._enclose(z, [c * pick(m, rows, all_columns) / 3 for m in third], straight, curved)
+
+    def _enclose(self, z: arb_mat, third: Sequence[arb_mat], straight: arb_mat, curved: arb_mat) -> None:
+        """Check existence and uniqueness, and find where the configuration is; z: part of that of equation 3."""
+        n, k, curve = len(self.low), len(self.x), row_sums(curved)
+        constant, *by, unsure = self.less_identity(self.inverse, range(k))
+        halves = [(m - pick(t.tolist(), range(k), range(k))) / 2 for m, t in zip(by[n:], third, strict=True)]
+        pairs, cubes = list(combinations_with_replacement(range(n), 2)), dict[Any, list[arb]]()
+        bent, cubed = (
+            [(m * curved).transpose().tolist() for m in by[:n]],
+            [(t * straight).transpose().tolist() for t in third],
+        )
+        for (q, pair), a in product(enumerate(pairs), range(n)):
+            total = cubes.setdefault(tuple(sorted((a, *pair))), [arb(0)] * k)
+            total[:] = [x + u + v for x, u, v in zip(total, bent[a][q], cubed[q][a], strict=True)]
+        z += added_sizes([column(x) for x in cubes.values()]) + (added_sizes(halves) + absolute(constant)) * curve
         # equation 4: z + E y < y
-        defect = added_sizes([constant, *by[:n]]) + squares + unsure
-        image = upper(z + defect * column(self.y)).entries()
-        if not all(a < y for a, y in zip(image, self.y, strict=True)):
+        defect = added_sizes([constant, *by]) + unsure
+        near = upper(z + defect * column(self.y))
+        if not all(a < y for a, y in zip(near.entries(), self.y, strict=True)):
             raise CertificateError("existence and uniqueness are not confirmed")
-        self.defect = upper(defect)
+        for _ in range(_NEARER):
+            near = upper(z + defect * near)
+        self.near, self.defect = near.entries(), upper(defect)
         self.resolvent = inverse(identity(k) - self.defect)
-        away = [a + b for a, b in zip(row_sums(self.along).entries(), image, strict=False)]
+        share = max((a / y).upper() for a, y in zip(self.near, self.y, strict=True))
+        self.parts[-1] = [[x * share for x in row] for row in self.parts[-1]]
+        away = [a + b for a, b in zip(row_sums(self.along).entries(), self.near, strict=False)]
         self.ranges = [(x - a, x + a) for x, a in zip(self.x, away, strict=True)]
 
-    def wide(self, along: arb_mat, y: int) -> list[Value]:
-        """Return the values of all variables along a matrix, within y times the radius."""
+    def wide(self, along: arb_mat, radius: Sequence[arb]) -> list[Value]:
+        """Return the values of all variables along a matrix, the unknowns within a radius."""
         k, rows = len(self.x), along.tolist()
-        x = [Value(a, row, b * y) for a, row, b in zip(self.x, rows, self.y, strict=False)]
+        x = [Value(a, row, b) for a, row, b in zip(self.x, rows, radius, strict=False)]
         return self.robot.values(x, [Value(a, row, arb(0)) for a, row in zip(self.centre, rows[k:], strict=False)])
 
     def _check_rest(self, residual: Sequence[arb]) -> None:
@@ -117,3 +136,7 @@ class Tube:
         """Return the parts of C W - 1, W some columns of the derivative."""
         first, *by, bend, apart = (pick(m, self.robot.data["rows"], columns) for m in self.parts)
         return [left * first - identity(len(columns)), *(left * m for m in by), absolute(left) * absolute(bend + apart)]
+
+
+def _added_rows(first: Sequence[Sequence[arb]], second: Sequence[Sequence[arb]]) -> list[list[arb]]:
+    return [[a + b for a, b in zip(x, y, strict=True)] for x, y in zip(first, second, strict=True)]
