@@ -165,17 +165,17 @@ class Prover:
 
     def tree(self) -> list[Any]:
         """Return the nodes in preorder: the axis of a halved box, or a leaf as JSON values."""
-        found, stack = list[Any](), [0]
+        nodes, stack = list[Any](), [0]
         while stack:
             node = self.nodes[stack.pop()]
             assert node is not None
             if isinstance(node, Leaf):
                 tube = {"x": node.x, "y": node.y, **node.more} if node.x else {}
-                found.append({"claim": node.claim, "reason": node.reason, **tube})
+                nodes.append({"claim": node.claim, "reason": node.reason, **tube})
             else:
-                found.append(node[0])
+                nodes.append(node[0])
                 stack += [node[2], node[1]]
-        return found
+        return nodes
 
     # --- one batch ---------------------------------------------------------------------------------------------------
 
@@ -220,8 +220,8 @@ class Prover:
         claims = self._claims(x, np.abs(along[:, :count]).sum(axis=-1) + image, is_sure)
         best = [i for i in range(len(x)) if regular[i] and claims[i][0] == PROVED]
         if self._values is not None and best:
-            there, tubes = Point(*(m[best] for m in at)), (x[best], centre[best], along[best], y[best])
-            least, most = self._values.smallest(*tubes, there, e.change(*tubes, sharp=True))
+            points, tubes = Point(*(m[best] for m in at)), (x[best], centre[best], along[best], y[best])
+            least, most = self._values.smallest(*tubes, points, e.change(*tubes, sharp=True))
             for k, i in enumerate(best):
                 claims[i] = self._judged(least[:, k], most[:, k])
         best = [i for i in range(len(x)) if regular[i] and claims[i][0] == PROVED]
@@ -290,19 +290,19 @@ class Prover:
             radius: (boxes, unknowns) of it.
             is_sure: (boxes,) whether no motion remains with all actuated joints locked.
         """
-        e, found, low, high = self.equations, list[tuple[str, str]](), x - radius, x + radius
+        e, claims, low, high = self.equations, list[tuple[str, str]](), x - radius, x + radius
         beyond = self._limits & ((low > e.upper) | (high < e.lower))
         crossed = self._limits & ((high >= e.upper) | (low <= e.lower))
         for i, is_controlled in enumerate(is_sure.tolist()):
             if beyond[i].any():
-                found.append((LIMIT, e.names[int(beyond[i].argmax())]))
+                claims.append((LIMIT, e.names[int(beyond[i].argmax())]))
             elif crossed[i].any():
-                found.append((REGULAR, f"a limit of {e.names[int(crossed[i].argmax())]} may be crossed"))
+                claims.append((REGULAR, f"a limit of {e.names[int(crossed[i].argmax())]} may be crossed"))
             elif not is_controlled:
-                found.append((REGULAR, "a singularity of type 2 is not excluded"))
+                claims.append((REGULAR, "a singularity of type 2 is not excluded"))
             else:
-                found.append((PROVED, ""))
-        return found
+                claims.append((PROVED, ""))
+        return claims
 
     def _judged(self, least: Array, most: Array) -> tuple[str, str]:
         """Return what is claimed of a box by bounds (2,) of its singular values from below and above."""
@@ -319,16 +319,16 @@ class Prover:
         rows, locked = self.equations.rows, self.equations.locked
         if len(rows) != len(locked):  # actuated redundantly
             return np.zeros(len(at.residual)), np.zeros(len(at.residual), dtype=bool)
-        here, unsure = (at.jacobian[:, k][:, rows][..., locked] for k in range(2))
-        left = _inverse(here)
+        middle, unsure = (at.jacobian[:, k][:, rows][..., locked] for k in range(2))
+        left = _inverse(middle)
         rest = unsure + (change.bent + change.apart)[:, rows][..., locked]
-        rest = np.abs(left @ here - np.eye(len(rows))) + np.abs(left) @ rest
+        rest = np.abs(left @ middle - np.eye(len(rows))) + np.abs(left) @ rest
         slopes = np.moveaxis(left[:, None] @ change.by[:, :, rows][..., locked], 1, 0)
         n = len(self.equations.over)
         total = _preconditioned(slopes[:n], rest + np.abs(slopes[n:]).sum(axis=0))
         weights = _solved(total, np.ones(total.shape[:2]))
         lesser = (total @ weights[..., None])[..., 0] < _SURE * weights
-        return np.linalg.det(here), np.asarray(lesser.all(axis=1) & (weights > 0.0).all(axis=1))
+        return np.linalg.det(middle), np.asarray(lesser.all(axis=1) & (weights > 0.0).all(axis=1))
 
 
 def _urgency(box: _Box, sign: float) -> tuple[float, float]:
@@ -355,12 +355,12 @@ def _curved(by: Array, along: Array) -> Array:
 
 def _preconditioned(slopes: Array, rest: Array) -> Array:
     """Return E for the preconditioner C - sum_j eps_j C W_j C, where C W = 1 + sum_j eps_j `slopes`_j +- `rest`."""
-    found = rest + np.abs(slopes).sum(axis=0) @ rest
+    total = rest + np.abs(slopes).sum(axis=0) @ rest
     for j, first in enumerate(slopes):
-        found = found + np.abs(first @ first)
+        total = total + np.abs(first @ first)
         for second in slopes[:j]:
-            found = found + np.abs(first @ second + second @ first)
-    return np.asarray(found)
+            total = total + np.abs(first @ second + second @ first)
+    return np.asarray(total)
 
 
 def _inverse(matrices: Array) -> Array:

@@ -21,9 +21,9 @@ class Bodies:
         self._data, self._n, along = tube.robot.data, len(tube.low), tube.along
         robot = Robot({**self._data, "closures": self._data["bodies"], "couplings": [], "rows": [], "virtual": []})
         point, wide, n, count = robot.point(tube.x, tube.centre), tube.wide(along, 1), self._n, along.ncols()
-        here = robot.parts(point, 2)
-        change = robot.change(wide, here, robot.parts(wide, 2, True))
-        jacobian, *by, bend, apart = (arb_mat(m) for m in (robot.jacobian(point, here), *change))
+        at = robot.parts(point, 2)
+        change = robot.change(wide, at, robot.parts(wide, 2, True))
+        jacobian, *by, bend, apart = (arb_mat(m) for m in (robot.jacobian(point, at), *change))
         slopes, turned, unsure = jacobian * along, [m * along / 2 for m in by], absolute(bend + apart) / 2
         away = column([*tube.y, *[0] * (along.nrows() - len(tube.y))])
         rest = unsure * row_sums(along) + added_sizes([jacobian, *(m / 2 for m in by), unsure]) * away
@@ -35,7 +35,7 @@ class Bodies:
                 rest += absolute(column(bends))
             else:
                 parts[q] = [a + b for a, b in zip(parts[q], bends, strict=True)]
-        numbers = [robot.residual(point, here), *parts, rest.entries()]
+        numbers = [robot.residual(point, at), *parts, rest.entries()]
         placed = list[Form]()
         for start in range(0, len(numbers[0]), 12):
             c, *g, r = (_placement(x[start : start + 12], robot.length) for x in numbers)

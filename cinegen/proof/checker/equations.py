@@ -238,20 +238,20 @@ class Robot:
         """Return G_1 ... G_n, R_1 and R_2 (n + 2, rows, columns) of J + sum_j G_j eta_j + [-R_1 - R_2, R_1 + R_2]."""
         closures, n = list[list[list[arb_mat]]](), len(values[0].g)
         more = self.products + 1 if self.virtual and n > len(self.over) else 0
-        for here, over in zip(at, wide, strict=True):
-            along = [_sum([values[k] for k in slot.variables]) for slot in here.slots if slot.varies]
+        for centre, over in zip(at, wide, strict=True):
+            along = [_sum([values[k] for k in slot.variables]) for slot in centre.slots if slot.varies]
             by, spread, away = (
                 arb_mat(len(along), n, [g for v in along for g in v.g]),
                 column([v.spread() for v in along]),
                 column([v.r for v in along]),
             )
             closures.append([])
-            for i, (m, unsure) in enumerate(zip(here.second, over.second, strict=True)):
+            for i, (m, unsure) in enumerate(zip(centre.second, over.second, strict=True)):
                 half = arb_mat(m.nrows(), m.ncols(), [x.rad() * _UP / 2 for x in unsure.entries()])
                 bent = half * spread
                 closures[-1].append([m * by, bent, (absolute(m) + half) * away])
                 if more:
-                    closures[-1][-1] += self._sharper(here, over, i, along, bent)
+                    closures[-1][-1] += self._sharper(centre, over, i, along, bent)
         bends = list[Any]()
         for coupling in self.data["couplings"]:
             bends.append([])

@@ -50,15 +50,15 @@ class Tube:
             raise CertificateError("the equations are not as many as the unknowns, or a radius is none")
         self.centre, self.radius = middle(low, high)
         point = robot.point(self.x, self.centre)
-        here = robot.parts(point, 2)
-        residual, jacobian = robot.residual(point, here), robot.jacobian(point, here)
+        at = robot.parts(point, 2)
+        residual, jacobian = robot.residual(point, at), robot.jacobian(point, at)
         self.inverse = c = inverse(arb_mat([jacobian[i][:k] for i in rows]))
         box = arb_mat(width, n)
         for j, r in enumerate(self.radius):
             box[k + j, j] = r
         all_columns, first = list(range(width)), pick(jacobian, rows, range(width))
         straight = arb_mat((-doubles(c * first * box)).tolist() + box.tolist()[k:])
-        change = robot.change(self.wide(straight, 0), here, here)
+        change = robot.change(self.wide(straight, 0), at, at)
         bent = [c * pick(m, rows, all_columns) * straight for m in change[:n]]
         pairs = [(a, b) for a in range(n) for b in range(a, n)]
         second = arb_mat([
@@ -67,7 +67,7 @@ class Tube:
         curved, rest = -doubles(second), arb_mat(width - k, len(pairs)).tolist()
         self.along = arb_mat([x + y for x, y in zip(straight.tolist(), curved.tolist() + rest, strict=True)])
         wide = self.wide(self.along, 1)
-        change = robot.change(wide, here, robot.parts(wide, 2, True))
+        change = robot.change(wide, at, robot.parts(wide, 2, True))
         self.parts, self.sharper = [jacobian, *change[: len(wide[0].g) + 2]], change[len(wide[0].g) + 2 :]
         self._check_rest(residual)
         # equation 3: |C F(X(eps), P(eps))| <= z
