@@ -149,9 +149,9 @@ class _Tracker:
             ends_here, far = closed & sure & (residual(self._final, mean) <= _SOLVES), infinity(mean) <= _INFINITE
             if revolution == 1:  # no other path ends there: unless at infinity, it is regular
                 ends_here &= far
-            found = rows[ends_here]
-            ring[found], paths.error[found] = mean[ends_here], _CLOSED
-            paths.end[found] = np.where(far[ends_here], PathEnd.INFINITE, PathEnd.MULTIPLE)
+            ended = rows[ends_here]
+            ring[ended], paths.error[ended] = mean[ends_here], _CLOSED
+            paths.end[ended] = np.where(far[ends_here], PathEnd.INFINITE, PathEnd.MULTIPLE)
             rows = rows[~closed]
             if not len(rows):
                 break
