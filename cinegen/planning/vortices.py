@@ -140,7 +140,7 @@ class Vortices(OneThread):
             memory.null_space[:] = free
         memory.motion[:], memory.reach, memory.stop, memory.strength = motion, self.reach, self.stop, self.strength
         self._add_vortices(memory.handle, clearance.memory.handle)
-        return memory.found.copy(), memory.candidates.copy()
+        return memory.deflected.copy(), memory.candidates.copy()
 
     def _axis(self, pair: int, motion: Array) -> Array:
         """Return the axis (3,) of a vortex that is activated by a pair."""
