@@ -21,7 +21,7 @@ from cinegen.assembly.six_rods import SixRods
 from cinegen.model import Mechanism
 
 _MOST_EQUATIONS = 100
-_THERE = 1e-6  # rad, characteristic lengths: a redundant joint is at the value asked for
+_AS_ASKED = 1e-6  # rad, characteristic lengths: a redundant joint is at the value asked for
 
 
 def assembly_modes(
@@ -168,7 +168,7 @@ def _matching(linkage: Linkage, modes: AssemblyModes, asked: Array, virtual: boo
     """Return those modes in which the redundant joints have the values asked for."""
     errors = [linkage.redundancy_error(q, asked) for q in modes]
     worst = [float(np.abs(error).max()) for error in errors]
-    kept, closest = [k for k, error in enumerate(worst) if error < _THERE], modes.closest
+    kept, closest = [k for k, error in enumerate(worst) if error < _AS_ASKED], modes.closest
     names = ", ".join(f"'{name}'" for name in linkage.redundant)
     counted = f"{len(worst)} modes, {len(kept)} as asked"
     remark = f"; with {names} following the other actuated joints: {counted}"

@@ -64,9 +64,9 @@ def free_motions(loops: Array, rank: int, held: Indices | None = None) -> tuple[
     owner = np.repeat(np.arange(len(blocks)), [len(values) for _, values, _ in blocks])
     ranks = np.bincount(owner[largest], minlength=len(blocks))
     motions = [np.delete(np.eye(loops.shape[1]), np.concatenate([columns for columns, _, _ in blocks]), axis=0)]
-    for (columns, _, vt), own_rank in zip(blocks, ranks, strict=True):
-        motions.append(np.zeros((len(vt) - own_rank, loops.shape[1])))
-        motions[-1][:, columns] = vt[own_rank:]
+    for (columns, _, vt), part_rank in zip(blocks, ranks, strict=True):
+        motions.append(np.zeros((len(vt) - part_rank, loops.shape[1])))
+        motions[-1][:, columns] = vt[part_rank:]
     return np.vstack(motions).T, sigma[largest]
 
 
