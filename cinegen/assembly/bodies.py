@@ -185,14 +185,14 @@ class LinkageBodies:
             first, second = joints
             if any(joint.locked or joint.single or joint.kind is not LoopKind.REVOLUTE for joint in joints):
                 continue
-            one, two = owner[id(first)], owner[id(second)]
-            meeting = None if one is two else _meeting([*one.joints, *two.joints])
+            left, right = owner[id(first)], owner[id(second)]
+            meeting = None if left is right else _meeting([*left.joints, *right.joints])
             if meeting is None:
                 continue
-            if one.dof + two.dof > 3:  # the next axis may be along the rod, and belong to the joint at its other end
+            if left.dof + right.dof > 3:  # the next axis may lie along the rod, and belong to its other end
                 refused.append((first, second))
                 continue
-            merged = JointCentre([*one.joints, *two.joints], meeting, [*one.crosses, *two.crosses, body])
+            merged = JointCentre([*left.joints, *right.joints], meeting, [*left.crosses, *right.crosses, body])
             for joint in merged.joints:
                 owner[id(joint)] = merged
         for pair in refused:
@@ -219,21 +219,21 @@ class LinkageBodies:
     def features(self) -> list[Feature]:
         """Points and directions that determine the placements of all groups: of each group but the base those of its
         joints, which it shares with other groups."""
-        base, found = int(self.group[0]), defaultdict[int, list[Feature]](list)
+        base, by_group = int(self.group[0]), defaultdict[int, list[Feature]](list)
         directions = [j for j in self.passive if j.kind is LoopKind.PRISMATIC]
         for groups, features in (*map(self._of_centre, self.centres), *map(self._of_direction, directions)):
             for group in groups - {base}:
-                found[group] += features
+                by_group[group] += features
         end = int(self.group[self._end])
-        rods = {group for group in found if self._is_rod(group)}
-        for group, features in found.items():
+        rods = {group for group in by_group if self._is_rod(group)}
+        for group, features in by_group.items():
             member = self._end if group == end else int(np.flatnonzero(self.group == group)[0])
             placement = self.placements[member]
             if all(feature.is_direction for feature in features):
                 features.append(Feature(member, False, np.zeros(3), placement.translation, False))
-            if not _determine(features) and (group not in rods or (group == end and len(rods) == len(found))):
+            if not _determine(features) and (group not in rods or (group == end and len(rods) == len(by_group))):
                 features += [Feature(member, True, axis, placement.rotation @ axis, False) for axis in np.eye(3)]
-        distinct = {id(feature): feature for features in found.values() for feature in features}
+        distinct = {id(feature): feature for features in by_group.values() for feature in features}
         return [feature for feature in distinct.values() if not feature.fixed]
 
     def _is_rod(self, group: int) -> bool:
@@ -252,7 +252,7 @@ class LinkageBodies:
     @cached_property
     def telescopes(self) -> list[LinkageJoint]:
         """The passive prismatic joints that lengthen a rod: along the line between its two centres."""
-        found = []
+        telescopes = []
         for joint in self.passive:
             halves = [self._on(self.group_of[side]) for side in joint.sides]
             if joint.kind is not LoopKind.PRISMATIC or any(len(centres) != 1 for _, centres in halves):
@@ -261,8 +261,8 @@ class LinkageBodies:
             others = [other for on, _ in halves for other in on if other is not joint]
             alone = all(other in first.joints or other in second.joints for other in others)
             if alone and np.abs(np.cross(second.at - first.at, joint.along)).max() < _MEET:
-                found.append(joint)
-        return found
+                telescopes.append(joint)
+        return telescopes
 
     def _of_centre(self, centre: JointCentre) -> tuple[set[int], list[Feature]]:
         """Return the groups that a centre connects, and its features."""
@@ -288,5 +288,5 @@ def _determine(features: list[Feature]) -> bool:
 
 def _meeting(joints: list[LinkageJoint]) -> Array | None:
     """Return where the axes of joints meet at home (3,); None if they don't, or are parallel."""
-    found = common_point(*(np.array([getattr(joint, name) for joint in joints]) for name in ("at", "along")))
-    return found[0] if found is not None and found[1] < _MEET else None
+    nearest = common_point(*(np.array([getattr(joint, name) for joint in joints]) for name in ("at", "along")))
+    return nearest[0] if nearest is not None and nearest[1] < _MEET else None

@@ -113,7 +113,7 @@ class LoopEquations:
             ]  # fmt: skip
             if pose is not None:  # loops that nothing of it moves stay as they are
                 node, offset, target, constrained = pose
-                self._closures = [one for one in self._closures if one.signs.keys() & self._joints]
+                self._closures = [closure for closure in self._closures if closure.signs.keys() & self._joints]
                 ends = _End(0, (target,)), _end(mechanism, node, offset)
                 self._closures.append(_Closure(self._tree, *ends, constrained, mechanism.length))
             self._couplings = [
@@ -140,8 +140,8 @@ class LoopEquations:
             for columns in self._balls:
                 self._tree.recentre([self._joints[k] for k in columns], point[columns])
                 point[columns] = 0.0
-        found = certify(self.evaluate, point, self._units, self._rank)
-        return None if found is None else (found[0], self._features_at(found[1]))
+        certified = certify(self.evaluate, point, self._units, self._rank)
+        return None if certified is None else (certified[0], self._features_at(certified[1]))
 
     def evaluate(self, box: Sequence[arb], derive: bool) -> Values:
         """Return the equations over a box of the unknown joints' values, with derivatives if asked for."""
@@ -192,16 +192,16 @@ class _Closure:
             turns = [[pin.SE3(at.rotation, np.zeros(3)) for at in end.placements] for end in (first, second)]
             while all(turns) and np.array_equal(*(end[-1].rotation for end in turns)):
                 turns = [end[:-1] for end in turns]
-            here = pin.SE3.Identity()
-            self._oriented = [self._on(tree, j, turn or [here]) for j, turn in zip(self._joints, turns, strict=True)]
+            ends = ((joint, turn or [pin.SE3.Identity()]) for joint, turn in zip(self._joints, turns, strict=True))
+            self._oriented = [self._on(tree, joint, placements) for joint, placements in ends]
 
     def _on(self, tree: ExactTree, joint: int, placements: Sequence[pin.SE3]) -> arb_mat:
         """Return the placement of an end on its joint's body; behind the branch, if it is on the branch's body."""
         first, *others = placements
-        found = tree.leading(self._branch, first) if joint == self._branch else exact(first)
+        placement = tree.leading(self._branch, first) if joint == self._branch else exact(first)
         for other in others:
-            found = found * exact(other)
-        return found
+            placement = placement * exact(other)
+        return placement
 
     def write(
         self, tree: ExactTree, placed: Callable[[int, int], arb_mat], unknown: Sequence[int], out: Values
@@ -271,8 +271,8 @@ class _Polynomials(NamedTuple):
 def _moved(placement: arb_mat, local: list[arb], is_direction: bool) -> list[arb]:
     """Return where a placement (4, 4) brings a point, or a direction."""
     axes, origin = axes_and_origin(placement)
-    found = combined(axes, local)
-    return found if is_direction else [a + b for a, b in zip(found, origin, strict=True)]
+    rotated = combined(axes, local)
+    return rotated if is_direction else [a + b for a, b in zip(rotated, origin, strict=True)]
 
 
 def _along(axes: list[list[arb]], vector: list[arb], which: Sequence[int]) -> list[arb]:

@@ -37,9 +37,9 @@ _BALL = {0: 4, 1: 4, 2: 2, 3: 1}  # of three joints and a ball joint
 
 def recognise_part(linkage: Linkage) -> Family | None:
     """Return the family of a linkage in which a node is fixed; None if it is none of the known ones."""
-    found = recognise(linkage)
-    if found is not None or linkage.has_mimics:
-        return found
+    family = recognise(linkage)
+    if family is not None or linkage.has_mimics:
+        return family
     samples = [linkage.bodies_at(q) for q in linkage.mechanism.structure.samples]
     left, dyads = _without_dyads(samples)
     series = _series(linkage.bodies, left)
@@ -85,21 +85,21 @@ def _is_dyad(samples: list[LinkageBodies], joints: set[int]) -> bool:
 
 def _series(bodies: LinkageBodies, among: list[int]) -> list[int] | None:
     """Return some passive joints in their order from the base to the base; None unless they are one loop."""
-    base, left, here = int(bodies.group[0]), list(among), int(bodies.group[0])
+    base, left, group = int(bodies.group[0]), list(among), int(bodies.group[0])
     ends = [{bodies.group_of[side] for side in joint.sides} for joint in bodies.passive]
-    found = list[int]()
+    ordered = list[int]()
     while left:
-        on = [k for k in left if here in ends[k]]
-        if len(on) != (1 if found else 2) and not (len(left) == 1 and on):
+        on = [k for k in left if group in ends[k]]
+        if len(on) != (1 if ordered else 2) and not (len(left) == 1 and on):
             return None
-        found.append(on[0])
+        ordered.append(on[0])
         left.remove(on[0])
-        here = next(iter(ends[on[0]] - {here}), here)
-    return found if here == base and found else None
+        group = next(iter(ends[on[0]] - {group}), group)
+    return ordered if group == base and ordered else None
 
 
 def _of_series(linkage: Linkage, samples: list[LinkageBodies], series: list[int]) -> Family | None:
-    bodies, ordered = samples[0], [[one.passive[k] for k in series] for one in samples]
+    bodies, ordered = samples[0], [[sample.passive[k] for k in series] for sample in samples]
     joints = ordered[0]
     dof = sum(3 if joint.kind is LoopKind.BALL else 1 for joint in joints)
     prismatic = sum(joint.kind is LoopKind.PRISMATIC for joint in joints)
@@ -107,7 +107,7 @@ def _of_series(linkage: Linkage, samples: list[LinkageBodies], series: list[int]
         return _family("telescope", "a telescopic rod", 2)
     if dof < 6:
         revolute = [k for k, joint in enumerate(joints) if joint.kind is LoopKind.REVOLUTE]
-        if len(joints) != dof or not all(_are_parallel([one[k] for k in revolute]) for one in ordered):
+        if len(joints) != dof or not all(_are_parallel([row[k] for k in revolute]) for row in ordered):
             return None
         return _family("one axis", f"{dof} joints that rotate about one direction", 2 if len(revolute) > 1 else 1)
     if dof > 6 or prismatic > 3:
@@ -120,7 +120,7 @@ def _of_series(linkage: Linkage, samples: list[LinkageBodies], series: list[int]
         known = _family("wrist", f"{chain}, {special}", 8) if special else _family("chain", chain, _CHAIN[0])
         return replace(known, series=() if special or len(series) < len(samples[0].passive) else tuple(series))
     for k in range(len(joints) - 2):
-        if all(_meet(one[k : k + 3]) for one in ordered):
+        if all(_meet(row[k : k + 3]) for row in ordered):
             return _family("wrist", f"{chain}, three axes through one point", 2 * _BALL[prismatic])
     return _family("chain", chain, _CHAIN[prismatic])
 
@@ -134,8 +134,8 @@ def _are_parallel(joints: list[LinkageJoint]) -> bool:
 def _meet(joints: list[LinkageJoint]) -> bool:
     if any(joint.kind is not LoopKind.REVOLUTE for joint in joints):
         return False
-    found = common_point(*(np.array([getattr(joint, name) for joint in joints]) for name in ("at", "along")))
-    return found is not None and found[1] < _SAME
+    nearest = common_point(*(np.array([getattr(joint, name) for joint in joints]) for name in ("at", "along")))
+    return nearest is not None and nearest[1] < _SAME
 
 
 def _elbow(linkage: Linkage) -> Family | None:

@@ -39,16 +39,16 @@ class DistinctSolutions:
     def indices(self, solutions: Complex) -> list[int]:
         """Add those of solutions (count, k + 1) that are new; return where in `array` each is, -1 if it isn't
         finite."""
-        found = []
+        indices = []
         for solution, its in zip(solutions, self._features(solutions) if len(solutions) else (), strict=True):
             if not np.isfinite(its).all():
-                found.append(-1)
+                indices.append(-1)
                 continue
             known = np.array(self._known).reshape(len(self), len(its))
             size = np.maximum(np.abs(known).max(axis=1, initial=1.0), np.abs(its).max(initial=1.0))
             same = np.flatnonzero(np.abs(known - its).max(axis=1, initial=0.0) < SAME * size)
-            found.append(int(same[0]) if len(same) else len(self))
+            indices.append(int(same[0]) if len(same) else len(self))
             if not len(same):
                 self._known.append(its)
                 self._solutions.append(solution)
-        return found
+        return indices

@@ -90,7 +90,7 @@ def closures(constants: Sequence[arb_mat]) -> Closures:
     with precise(BITS):
         nudged = [*constants[:5], constants[5] * _nudge()]
         turned = [(_Loop(_turn(constants, k)), k) for k in range(6)]
-        for loop, k in sorted(turned, key=lambda one: -one[0].pivot):
+        for loop, k in sorted(turned, key=lambda pair: -pair[0].pivot):
             try:
                 roots, moved = loop.roots, _Loop(_turn(nudged, k)).roots
             except (DegenerateError, ZeroDivisionError):
@@ -101,8 +101,8 @@ def closures(constants: Sequence[arb_mat]) -> Closures:
             others = [x for x in roots if x not in real and abs(_angle(x).imag) < _NEARLY]
             ends = [loop.angles(x) for x in (*real, *others)]
             if all(gap < _OPEN for _, gap in ends[: len(real)]):
-                found = [np.roll(angles, k) for angles, gap in ends if gap < _OPEN]
-                return Closures(np.array(found).reshape(-1, 6), len(real))
+                closed = [np.roll(angles, k) for angles, gap in ends if gap < _OPEN]
+                return Closures(np.array(closed).reshape(-1, 6), len(real))
     raise DegenerateError
 
 
@@ -122,12 +122,12 @@ class _Loop:
     def _left(self) -> arb_mat:
         """(15, 27) coefficients of (1, cos, sin) of q3 times those of q4 times those of q5; the constant of the right
         side is among them."""
-        found = _vector(self._constants[4])
+        left = _vector(self._constants[4])
         for k in (3, 2, 1):
-            found = _moved(self._constants[k], _turned(found))
+            left = _moved(self._constants[k], _turned(left))
         for i in range(15):
-            found[i, 0] = found[i, 0] - self._right[i, 0]
-        return found
+            left[i, 0] = left[i, 0] - self._right[i, 0]
+        return left
 
     @cached_property
     def _eight(self) -> arb_mat:
@@ -137,15 +137,15 @@ class _Loop:
     @cached_property
     def _matrices(self) -> list[arb_mat]:
         """S (12, 12) is the first plus cos q3 times the second plus sin q3 times the third."""
-        given = _part(self._right, self._rest, range(1, 9)).transpose()
-        weights = self._eight.transpose().solve(given).transpose()
+        right = _part(self._right, self._rest, range(1, 9)).transpose()
+        weights = self._eight.transpose().solve(right).transpose()
         every = range(27)
         six = _part(self._left, self._rest, every) - weights * _part(self._left, self._top, every)
-        halves, zero, found = arb_mat(9, 9, _HALVES.ravel().tolist()), [arb(0)] * 3, []
+        halves, zero, matrices = arb_mat(9, 9, _HALVES.ravel().tolist()), [arb(0)] * 3, []
         for k in range(0, 27, 9):
             rows = (_part(six, range(6), range(k, k + 9)) * halves).tolist()
-            found.append(arb_mat([padded for row in rows for padded in (row + zero, zero + row)]))
-        return found
+            matrices.append(arb_mat([padded for row in rows for padded in (row + zero, zero + row)]))
+        return matrices
 
     def _matrix(self, x: arb) -> arb_mat:
         """Return S where x is the tangent of half of q3 minus the offset."""
@@ -164,12 +164,12 @@ class _Loop:
         angles = [arb.pi() * (2 * k - DEGREE) / (2 * DEGREE + 2) for k in nodes]
         points = [angle.tan() for angle in angles]
         values = [self._matrix(x).det() / angle.cos() ** DEGREE for x, angle in zip(points, angles, strict=True)]
-        found = arb_poly.interpolate(points[: DEGREE + 1], values[: DEGREE + 1], algorithm="newton")
-        as_known = all(found(x).overlaps(y) for x, y in zip(points, values, strict=True))
-        if len(found) <= DEGREE or found[DEGREE].contains(0) or not as_known:
+        polynomial = arb_poly.interpolate(points[: DEGREE + 1], values[: DEGREE + 1], algorithm="newton")
+        as_known = all(polynomial(x).overlaps(y) for x, y in zip(points, values, strict=True))
+        if len(polynomial) <= DEGREE or polynomial[DEGREE].contains(0) or not as_known:
             raise DegenerateError
         try:
-            return list(acb_poly(found).roots(tol=_TOLERANCE))
+            return list(acb_poly(polynomial).roots(tol=_TOLERANCE))
         except ValueError:
             raise DegenerateError from None
 
@@ -185,15 +185,15 @@ class _Loop:
         for angle in (q3, q4, q5):
             s, c = angle.sin_cos()
             products = [x * y for x in products for y in (arb(1), c, s)]
-        given = _part(self._left, self._top, range(27)) * arb_mat(27, 1, products)
-        c1, s1, c2, _, _, s2, _, _ = map(float, self._eight.solve(given, algorithm="approx").entries())
+        right = _part(self._left, self._top, range(27)) * arb_mat(27, 1, products)
+        c1, s1, c2, _, _, s2, _, _ = map(float, self._eight.solve(right, algorithm="approx").entries())
         angles = [math.atan2(-s1, c1), math.atan2(-s2, c2), *map(float, (q3, q4, q5))]
-        there = np.eye(4)
+        placement = np.eye(4)
         constants = [np.array([float(x) for x in k.entries()]).reshape(4, 4) for k in self._constants]
         for value, constant in zip(angles, constants, strict=False):
-            there = there @ _rotation(value) @ constant
-        last = -math.atan2(*(constants[5] @ there)[1::-1, 0])
-        gap = np.abs(there @ _rotation(last) @ constants[5] - np.eye(4)).max()
+            placement = placement @ _rotation(value) @ constant
+        last = -math.atan2(*(constants[5] @ placement)[1::-1, 0])
+        gap = np.abs(placement @ _rotation(last) @ constants[5] - np.eye(4)).max()
         return np.array([*angles, last]), float(gap)
 
 
@@ -226,13 +226,13 @@ def _vector(placement: arb_mat) -> arb_mat:
 
 def _turned(columns: arb_mat) -> arb_mat:
     """Return v (15, 3 n) of columns (15, n) rotated about z: the coefficients of 1, cos and sin of the angle."""
-    rows, found = columns.tolist(), dict[int, list[arb]]()
+    rows, by_row = columns.tolist(), dict[int, list[arb]]()
     zero = [arb(0)] * len(rows[0])
     for at in (0, 3, 6, 11):
         x, y, z = rows[at : at + 3]
-        found |= {at: zero + x + [-entry for entry in y], at + 1: zero + y + x, at + 2: z + zero + zero}
-    found |= {at: rows[at] + zero + zero for at in (9, 10, 14)}
-    return arb_mat([found[at] for at in range(15)])
+        by_row |= {at: zero + x + [-entry for entry in y], at + 1: zero + y + x, at + 2: z + zero + zero}
+    by_row |= {at: rows[at] + zero + zero for at in (9, 10, 14)}
+    return arb_mat([by_row[at] for at in range(15)])
 
 
 def _moved(placement: arb_mat, columns: arb_mat) -> arb_mat:
@@ -240,13 +240,13 @@ def _moved(placement: arb_mat, columns: arb_mat) -> arb_mat:
     every = range(columns.ncols())
     rotation = _part(placement, range(3), range(3))
     p, axis, moment, twisted = (rotation * _part(columns, range(at, at + 3), every) for at in (0, 3, 6, 11))
-    square, along, one = (_part(columns, [at], every) for at in (9, 10, 14))
+    square, along, constant = (_part(columns, [at], every) for at in (9, 10, 14))
     x, y, z = (placement[i, 3] for i in range(3))
     shift, across = arb_mat(3, 1, [x, y, z]), arb_mat([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     size, along_shifted = x * x + y * y + z * z, along + shift.transpose() * axis
     parts = (
-        p + shift * one, axis, moment + across * axis, square + 2 * (shift.transpose() * p) + size * one, along_shifted,
-        twisted - 2 * (across * moment) + size * axis - 2 * (shift * along_shifted), one,
+        p + shift * constant, axis, moment + across * axis, square + 2 * (shift.transpose() * p) + size * constant,
+        along_shifted, twisted - 2 * (across * moment) + size * axis - 2 * (shift * along_shifted), constant,
     )  # fmt: skip
     return arb_mat([row for part in parts for row in part.tolist()])
 
@@ -268,10 +268,10 @@ def _angle(root: acb) -> complex:
 
 def _are_among(some: Sequence[acb], others: Sequence[acb]) -> bool:
     """Return whether all angles, except those that are far from real, are among others."""
-    one, other = (np.array([_angle(x) for x in roots]) for roots in (some, others))
-    gaps = one[:, None] - other
+    angles, other = (np.array([_angle(x) for x in roots]) for roots in (some, others))
+    gaps = angles[:, None] - other
     near = np.hypot((gaps.real + np.pi) % (2.0 * np.pi) - np.pi, gaps.imag).min(axis=1)
-    return bool((near[np.abs(one.imag) < _FAR] < _MOVED).all())
+    return bool((near[np.abs(angles.imag) < _FAR] < _MOVED).all())
 
 
 def _is_real(root: acb, roots: Sequence[acb]) -> bool:

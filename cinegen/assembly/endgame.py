@@ -57,22 +57,22 @@ def path_ends(linkage: Linkage, solutions: Complex, start: Complex, goal: Comple
         goal: (locked,).
     """
     tracked = linkage.track(solutions, linkage.straight(start, goal))
-    there, ends, features = tracked.solutions, tracked.ends.copy(), linkage.features(tracked.solutions, goal)
+    reached, ends, features = tracked.solutions, tracked.ends.copy(), linkage.features(tracked.solutions, goal)
     ends[(ends == ARRIVED) & (tracked.pivots < _REGULAR)] = SINGULAR
     ends[_duplicates(features, ends == ARRIVED)] = LOST
     left = np.flatnonzero(ends != ARRIVED)
     if len(left):
-        ends[left], there[left], features[left] = _Circles(linkage, start, goal).ends(solutions[left])
-    return PathEnds(ends, there, features)
+        ends[left], reached[left], features[left] = _Circles(linkage, start, goal).ends(solutions[left])
+    return PathEnds(ends, reached, features)
 
 
 def _duplicates(features: Complex, among: Bools) -> Bools:
     """Return which ends (count,) coincide with another although both are regular: a path has jumped."""
     rows = np.flatnonzero(among)
     close = np.abs(features[rows, None] - features[rows]).max(axis=2, initial=0.0) < SAME
-    found = np.zeros(len(features), dtype=bool)
-    found[rows] = close.sum(axis=1) > 1
-    return found
+    duplicates = np.zeros(len(features), dtype=bool)
+    duplicates[rows] = close.sum(axis=1) > 1
+    return duplicates
 
 
 class _Circles:
@@ -85,30 +85,30 @@ class _Circles:
         """Return ends, solutions and features of paths that don't end in regular solutions."""
         linkage, count = self._linkage, len(solutions)
         tracked = linkage.track(solutions, linkage.straight(self._start, self._at(_FIRST)))
-        here, ends = tracked.solutions, np.where(tracked.ends == ARRIVED, SINGULAR, LOST)
-        features = linkage.features(here, self._goal)
-        ends[_duplicates(linkage.features(here, self._at(_FIRST)), ends == SINGULAR)] = LOST
+        points, ends = tracked.solutions, np.where(tracked.ends == ARRIVED, SINGULAR, LOST)
+        features = linkage.features(points, self._goal)
+        ends[_duplicates(linkage.features(points, self._at(_FIRST)), ends == SINGULAR)] = LOST
         before, sizes = np.full(features.shape, np.inf, dtype=complex), np.full(count, np.inf)
         going, radius, grown = ends == SINGULAR, _FIRST, np.zeros(count, dtype=np.int64)
         while going.any() and radius >= _SMALLEST:
             rows = np.flatnonzero(going)
-            means, largest, closed = self._means(here[rows], radius)
+            means, largest, closed = self._means(points[rows], radius)
             grown[rows] = np.where(closed & (largest > _GROWS * sizes[rows]), grown[rows] + 1, 0)
             done = closed & (np.abs(means - before[rows]).max(axis=1) < _AGREE * (1.0 + np.abs(means).max(axis=1)))
             features[rows[done]] = means[done]
-            nearer = self._move(here[rows[done]], radius, _NEARER * radius)
-            here[rows[done]] = np.where((nearer.ends == ARRIVED)[:, None], nearer.solutions, here[rows[done]])
+            nearer = self._move(points[rows[done]], radius, _NEARER * radius)
+            points[rows[done]] = np.where((nearer.ends == ARRIVED)[:, None], nearer.solutions, points[rows[done]])
             ends[rows[~done & (grown[rows] >= 3)]] = INFINITE
             going[rows[done | (grown[rows] >= 3)]] = False
             before[rows], sizes[rows] = np.where(closed[:, None], means, np.inf), largest
             rows = np.flatnonzero(going)
-            tracked = self._move(here[rows], radius, _SHRINK * radius)
-            here[rows] = tracked.solutions
+            tracked = self._move(points[rows], radius, _SHRINK * radius)
+            points[rows] = tracked.solutions
             ends[rows[tracked.ends != ARRIVED]] = LOST
             going &= ends == SINGULAR
             radius *= _SHRINK
         ends[going] = LOST
-        return ends, here, features
+        return ends, points, features
 
     def _at(self, radius: complex) -> Complex:
         """Return the values of the locked joints at s = 1 - radius."""
@@ -122,15 +122,15 @@ class _Circles:
         """Return means of features over a circle, the largest ones on it, and whether it closed, for each solution."""
         linkage, count = self._linkage, len(solutions)
         first = linkage.features(solutions, self._at(radius))
-        here, total, corners = solutions.copy(), np.zeros_like(first), np.zeros(count)
+        points, total, corners = solutions.copy(), np.zeros_like(first), np.zeros(count)
         largest, closed, going = np.abs(first).max(axis=1), np.zeros(count, dtype=bool), np.ones(count, dtype=bool)
         for corner in range(_CORNERS * _REVOLUTIONS):
             rows = np.flatnonzero(going)
             if not len(rows):
                 break
             begin, end = (radius * np.exp(2j * np.pi * k / _CORNERS) for k in (corner, corner + 1))
-            tracked = self._move(here[rows], begin, end)
-            here[rows] = tracked.solutions
+            tracked = self._move(points[rows], begin, end)
+            points[rows] = tracked.solutions
             going[rows[tracked.ends != ARRIVED]] = False
             features = linkage.features(tracked.solutions, self._at(end))
             total[rows] += features

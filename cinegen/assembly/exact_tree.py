@@ -53,7 +53,7 @@ class ExactTree:
 
     def placed(self, values: Mapping[int, arb]) -> Callable[[int, int], arb_mat]:
         """Return a function that returns the placement (4, 4) of a joint's body behind a branch, at joint values."""
-        known: dict[tuple[int, int], Any] = {}
+        known: dict[tuple[int, int], arb_mat] = {}
         steps: dict[int, Any] = {}
 
         def placed(branch: int, joint: int) -> arb_mat:
@@ -64,8 +64,7 @@ class ExactTree:
                 before = self._leading[joint] if parent == branch else placed(branch, parent) * self._constant[joint]
                 before = before * self._turned[joint] if joint in self._turned else before
                 known[branch, joint] = before if steps[joint] is None else before * steps[joint]
-            found: arb_mat = known[branch, joint]
-            return found
+            return known[branch, joint]
 
         return placed
 
@@ -74,10 +73,10 @@ class ExactAxis:
     """A revolute or prismatic joint's axis, made exactly a unit vector."""
 
     def __init__(self, joint: Any) -> None:
-        given = axis(joint)
+        direction = axis(joint)
         self.is_prismatic = translations(joint) == 1
-        self._along = np.flatnonzero(given).tolist()
-        self.unit = unit([arb(float(x)) for x in given])
+        self._along = np.flatnonzero(direction).tolist()
+        self.unit = unit([arb(float(x)) for x in direction])
 
     def along(self, axes: list[list[arb]]) -> list[arb]:
         """Return the axis for the axes of its body."""

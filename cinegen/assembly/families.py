@@ -129,13 +129,13 @@ class RigidGroups:
         q = linkage.configuration(linkage.unknowns(mechanism.q_home), locked)
         pin.forwardKinematics(mechanism.model, mechanism.structure.system.data, q)
         first, *left = np.flatnonzero(self._bodies.group == group).tolist()
-        found = {first: pin.SE3.Identity()}
+        placements = {first: pin.SE3.Identity()}
         while left:
-            steps = ((a, b, self._step(a, b)) for a in found for b in left)
-            a, b, step = next(found_step for found_step in steps if found_step[2] is not None)
-            found[b] = found[a] * step
+            steps = ((a, b, self._step(a, b)) for a in placements for b in left)
+            a, b, step = next(candidate for candidate in steps if candidate[2] is not None)
+            placements[b] = placements[a] * step
             left.remove(b)
-        return found
+        return placements
 
     def _step(self, a: int, b: int) -> pin.SE3 | None:
         """Return the placement of a body in the frame of another that it is rigidly connected to, or by one locked
@@ -162,13 +162,13 @@ class RigidGroups:
 
     def rods(self) -> list[Rod]:
         """Return the groups with two centres, except the base."""
-        found = []
+        rods = []
         for group, centres in self.centres.items():
             if group != self.base and len(centres) == 2:
                 ends = sorted(centres, key=lambda centre: self.other(centre, group) != self.base)
                 others = self.other(ends[0], group), self.other(ends[1], group)
-                found.append(Rod(group, (ends[0], ends[1]), others))
-        return found
+                rods.append(Rod(group, (ends[0], ends[1]), others))
+        return rods
 
     def drivers(self, rod: Rod) -> tuple[str, ...]:
         """Return the names of the locked joints that change a rod's length, or move its first end."""
@@ -213,7 +213,7 @@ def _ordered(groups: RigidGroups, linkage: Linkage, rods: list[Rod]) -> tuple[tu
     """Return the rods in the order of the actuated joints that drive them, and names after these; as they are, and
     numbered, if not each has one of its own."""
     actuated, drivers = linkage.mechanism.actuated, [groups.drivers(rod) for rod in rods]
-    if any(len(own) != 1 for own in drivers) or len(set(drivers)) < len(rods):
+    if any(len(driving) != 1 for driving in drivers) or len(set(drivers)) < len(rods):
         return tuple(rods), tuple(f"rod {k + 1}" for k in range(len(rods)))
     order = sorted(range(len(rods)), key=lambda k: actuated.index(drivers[k][0]))
     return tuple(rods[k] for k in order), tuple(f"the rod of '{drivers[k][0]}'" for k in order)

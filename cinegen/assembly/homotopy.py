@@ -50,14 +50,14 @@ class Homotopy:
     def modes(self, asked: Array, report: Callable[[str], None] | None, effort: float) -> AssemblyModes:
         """Return all modes with the locked joints as in q (nq,) `asked`; see `assembly_modes`."""
         linkage, fibre, locked = self._linkage, self._known(report, effort), self._linkage.locked_values(asked)
-        found = self._path_ends(fibre, locked)
-        curve = any(linkage.can_move(solution, locked) for solution in found.solutions[found.ends == SINGULAR])
-        modes, lost = self._real(found, locked, curve)
-        infinite, lost, multiple = found.count(INFINITE), lost + found.count(LOST), found.count(SINGULAR)
+        paths = self._path_ends(fibre, locked)
+        curve = any(linkage.can_move(solution, locked) for solution in paths.solutions[paths.ends == SINGULAR])
+        modes, lost = self._real(paths, locked, curve)
+        infinite, lost, multiple = paths.count(INFINITE), lost + paths.count(LOST), paths.count(SINGULAR)
         real = sum(mode.times for mode in modes)
-        counts = SolutionCounts(real, len(found.ends) - real - infinite - lost, infinite, multiple, lost)
+        counts = SolutionCounts(real, len(paths.ends) - real - infinite - lost, infinite, multiple, lost)
         complete, trace_test, remarks = self._status(fibre, counts, curve)
-        closest = None if modes else self._closest(found, locked)
+        closest = None if modes else self._closest(paths, locked)
         if closest is not None and closest.gap <= CLOSED:  # a point of a curve, whose paths ended in complex points
             features = linkage.features(linkage.unknowns(closest.q)[None], locked)[0]
             modes, complete, closest = [_Mode(closest.q, features, 1, True)], False, None
@@ -108,20 +108,20 @@ class Homotopy:
                 break
             detour = fibre.locked + 0.2 * (rng.normal(size=len(locked)) + 1j * rng.normal(size=len(locked)))
             path = linkage.straight(fibre.locked, detour)._replace(accuracy=1e-6)
-            there = linkage.track(fibre.solutions, path)
-            if (there.ends == ARRIVED).all():
-                again = path_ends(linkage, there.solutions, detour, locked)
+            tracked = linkage.track(fibre.solutions, path)
+            if (tracked.ends == ARRIVED).all():
+                again = path_ends(linkage, tracked.solutions, detour, locked)
                 best = again if again.count(LOST) < best.count(LOST) else best
         return best
 
-    def _real(self, found: PathEnds, locked: Array, curve: bool) -> tuple[list[_Mode], int]:
+    def _real(self, paths: PathEnds, locked: Array, curve: bool) -> tuple[list[_Mode], int]:
         """Return the real configurations among all ends, and how many ends should be real and were closed to others.
 
         An end that does not close is not real, as near as it may come: there least squares end in a minimum.
         """
         linkage = self._linkage
         modes, lost = list[_Mode](), 0
-        for end, solution, features in zip(*found, strict=True):
+        for end, solution, features in zip(*paths, strict=True):
             if end not in (ARRIVED, SINGULAR) or np.abs(features.imag).max(initial=0.0) > SAME:
                 continue
             known = [k for k, mode in enumerate(modes) if np.abs(mode.features - features).max(initial=0.0) < SAME]
@@ -132,8 +132,8 @@ class Homotopy:
             q = linkage.closed(linkage.configuration(solution, locked))
             if q is None:
                 continue
-            there = linkage.features(linkage.unknowns(q)[None], locked)[0]
-            if np.abs(there - features).max(initial=0.0) < _FAR or (curve and end == SINGULAR):
+            closed = linkage.features(linkage.unknowns(q)[None], locked)[0]
+            if np.abs(closed - features).max(initial=0.0) < _FAR or (curve and end == SINGULAR):
                 modes.append(_Mode(q, features, 1, end == SINGULAR))
             else:
                 lost += 1
@@ -179,8 +179,8 @@ class Homotopy:
             done.append("given up after the work that effort allows" if fibre.spent else "the trace test did not close")
         return False, fibre.traced.complete and followed, [*done, *remarks]
 
-    def _closest(self, found: PathEnds, locked: Array) -> NearestConfiguration:
+    def _closest(self, paths: PathEnds, locked: Array) -> NearestConfiguration:
         linkage = self._linkage
         home = linkage.unknowns(linkage.mechanism.q_home)
-        starts = [home, *found.solutions[found.ends == ARRIVED][:_GUESSES]]
+        starts = [home, *paths.solutions[paths.ends == ARRIVED][:_GUESSES]]
         return linkage.nearest([linkage.configuration(start, locked) for start in starts])

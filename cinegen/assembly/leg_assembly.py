@@ -41,8 +41,8 @@ class LegAssembly:
 
     def __init__(self, linkage: Linkage, member: int) -> None:
         self._linkage = linkage
-        here = np.vstack([np.eye(3), np.zeros(3)])
-        self._cuts = [CutJoint(LoopKind.RIGID, (0, member), np.array([here, here])), *linkage.cuts]
+        identity = np.vstack([np.eye(3), np.zeros(3)])
+        self._cuts = [CutJoint(LoopKind.RIGID, (0, member), np.array([identity, identity])), *linkage.cuts]
         self._legs = [self._leg(columns, loops) for columns, loops in self._blocks()]
 
     def _blocks(self) -> list[tuple[list[int], list[int]]]:
@@ -76,13 +76,13 @@ class LegAssembly:
             joints[k, COLUMN] = len(columns) + 1 + others.index(k) if k in others else columns.index(column)
         vectors, local, differences, products = attached([self._cuts[loop] for loop in loops])
         tables = LinkageTables(joints, tables.constants, tables.above, vectors, local, differences, products, 0, 0)
-        scratch, found = scratch_of(tables, len(columns)), 0
+        scratch, full = scratch_of(tables, len(columns)), 0
         for q in mechanism.structure.samples:  # the rank: a rod may rotate about itself
             solution = self._linkage.unknowns(q)
             values = self._values(solution, self._linkage.locked_values(q))
             self._linkage.kernel.evaluate(tables, _fixed(values[others]), np.append(solution[columns], 0.0), scratch)
-            found = max(found, rank(scratch.matrix[: len(columns), :-1].real))
-        return _Leg(columns, others, tables._replace(rank=found + 1), scratch)
+            full = max(full, rank(scratch.matrix[: len(columns), :-1].real))
+        return _Leg(columns, others, tables._replace(rank=full + 1), scratch)
 
     def _values(self, solution: Complex, locked: Array) -> Array:
         """Return the values (n,) of all joints."""
@@ -97,10 +97,10 @@ class LegAssembly:
             if number == 0:  # the base's vectors follow the platform's, its origin first
                 leg.tables.local[1::2] = np.vstack([placement[:3, 3], placement[:3, :3].T])
             values = self._values(solution, locked)[leg.others]
-            found = _solve(leg, _fixed(values), solution[leg.columns])
-            if found is None:
+            solved = _solve(leg, _fixed(values), solution[leg.columns])
+            if solved is None:
                 return None
-            solution[leg.columns] = found
+            solution[leg.columns] = solved
         return solution
 
 
@@ -135,23 +135,23 @@ def is_out_of_reach(groups: RigidGroups, rod: Rod, platform: int, placement: Arr
         placement: (4, 4) of the platform's first body in the base, dimensionless.
         locked: (locked,) values.
     """
-    own = groups.placements(rod.body, locked)
+    on_rod = groups.placements(rod.body, locked)
     sides = (
         (groups.base, groups.placements(groups.base, locked)),
-        (platform, {m: pin.SE3(placement) * there for m, there in groups.placements(platform, locked).items()}),
+        (platform, {m: pin.SE3(placement) * local for m, local in groups.placements(platform, locked).items()}),
     )
-    inner = [groups.point(end, own) for end in rod.ends]
-    outer = [groups.point(end, there) for end, (_, there) in zip(rod.ends, sides, strict=True)]
+    inner = [groups.point(end, on_rod) for end in rod.ends]
+    outer = [groups.point(end, placements) for end, (_, placements) in zip(rod.ends, sides, strict=True)]
     along_inner, along_outer = ((b - a) / np.linalg.norm(b - a) for a, b in (inner, outer))
-    for end, (group, there) in zip(rod.ends, sides, strict=True):
+    for end, (group, placements) in zip(rod.ends, sides, strict=True):
         if len(end.joints) != 2:
             continue
         outer_joint, inner_joint = end.joints
         if group not in {groups.of[side] for side in outer_joint.sides}:
             outer_joint, inner_joint = inner_joint, outer_joint
         a = float(outer_joint.along @ inner_joint.along)
-        b = float(groups.direction(inner_joint, own) @ along_inner)
-        c = float(groups.direction(outer_joint, there) @ along_outer)
+        b = float(groups.direction(inner_joint, on_rod) @ along_inner)
+        c = float(groups.direction(outer_joint, placements) @ along_outer)
         if 1.0 - a * a - b * b - c * c + 2.0 * a * b * c < -_ROUNDING:
             return True
     return False

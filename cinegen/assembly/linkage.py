@@ -91,8 +91,8 @@ class Linkage:
                 row[:, columns[mimic.leader]] += mimic.ratio * row[:, columns[name]]
                 row[:, columns[name]] = 0.0
         inside = {name for name in names if max(np.abs(row[:, columns[name]]).max() for row in rows) > _STILL}
-        given = {*mechanism.actuated, *following, *self._mimics, *held}
-        loose = [name for name in names if name not in inside and name not in given]
+        determined = {*mechanism.actuated, *following, *self._mimics, *held}
+        loose = [name for name in names if name not in inside and name not in determined]
         if loose:
             raise ModesError(
                 f"{mechanism.name}: {list_of(loose)} {'is' if len(loose) == 1 else 'are'} neither actuated nor in a "
@@ -102,7 +102,7 @@ class Linkage:
         at = [columns[name] for name in driven]
         follow, mimics = bool(following), len(self._mimics)
         self.redundant = () if as_built else redundant_joints(mechanism, rows, at, driven, follow, mimics)
-        passive = {name for name in inside if name not in given or name in self.redundant}
+        passive = {name for name in inside if name not in determined or name in self.redundant}
         self.passive = tuple(name for name in names if name in passive)
         self.locked = tuple(name for name in names if name not in passive and name not in self._mimics)
         self.driving = np.array([name in inside for name in self.locked], dtype=bool)

@@ -21,7 +21,7 @@ from cinegen.assembly.six_rods import SixRods
 from cinegen.model import Mechanism
 
 _MOST_EQUATIONS = 100
-_THERE = 1e-6  # rad, characteristic lengths: a redundant joint is at the value asked for
+_AS_ASKED = 1e-6  # rad, characteristic lengths: a redundant joint is at the value asked for
 
 
 def assembly_modes(
@@ -53,11 +53,11 @@ def assembly_modes(
         raise ModesError(f"method '{method}': there are 'auto' and 'monodromy'")
     if mechanism.spherical is not None:
         to = mechanism.spherical.from_successive
-        found = assembly_modes(mechanism.successive, _values(mechanism, actuated), method, report, effort)
-        nearest = found.closest and replace(found.closest, q=to(found.closest.q))
-        modes = tuple(map(to, found.configurations))
-        self_motions = tuple(motion.with_ball_joints(mechanism.spherical) for motion in found.self_motions)
-        return replace(found, mechanism=mechanism, configurations=modes, closest=nearest, self_motions=self_motions)
+        solved = assembly_modes(mechanism.successive, _values(mechanism, actuated), method, report, effort)
+        nearest = solved.closest and replace(solved.closest, q=to(solved.closest.q))
+        modes = tuple(map(to, solved.configurations))
+        self_motions = tuple(motion.with_ball_joints(mechanism.spherical) for motion in solved.self_motions)
+        return replace(solved, mechanism=mechanism, configurations=modes, closest=nearest, self_motions=self_motions)
     solver = mechanism.structure.derived(_METHODS[method])
     with solver.lock:
         return solver.modes(mechanism, _values(mechanism, actuated), report, effort)
@@ -73,8 +73,8 @@ def _values(mechanism: Mechanism, actuated: ArrayLike | None) -> Array:
         raise ModesError(f"values of {mechanism.name}'s actuated joints: {actuated!r} are no numbers") from None
     if values.shape != (len(names),):
         listed = ", ".join(names)
-        given = f"{values.size} value{'s' * (values.size != 1)}"
-        raise ModesError(f"{mechanism.name} has {len(names)} actuated joints ({listed}): {given} were given")
+        count = f"{values.size} value{'s' * (values.size != 1)}"
+        raise ModesError(f"{mechanism.name} has {len(names)} actuated joints ({listed}): {count} were given")
     if not np.isfinite(values).all():
         raise ModesError(f"values of {mechanism.name}'s actuated joints: some are not finite")
     return values
@@ -118,16 +118,16 @@ class ModesSolver:
     ) -> AssemblyModes:
         """Return all modes for values (actuated,) in the mechanism's order."""
         asked = mechanism.configuration(dict(zip(mechanism.actuated, map(float, values), strict=True)))
-        found = self._revolutes.modes(asked) if self._revolutes is not None else None
-        if found is None:
-            found = self._rods.modes(asked) if self._rods is not None else self._homotopy.modes(asked, report, effort)
+        modes = self._revolutes.modes(asked) if self._revolutes is not None else None
+        if modes is None:
+            modes = self._rods.modes(asked) if self._rods is not None else self._homotopy.modes(asked, report, effort)
         if self._linkage.redundant:
-            found = _matching(self._linkage, found, asked, self._virtual)
+            modes = _matching(self._linkage, modes, asked, self._virtual)
         home = self.features(mechanism.q_home)
-        far = [round(float(np.abs(self.features(q) - home).sum()), 9) for q in found]
+        far = [round(float(np.abs(self.features(q) - home).sum()), 9) for q in modes]
         passive = tuple(name for name in mechanism.joints if name not in mechanism.actuated)
         unknowns = Unknowns(passive, mechanism.structure.passive_rank, self.body_features)
-        return replace(_selected(found, np.argsort(far, kind="stable").tolist()), unknowns=unknowns)
+        return replace(_selected(modes, np.argsort(far, kind="stable").tolist()), unknowns=unknowns)
 
     @property
     def body_features(self) -> tuple[BodyFeature, ...]:
@@ -158,27 +158,27 @@ def _check_rods(mechanism: Mechanism) -> None:
         SixRods(linkage, family).check(linkage.locked_values(mechanism.q_home))
 
 
-def _selected(found: AssemblyModes, which: list[int]) -> AssemblyModes:
+def _selected(modes: AssemblyModes, which: list[int]) -> AssemblyModes:
     """Return some of the modes, in this order."""
-    coincident, isolated = tuple(found.coincident[k] for k in which), tuple(found.isolated[k] for k in which)
-    return replace(found, configurations=tuple(found[k] for k in which), coincident=coincident, isolated=isolated)
+    coincident, isolated = tuple(modes.coincident[k] for k in which), tuple(modes.isolated[k] for k in which)
+    return replace(modes, configurations=tuple(modes[k] for k in which), coincident=coincident, isolated=isolated)
 
 
-def _matching(linkage: Linkage, found: AssemblyModes, asked: Array, virtual: bool) -> AssemblyModes:
+def _matching(linkage: Linkage, modes: AssemblyModes, asked: Array, virtual: bool) -> AssemblyModes:
     """Return those modes in which the redundant joints have the values asked for."""
-    errors = [linkage.redundancy_error(q, asked) for q in found]
+    errors = [linkage.redundancy_error(q, asked) for q in modes]
     worst = [float(np.abs(error).max()) for error in errors]
-    kept, closest = [k for k, error in enumerate(worst) if error < _THERE], found.closest
+    kept, closest = [k for k, error in enumerate(worst) if error < _AS_ASKED], modes.closest
     names = ", ".join(f"'{name}'" for name in linkage.redundant)
     counted = f"{len(worst)} modes, {len(kept)} as asked"
     remark = f"; with {names} following the other actuated joints: {counted}"
     if virtual:
         remark = f"; {len(kept)} of {len(worst)} meet all of the pose" if len(kept) < len(worst) else ""
-    method = found.method + remark
+    method = modes.method + remark
     if worst and not kept:
         best = int(np.argmin(worst))
         listed = ", ".join(f"'{n}' by {error:.3g}" for n, error in zip(linkage.redundant, errors[best], strict=True))
         unit = f"(rad, or lengths of {linkage.mechanism.length:.4g} m)"
         message = f"actuated joints that contradict the others are off: {listed} {unit}"
-        closest = NearestConfiguration(found[best], worst[best], message)
-    return replace(_selected(found, kept), method=method, closest=closest)
+        closest = NearestConfiguration(modes[best], worst[best], message)
+    return replace(_selected(modes, kept), method=method, closest=closest)

@@ -149,16 +149,16 @@ class SolutionSet(Sequence[Array]):
             return ""
         if self.unknowns is None:
             return "Not certified: found by a local search."
-        found = [certificate for certificate in self.certificates if certificate is not None]
-        if not found:
+        proofs = [certificate for certificate in self.certificates if certificate is not None]
+        if not proofs:
             return f"{'None of them is' if len(self) > 1 else 'It is not'} certified: {_WITHOUT}."
-        text = f"{len(found)} of {len(self)} are certified" if len(self) > 1 else "It is certified"
-        text += f": real, and unique within {min(one.radius for one in found):.0e} (rad, characteristic lengths)"
-        most = max(found, key=lambda one: (one.others, one.gap))
+        text = f"{len(proofs)} of {len(self)} are certified" if len(self) > 1 else "It is certified"
+        text += f": real, and unique within {min(proof.radius for proof in proofs):.0e} (rad, characteristic lengths)"
+        most = max(proofs, key=lambda proof: (proof.others, proof.gap))
         if most.others:
-            more = f"{most.others} more hold{'s' * (most.others == 1)} within {max(one.gap for one in found):.0e}"
+            more = f"{most.others} more hold{'s' * (most.others == 1)} within {max(proof.gap for proof in proofs):.0e}"
             text += f", by {most.equations} independent equations; {more}"
-        return text + (f"; the others are {_WITHOUT}." if len(found) < len(self) else ".")
+        return text + (f"; the others are {_WITHOUT}." if len(proofs) < len(self) else ".")
 
     @property
     def _triples(self) -> list[list[str]]:

@@ -46,13 +46,13 @@ class SixRevolutes:
         """Return all modes with the locked joints as in q (nq,) `asked`; None if elimination does not count them."""
         linkage, locked = self._linkage, self._linkage.locked_values(asked)
         try:
-            found = closures(self._constants(locked))
+            all_closures = closures(self._constants(locked))
         except DegenerateError:
             return None
         modes, features, times = list[Array](), list[Complex](), list[int]()
-        for number, angles in enumerate(found.angles):
+        for number, angles in enumerate(all_closures.angles):
             q = linkage.closed(linkage.configuration(self._solution(angles), locked))
-            if q is None and number < found.real:
+            if q is None and number < all_closures.real:
                 return None
             if q is None:
                 continue
@@ -81,55 +81,55 @@ class SixRevolutes:
 
     def _ordered(self) -> list[tuple[int, int]]:
         """Return the bodies, as the linkage numbers them, by which the loop enters and leaves each joint."""
-        group, found = self._linkage.bodies.group, []
-        here = group[0]
+        group, sides = self._linkage.bodies.group, []
+        current = group[0]
         for joint in self._joints:
             first, second = joint.members
-            enters, leaves = (first, second) if group[first] == here else (second, first)
-            found.append((enters, leaves))
-            here = group[leaves]
-        return found
+            enters, leaves = (first, second) if group[first] == current else (second, first)
+            sides.append((enters, leaves))
+            current = group[leaves]
+        return sides
 
     def _solution(self, angles: Array) -> Complex:
         """Return the unknowns (k + 1,) for angles (6,) from one side to the other."""
         linkage = self._linkage
-        found = np.zeros(len(linkage.passive) + 1, dtype=complex)
+        solution = np.zeros(len(linkage.passive) + 1, dtype=complex)
         for joint, (enters, _), angle in zip(self._joints, self._sides, angles, strict=True):
             if _is_in_tree(joint):
                 at = linkage.passive.index(linkage.joint_names[joint.members[1] - 1])
-                found[at] = angle if enters == joint.members[0] else -angle
-        return found
+                solution[at] = angle if enters == joint.members[0] else -angle
+        return solution
 
     def _constants(self, locked: Array) -> list[arb_mat]:
         """Return K1 to K6 for values (locked,) of the locked joints, see `elimination`; dimensionless."""
-        linkage, ends, found = self._linkage, [], []
+        linkage, ends, constants = self._linkage, [], []
         q = linkage.configuration(linkage.unknowns(linkage.mechanism.q_home), locked)
         with precise(BITS):
             rigid = self._rigid(q)
             for joint, (enters, _) in zip(self._joints, self._sides, strict=True):
-                one, two = self._frames(joint)
-                ends.append((one, two) if enters == joint.members[0] else (two, one))
+                first, second = self._frames(joint)
+                ends.append((first, second) if enters == joint.members[0] else (second, first))
             for k, (_, leaves) in enumerate(self._sides):
                 after = (k + 1) % len(self._sides)
                 between = _between(rigid, leaves, self._sides[after][0])
                 rows = (ends[k][1].inv() * between * ends[after][0]).tolist()
                 size = arb(linkage.mechanism.length)
-                found.append(arb_mat([[*row[:3], row[3] / size] for row in rows[:3]] + [[0, 0, 0, 1]]))
-        return found
+                constants.append(arb_mat([[*row[:3], row[3] / size] for row in rows[:3]] + [[0, 0, 0, 1]]))
+        return constants
 
     def _rigid(self, q: Array) -> dict[tuple[int, int], arb_mat]:
         """Return the placements, m, of bodies in bodies that locked joints, at q (nq,), or rigid cuts hold there."""
         linkage, mechanism = self._linkage, self._linkage.mechanism
-        found = {}
+        rigid = {}
         for name in linkage.locked:
             j = mechanism.model.getJointId(name)
             step = ExactAxis(mechanism.model.joints[j]).step(arb(float(q[mechanism.q_index(name)])))
             pair = int(mechanism.model.parents[j]) - linkage.root, j - linkage.root
-            found[pair] = exact(mechanism.model.jointPlacements[j]) * step
-        for cut, (_, one, _, two) in zip(linkage.cuts, mechanism.structure.system.anchors, strict=True):
+            rigid[pair] = exact(mechanism.model.jointPlacements[j]) * step
+        for cut, (_, first, _, second) in zip(linkage.cuts, mechanism.structure.system.anchors, strict=True):
             if cut.kind is LoopKind.RIGID:
-                found[cut.bodies] = exact(one) * exact(two).inv()
-        return found | {(b, a): placement.inv() for (a, b), placement in found.items()}
+                rigid[cut.bodies] = exact(first) * exact(second).inv()
+        return rigid | {(b, a): placement.inv() for (a, b), placement in rigid.items()}
 
     def _frames(self, joint: LinkageJoint) -> tuple[arb_mat, arb_mat]:
         """Return the frames, m, whose common z axis a joint rotates about, in its first and its second body."""
@@ -137,11 +137,11 @@ class SixRevolutes:
         if _is_in_tree(joint):
             j = joint.members[1] + linkage.root
             aside = np.eye(3)[np.abs(joint.axis).argmin()]
-            own = frame(np.column_stack([aside, aside, joint.axis]), np.zeros(3))
-            return exact(mechanism.model.jointPlacements[j]) * own, own
+            local = frame(np.column_stack([aside, aside, joint.axis]), np.zeros(3))
+            return exact(mechanism.model.jointPlacements[j]) * local, local
         at = next(k for k, cut in enumerate(linkage.cuts) if cut.bodies == joint.members and cut.kind is joint.kind)
-        _, one, _, two = mechanism.structure.system.anchors[at]
-        return exact(one), exact(two)
+        _, first, _, second = mechanism.structure.system.anchors[at]
+        return exact(first), exact(second)
 
     def _special(self) -> str:
         """Return what three successive axes are that do not depend on locked joints."""

@@ -63,13 +63,13 @@ class SixRods:
         linkage, mechanism, locked = self._linkage, self._linkage.mechanism, self._linkage.locked_values(asked)
         legs = self._family.legs(self._groups, locked)
         with raised_as(ModesError, HexapodError, f"{mechanism.name}: "):
-            found = self._platform_modes(legs, legs.lengths * mechanism.length)
-        placements = found.placements.copy()
+            modes = self._platform_modes(legs, legs.lengths * mechanism.length)
+        placements = modes.placements.copy()
         placements[:, :3, 3] /= mechanism.length
         if self._assembly is None:
             self._assembly = LegAssembly(linkage, legs.member)
         configurations, coincident, lost, beyond = list[Array](), list[int](), 0, 0
-        for placement, count in zip(placements, found.coincident.tolist(), strict=True):
+        for placement, count in zip(placements, modes.coincident.tolist(), strict=True):
             solution = self._assembly.unknowns(placement, locked)
             q = None if solution is None else linkage.closed(linkage.configuration(solution, locked))
             if q is not None:
@@ -79,22 +79,22 @@ class SixRods:
                 beyond += 1
             else:
                 lost += 1
-        method = found.method
+        method = modes.method
         if beyond:
             method += f"; {beyond} of them out of reach of a universal joint"
         if lost:
             method += f"; the legs of {lost} were not assembled"
-        closest, complete = None, found.complete and lost == 0
-        counts, real, missing = found.counts, sum(coincident), found.counts.lost + lost
+        closest, complete = None, modes.complete and lost == 0
+        counts, real, missing = modes.counts, sum(coincident), modes.counts.lost + lost
         complex_ = counts.total - real - counts.infinite - missing
         counts = SolutionCounts(real, complex_, counts.infinite, counts.multiple, missing)
         if not configurations:
-            closest = self._closest(found.closest, locked)
+            closest = self._closest(modes.closest, locked)
             if closest.gap <= CLOSED:  # on a curve of configurations, which no root shows
                 method += "; one was found by descent"
                 configurations, coincident, complete, closest = [closest.q], [1], False, None
         self_motions, isolated = tuple[SelfMotion, ...](), [True] * len(configurations)
-        if not found.complete or not complete:
+        if not modes.complete or not complete:
             search = SelfMotions(linkage, locked)
             dimensions = [search.dimension(linkage.unknowns(q)) for q in configurations]
             isolated = [dimension == 0 for dimension in dimensions]
@@ -110,19 +110,19 @@ class SixRods:
         return AssemblyModes(
             mechanism, linkage.actuated_values(asked), tuple(configurations), tuple(coincident),
             complete and not self_motions, method, counts, closest, None, self_motions, tuple(isolated),
-            almost_surely=complete and not self_motions and found.almost_surely,
+            almost_surely=complete and not self_motions and modes.almost_surely,
         )  # fmt: skip
 
     def _platform_modes(self, legs: SixLegs, lengths: Array) -> PlatformModes:
         """Return the platform's modes for lengths (6,) of the rods, m: by homotopy where elimination finds no root, as
         for a determinant that vanishes identically; isolated modes exist besides a curve, too."""
         solver = self._solver(legs)
-        found = solver.modes(lengths)
-        if found.complete or len(found.placements) or isinstance(solver, Hexapod):
-            return found
+        modes = solver.modes(lengths)
+        if modes.complete or len(modes.placements) or isinstance(solver, Hexapod):
+            return modes
         length = self._linkage.mechanism.length
         others = Hexapod(length * legs.base, length * legs.platform).modes(lengths)
-        return replace(others, complete=False, almost_surely=False, method=f"{found.method}; {others.method}")
+        return replace(others, complete=False, almost_surely=False, method=f"{modes.method}; {others.method}")
 
     def _features(self, q: Array, locked: Array) -> Complex:
         return np.asarray(self._linkage.features(self._linkage.unknowns(q)[None], locked)[0])
@@ -179,9 +179,9 @@ class _Inverted:
 
     def modes(self, lengths: Array) -> PlatformModes:
         """Return all modes for lengths (6,)."""
-        found = self._solver.modes(lengths)
-        closest = found.closest
+        modes = self._solver.modes(lengths)
+        closest = modes.closest
         if closest is not None:
             closest = replace(closest, placement=np.asarray(np.linalg.inv(closest.placement), dtype=float))
-        placements = np.asarray(np.linalg.inv(found.placements), dtype=float)
-        return replace(found, placements=placements, closest=closest)
+        placements = np.asarray(np.linalg.inv(modes.placements), dtype=float)
+        return replace(modes, placements=placements, closest=closest)

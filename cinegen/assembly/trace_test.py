@@ -84,14 +84,14 @@ class TraceTest:
         quiet = 0
         while len(points) and quiet < _QUIET and not self._spent():
             away, line = self._plane(), self._line * np.exp(0.5j * self._rng.normal(size=self._line.shape))
-            there = self._track(points.array, first, away, (self._line, line))
-            there = self._track(there.arrived, away, first.conj(), (line, self._line))
-            quiet = 0 if points.add(there.arrived.conj()) else quiet + 1
+            tracked = self._track(points.array, first, away, (self._line, line))
+            tracked = self._track(tracked.arrived, away, first.conj(), (line, self._line))
+            quiet = 0 if points.add(tracked.arrived.conj()) else quiet + 1
             self._report(f"trace test: {len(points)} points of the curve")
             deviation = self._deviation(points.array, first) if quiet else math.nan
             if not math.isnan(deviation):
-                found = self._at_zero(points.array, first)
-                return TraceResult(found is not None, len(points), solutions if found is None else found, deviation)
+                zeros = self._at_zero(points.array, first)
+                return TraceResult(zeros is not None, len(points), solutions if zeros is None else zeros, deviation)
         return TraceResult(False, len(points), solutions)
 
     def _plane(self) -> Complex:
@@ -135,9 +135,9 @@ class TraceTest:
     def _at_zero(self, points: Complex, plane: Complex) -> Complex | None:
         """Return what of all points arrives at t = 0; None if some go neither there nor to infinity."""
         for _ in range(_ATTEMPTS):
-            found = self._follow(points, plane)
-            if found is not None:
-                return found
+            at_zero = self._follow(points, plane)
+            if at_zero is not None:
+                return at_zero
             other = self._plane()
             around = self._track(self._track(points, plane, other).solutions, other, plane)
             if (around.ends == ARRIVED).all():
@@ -147,23 +147,23 @@ class TraceTest:
     def _follow(self, points: Complex, plane: Complex) -> Complex | None:
         """Follow points once: alpha and gamma shrink by ten and by ten again. So does a t that tends to 0; a point that
         keeps its t can only do that by an F that grows."""
-        zero, found, part = self._linkage.zero_slice, [], 1e-3
-        here, now, there = points, plane, zero + part * (plane - zero)
-        tracked = self._track(here, now, there)
+        zero, arrivals, part = self._linkage.zero_slice, [], 1e-3
+        now, nearer = plane, zero + part * (plane - zero)
+        tracked = self._track(points, now, nearer)
         while len(tracked.solutions) and part > _LAST:
-            t, here, now = tracked.solutions[:, -1], tracked.solutions, there
+            t, points, now = tracked.solutions[:, -1], tracked.solutions, nearer
             infinite = tracked.ends == INFINITE
             if not (infinite | (tracked.ends == ARRIVED)).all():
                 return None
             part *= 0.1
-            there = zero + part * (plane - zero)
-            tracked = self._track(here[~infinite], now, there)
+            nearer = zero + part * (plane - zero)
+            tracked = self._track(points[~infinite], now, nearer)
             shrunk = np.abs(tracked.solutions[:, -1]) / np.maximum(np.abs(t[~infinite]), 1e-300)
             at_zero = (tracked.ends == ARRIVED) & (shrunk < _SHRUNK)
-            last = self._track(tracked.solutions[at_zero], there, zero)
+            last = self._track(tracked.solutions[at_zero], nearer, zero)
             if not (last.ends == ARRIVED).all():
                 return None
-            found.append(last.solutions)
+            arrivals.append(last.solutions)
             going = ~at_zero & ((shrunk < 1.0 - _SHRUNK) | (tracked.ends != ARRIVED))
             tracked = Tracked(*(part_of[going] for part_of in tracked))
-        return np.vstack(found) if not len(tracked.solutions) else None
+        return np.vstack(arrivals) if not len(tracked.solutions) else None

@@ -32,7 +32,7 @@ def files(program: Program, cases: Cases) -> dict[str, str]:
         **_home(filled(heap["D"]), filled(heap["I"]), language),
     }  # fmt: skip
     test = values | {"header": "\n".join(header(program, "Test of the kinematics"))} | _test(program, cases)
-    parts = {*(one.value for one in program.functions), *cases, "single" if language.is_single else "double"}
+    parts = {*(each.value for each in program.functions), *cases, "single" if language.is_single else "double"}
     parts |= {"cases"} if test["cases"] else set()
     return {
         f"{name}.h": rendered("robot.h.in", values, parts),

@@ -58,9 +58,9 @@ def recorded(
     """
     cases, rng, functions = Cases(), np.random.default_rng(seed), set(functions)
     if Function.FORWARD in functions:
-        values, found = _moved(mechanism, rng, 0.2)
-        frames = [_frames(mechanism.placement(q, node) for node in mechanism.nodes).ravel() for q in found]
-        cases = _arrays(actuated=values, forward=found, frames=frames)
+        values, configurations = _moved(mechanism, rng, 0.2)
+        frames = [_frames(mechanism.placement(q, node) for node in mechanism.nodes).ravel() for q in configurations]
+        cases = _arrays(actuated=values, forward=configurations, frames=frames)
     if Function.CLOSE in functions:
         cases |= _closed(mechanism, rng)
     if Function.TICK in functions:
@@ -79,15 +79,15 @@ def _moved(mechanism: Mechanism, rng: np.random.Generator, most: float) -> tuple
     motion, names = ForwardKinematics(mechanism), mechanism.actuated
     home = np.array([mechanism.q_home[mechanism.q_index(name)] for name in names])
     sizes = np.array([mechanism.scale[mechanism.v_index(name)] for name in names])
-    values, found = list[Array](), list[Array]()
+    values, configurations = list[Array](), list[Array]()
     for _ in range(_COUNT):
-        given = home + most * sizes * rng.uniform(-1.0, 1.0, len(names))
+        actuated = home + most * sizes * rng.uniform(-1.0, 1.0, len(names))
         try:
-            found.append(motion.move(dict(zip(names, given.tolist(), strict=True))))
+            configurations.append(motion.move(dict(zip(names, actuated.tolist(), strict=True))))
         except ClosureError:
             continue
-        values.append(given)
-    return values, found
+        values.append(actuated)
+    return values, configurations
 
 
 def _closed(mechanism: Mechanism, rng: np.random.Generator) -> Cases:
@@ -96,12 +96,12 @@ def _closed(mechanism: Mechanism, rng: np.random.Generator) -> Cases:
         step = 0.05 * mechanism.scale * rng.uniform(-1.0, 1.0, mechanism.model.nv)
         if mechanism.floating:
             step[:6] = 0.0
-        given = mechanism.integrate(mechanism.q_home, step)
+        q = mechanism.integrate(mechanism.q_home, step)
         try:
-            closed.append(mechanism.close(given))
+            closed.append(mechanism.close(q))
         except ClosureError:
             continue
-        opened.append(given)
+        opened.append(q)
     return _arrays(open=opened, closed=closed)
 
 
@@ -129,15 +129,15 @@ def _frames(poses: Iterable[pin.SE3]) -> Array:
 
 def _solved(mechanism: Mechanism, solver: Solver, inverse: InverseKinematics, rng: np.random.Generator) -> Cases:
     """Record targets that configurations near home reach, and some that are far out of reach."""
-    q, aims, solved, found = mechanism.q_home, list[Array](), list[Array](), list[tuple[bool, int]]()
-    for i, there in enumerate(_moved(mechanism, rng, 0.3)[1]):
-        targets = [mechanism.placement(there, task.node) * task.offset for task in solver.frame_tasks]
+    q, aims, solved, results = mechanism.q_home, list[Array](), list[Array](), list[tuple[bool, int]]()
+    for i, goal in enumerate(_moved(mechanism, rng, 0.3)[1]):
+        targets = [mechanism.placement(goal, task.node) * task.offset for task in solver.frame_tasks]
         if i % 5 == 4:
             for target in targets:
                 target.translation += 100.0 * mechanism.length * rng.uniform(0.5, 1.0, 3)
-        found_q, iterations = inverse.find(targets, q, TOLERANCE)
-        q = q if found_q is None else found_q
+        solution, iterations = inverse.find(targets, q, TOLERANCE)
+        q = q if solution is None else solution
         aims.append(_frames(targets))
         solved.append(q)
-        found.append((found_q is not None, iterations))
-    return _arrays(aims=aims, solved=solved, found=found)
+        results.append((solution is not None, iterations))
+    return _arrays(aims=aims, solved=solved, found=results)

@@ -52,7 +52,7 @@ class FunctionCode:
 
     def has_effects(self, code: str) -> bool:
         """Return whether code calls a function that writes to the heap."""
-        return any(one in self._context.writing for one in re.findall(r"(\w+)\(", code))
+        return any(name in self._context.writing for name in re.findall(r"(\w+)\(", code))
 
     # --- variables -----------------------------------------------------------------------------------------------
 
@@ -104,9 +104,9 @@ class FunctionCode:
         if translated.writes:
             self._context.writing.add(translated.name)
         translated.used = [_occurs(name, body) for name, _ in parameters]
-        translated.parameters = [one for one, used in zip(parameters, translated.used, strict=True) if used]
-        given = {name for name, _ in parameters}
-        local = {name: kind for name, kind in self._variables.items() if name not in given and _occurs(name, body)}
+        translated.parameters = [pair for pair, used in zip(parameters, translated.used, strict=True) if used]
+        passed = {name for name, _ in parameters}
+        local = {name: kind for name, kind in self._variables.items() if name not in passed and _occurs(name, body)}
         result = translated.result[0] if len(translated.result) == 1 else "none"
         comment = textwrap.wrap(summary, _WIDTH)
         unused = [heap for heap in ("I", "D") if language.is_c and not _occurs(heap, body)]
@@ -127,10 +127,10 @@ class FunctionCode:
             count = len(self.lines)
             for name in list(self._variables):
                 begin = f"{name} = "
-                own = [line for line in self.lines if line.lstrip().startswith(begin)]
+                stores = [line for line in self.lines if line.lstrip().startswith(begin)]
                 others = [line for line in self.lines if not line.lstrip().startswith(begin)]
-                code = "\n".join([*others, *(line.lstrip()[len(begin) :] for line in own)])
-                if own and not _occurs(name, code) and not any(self.has_effects(line) for line in own):
+                code = "\n".join([*others, *(line.lstrip()[len(begin) :] for line in stores)])
+                if stores and not _occurs(name, code) and not any(self.has_effects(line) for line in stores):
                     self.lines = others
 
 

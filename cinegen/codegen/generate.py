@@ -80,8 +80,8 @@ def generate(
     inverse = InverseKinematics(mechanism, solver.frame_tasks) if Function.IK in chosen else None
     if inverse is not None:
         inverse.set_up(memory)
-    entries = [kernels.place, *(kernel for one in chosen for kernel in _KERNELS[one])]
-    fields = [name for one in (None, *chosen) for name in FIELDS[one]]
+    entries = [kernels.place, *(kernel for function in chosen for kernel in _KERNELS[function])]
+    fields = [name for function in (None, *chosen) for name in FIELDS[function]]
     translation = translated(language, memory, entries, fields, _FREE, _STRUCTURE)
     nodes = tuple(task.node for task in solver.frame_tasks)
     program = Program(mechanism, memory, translation, name, source, tuple(chosen), nodes, dt, most_iterations(memory))

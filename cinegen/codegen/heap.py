@@ -69,13 +69,13 @@ class Heap:
             changing: keys of all states that kernels change; others are constants. Not known yet if None.
             unread: names of arrays that nothing reads.
         """
-        found = Heap(self._free, self._structure)
+        heap = Heap(self._free, self._structure)
         kept = [key for key in self._places if key in self._asked and key[-1] != BEGIN]  # these have places of others
         for key in sorted(kept, key=lambda key: not self._initial[key].any()):
-            found.allocate(key, self._initial[key])
-        found._asked.clear()
-        found._changing, found.unread = changing, unread
-        return found
+            heap.allocate(key, self._initial[key])
+        heap._asked.clear()
+        heap._changing, heap.unread = changing, unread
+        return heap
 
     def allocate(self, key: tuple[object, ...], values: np.ndarray) -> HeapArray:
         """Return the address of values; a key has one address."""
@@ -95,11 +95,11 @@ class Heap:
     def number(self, memories: Sequence[Memory], name: str) -> HeapArray | float:
         """Return a number of memories: where it is, one for each of them; or itself, if it is the same constant."""
         field = type(memories[0]).fields[name]
-        values, key = np.array([getattr(one, name) for one in memories], dtype=field.dtype), key_of(memories, name)
+        values, key = np.array([getattr(each, name) for each in memories], dtype=field.dtype), key_of(memories, name)
         is_settled = self._changing is not None and key not in self._changing and name not in self._free
         if is_settled or self.is_constant(name, field):
             first = values[0].item()
-            if all(one == first or (math.isnan(one) and math.isnan(first)) for one in values.tolist()):
+            if all(value == first or (math.isnan(value) and math.isnan(first)) for value in values.tolist()):
                 return float(first) if field.dtype.kind == "f" else int(first)
         return self.allocate(key, values)
 
@@ -109,9 +109,9 @@ class Heap:
 
     def place(self, memory: Memory, name: str) -> HeapArray:
         """Return where an array or a number that is no constant is."""
-        found = self.number((memory,), name) if memory.fields[name].shape is None else self.array(memory, name)
-        assert isinstance(found, HeapArray)
-        return found
+        place = self.number((memory,), name) if memory.fields[name].shape is None else self.array(memory, name)
+        assert isinstance(place, HeapArray)
+        return place
 
     def array(self, memory: Memory, name: str) -> HeapArray:
         """Return where an array of a memory is."""

@@ -87,9 +87,9 @@ class InverseKinematics:
             task.target = target
         order = np.argsort(self._distances(self.frames, self._frames(targets)), kind="stable")
         for start in (q, *self.starts[order]):
-            found = local.solve(start, 0.5 * min(tolerance, tolerance / self.length))
+            solved = local.solve(start, 0.5 * min(tolerance, tolerance / self.length))
             iterations += local.iterations
-            if found and local.closure <= CLOSURE:
+            if solved and local.closure <= CLOSURE:
                 return local.best, iterations
         return None, iterations
 

@@ -20,14 +20,14 @@ BAD_TARGET, NOT_FOUND, FOUND = range(3)
 """Results of `find`."""
 
 
-_OWN = {name: replace(one, slot=-1) for name, one in LocalIKMemory.fields.items() if name not in SolverMemory.fields}
+_IK = {name: replace(field, slot=-1) for name, field in LocalIKMemory.fields.items() if name not in SolverMemory.fields}
 """What the solver has no field for: the same fields, at other positions of the memory."""
 
 
 class InverseMemory(RobotMemory, LocalIKMemory):
     """A mechanism whose tasks are also solved from configurations far away."""
 
-    vars().update(_OWN)
+    vars().update(_IK)
 
     starts: int = parameter(0)
     start_q: Array = array("starts", "nq")  # closed configurations from which targets are reached
@@ -52,9 +52,9 @@ def find(memory: InverseMemory) -> int:
     copy(memory.q, memory.trial, memory.nq)
     _measure_starts(memory)
     for _ in range(memory.starts + 1):
-        found = solve(memory)
+        solved = solve(memory)
         memory.ik_iterations += memory.iterations
-        if found and memory.loops_left <= CLOSURE:
+        if solved and memory.loops_left <= CLOSURE:
             copy(memory.q, memory.trial, memory.nq)
             set_q(memory)
             memory.signature = -1

@@ -30,7 +30,7 @@ def files(program: Program, cases: Cases) -> dict[str, str]:
     for name, begin, size in program.places():
         values[f"view_{name}"], values[f"end_of_{name}"] = f"D.subarray({begin}, {begin + size})", begin + size
     test = values | {"header": "\n".join(header(program, "Test of the kinematics"))}
-    parts = {one.value for one in program.functions}
+    parts = {each.value for each in program.functions}
     return {
         f"{program.name}.mjs": rendered("robot.mjs.in", values, parts),
         f"{program.name}_test.mjs": rendered("robot_test.mjs.in", test, parts),

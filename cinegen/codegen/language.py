@@ -89,7 +89,7 @@ def declarations(variables: Mapping[str, str], language: Language) -> list[str]:
     lines = []
     real = (language.real, literal(0.0, language))
     for kind, word, zero in (("float", *real), ("int", "int", "0"), ("bool", "bool", "false")):
-        names = [name for name, one in variables.items() if one == kind]
+        names = [name for name, declared in variables.items() if declared == kind]
         if names:
             lines.append(f"{word} " + ", ".join(f"{name} = {zero}" for name in names) + ";")
     return lines
@@ -105,10 +105,10 @@ def signature(name: str, parameters: Sequence[tuple[str, str]], result: str, lan
         language: of it.
     """
     if not language.is_c:
-        return f"function {name}({', '.join(one for one, _ in parameters)})"
+        return f"function {name}({', '.join(parameter for parameter, _ in parameters)})"
     words = {"float": language.real, "int": "int", "bool": "bool", "none": "void"}
-    given = [f"{language.real} *D", "int *I", *(f"{words[kind]} {one}" for one, kind in parameters)]
-    return f"static {words[result]} {name}({', '.join(given)})"
+    typed = [f"{language.real} *D", "int *I", *(f"{words[kind]} {parameter}" for parameter, kind in parameters)]
+    return f"static {words[result]} {name}({', '.join(typed)})"
 
 
 def call(name: str, arguments: Sequence[str], language: Language) -> str:

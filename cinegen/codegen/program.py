@@ -106,7 +106,7 @@ class Program:
 
     def places(self) -> list[tuple[str, int, int]]:
         """Return the name, the first index and the size of each array that the code's user reads or writes."""
-        names = dict.fromkeys(name for one in (None, *self.functions) for name in FIELDS[one])
+        names = dict.fromkeys(name for function in (None, *self.functions) for name in FIELDS[function])
         return [(name, self.place(name).begin, math.prod(self.place(name).shape)) for name in names]
 
     def actuated(self) -> list[int]:
@@ -118,14 +118,14 @@ class Program:
         if Function.TICK not in self.functions and Function.IK not in self.functions:
             return []
         tasks = [memory_at(int(handle)) for handle in self.memory.task_handles]
-        return [self.translation.heap.array(one, "own_target").begin for one in tasks]
+        return [self.translation.heap.array(task, "own_target").begin for task in tasks]
 
 
 def names_of_q(mechanism: Mechanism) -> list[str]:
     """Return what each number of q is: a joint's name, or a part of a ball joint's quaternion or of the base."""
-    model, found = mechanism.model, [""] * mechanism.model.nq
+    model, names = mechanism.model, [""] * mechanism.model.nq
     parts = {1: ("",), 4: (".x", ".y", ".z", ".w"), 7: (".x", ".y", ".z", ".qx", ".qy", ".qz", ".qw")}
     for index, joint in list(enumerate(model.joints))[1:]:
         name = "base" if joint.nq == 7 else model.names[index]
-        found[joint.idx_q : joint.idx_q + joint.nq] = [name + part for part in parts[joint.nq]]
-    return found
+        names[joint.idx_q : joint.idx_q + joint.nq] = [name + part for part in parts[joint.nq]]
+    return names

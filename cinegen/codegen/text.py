@@ -70,7 +70,7 @@ def filled(values: Sequence[float]) -> list[float]:
 def values_of(program: Program) -> dict[str, Any]:
     """Return what templates of both languages take."""
     language, heap, memory = program.translation.language, program.translation.heap.values, program.memory
-    functions = [line for one in program.translation.functions for line in ["", *one.lines]]  # callees first
+    functions = [line for each in program.translation.functions for line in ["", *each.lines]]  # callees first
     return {
         "header": "\n".join(header(program, "Kinematics")), "name": program.name, "functions": "\n".join(functions),
         "nq": memory.nq, "nv": memory.n, "actuated": memory.actuated, "nodes": memory.nodes, "tasks": memory.tasks,

@@ -49,7 +49,7 @@ class KernelTranslation(TranslationContext):
     def function(self, kernel: Any, arguments: Sequence[Value]) -> Translated:
         """Return the translation of a kernel for arguments of these kinds."""
         source = getattr(kernel, "py_func", kernel)
-        key = (source, *(_kind_of(one, not self.language.is_c) for one in arguments))
+        key = (source, *(_kind_of(argument, not self.language.is_c) for argument in arguments))
         if key not in self._known:
             stem = _stem(source)
             name, count = stem, 1
@@ -57,21 +57,21 @@ class KernelTranslation(TranslationContext):
                 count += 1
                 name = f"{stem}_{count}"
             self._names.add(name)
-            found = self._body(self, source, arguments, Translated(name)).translated
-            text = "\n".join(found.lines).replace(f"{name}(", f"{stem}(")
+            body = self._body(self, source, arguments, Translated(name)).translated
+            text = "\n".join(body.lines).replace(f"{name}(", f"{stem}(")
             if text not in self._texts:  # else it does not depend on the arguments' sizes
-                self._texts[text] = found
-                self.functions.append(found)
+                self._texts[text] = body
+                self.functions.append(body)
             self._known[key] = self._texts[text]
         return self._known[key]
 
     def leave_out_uncalled(self, entries: Sequence[Any]) -> None:
         """Leave out functions that none of some kernels needs."""
         called = {_stem(kernel) for kernel in entries}
-        for one in reversed(self.functions):
-            if one.name in called:
-                called |= set(re.findall(r"(\w+)\(", "\n".join(one.lines[1:])))
-        self.functions = [one for one in self.functions if one.name in called]
+        for function in reversed(self.functions):
+            if function.name in called:
+                called |= set(re.findall(r"(\w+)\(", "\n".join(function.lines[1:])))
+        self.functions = [function for function in self.functions if function.name in called]
 
     def name_of(self, kernel: Any) -> str:
         """Return the name of a translated kernel that is called from outside."""

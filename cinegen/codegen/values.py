@@ -53,14 +53,14 @@ class Known:
 
     def number(self, index: Number, is_joint: bool) -> Number | None:
         """Return a number of a list if it is a constant, or the index and a constant."""
-        one = self.at(index, is_joint)
-        if one is not None:
-            return None if one.numbers.ndim else constant_of(one.numbers.item())
+        known = self.at(index, is_joint)
+        if known is not None:
+            return None if known.numbers.ndim else constant_of(known.numbers.item())
         rows = self.numbers[1:] if is_joint else self.numbers
         if rows.dtype.kind != "i" or len(rows) == 0 or (np.diff(rows) != 1).any():
             return None
-        found = sum_of(index, integer(int(rows[0]) - is_joint))
-        return Number(found.kind, found.code, found.rank, least=float(rows[0]))
+        shifted = sum_of(index, integer(int(rows[0]) - is_joint))
+        return Number(shifted.kind, shifted.code, shifted.rank, least=float(rows[0]))
 
     def least(self, is_joint: bool) -> float | None:
         """Return the least of them."""
@@ -146,10 +146,10 @@ def product_of(a: Number, b: Number) -> Number:
     """Return a product of integers, constants multiplied."""
     if a.value is not None and b.value is not None:
         return integer(int(a.value * b.value))
-    for one, other in ((a, b), (b, a)):
-        if one.value == 0:
+    for factor, other in ((a, b), (b, a)):
+        if factor.value == 0:
             return integer(0)
-        if one.value == 1:
+        if factor.value == 1:
             return other
     return Number("int", f"{a.at(PRODUCT)} * {b.at(PRODUCT + 1)}", PRODUCT)
 

@@ -109,8 +109,8 @@ class Body:
         points, radius = rounded_hull(self.shape)
         if len(points) < 4:
             return 2.0 * radius
-        found = hull(points) if self.mesh is None else self.mesh.hull
-        return 2.0 * radius + 0.5 * float(np.ptp(found.corners @ found.normals.T, axis=0).min())
+        polyhedron = hull(points) if self.mesh is None else self.mesh.hull
+        return 2.0 * radius + 0.5 * float(np.ptp(polyhedron.corners @ polyhedron.normals.T, axis=0).min())
 
 
 def geometry_model(

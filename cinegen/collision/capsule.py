@@ -64,19 +64,19 @@ def bounding_capsule(points: Array) -> BoundingCapsule:
     outer = (points[_outermost(points)] - origin) / size
     principal = np.linalg.eigh(outer.T @ outer)[1].T
     frames = (*((axis, perpendicular(axis)) for axis in principal), *_half_sphere(_DIRECTIONS))
-    best, frame = min(frames, key=lambda one: _fitted(outer, one[0], _centre(outer, one[1]), 0.0).volume)
+    best, frame = min(frames, key=lambda pair: _fitted(outer, pair[0], _centre(outer, pair[1]), 0.0).volume)
     centre = _centre(outer, frame) @ frame
 
     def capsule(x: Array, points: Array) -> BoundingCapsule:
         axis = best + frame @ x[:2]
         return _fitted(points, axis / np.linalg.norm(axis), frame @ (centre + x[2:4]), abs(float(x[4])))
 
-    found = np.zeros(5)
+    solution = np.zeros(5)
     for step in _STEPS:  # a new simplex continues where the previous one stagnated
-        start = found + np.vstack([np.zeros(5), step * np.diag([1.0, 1.0, 0.2, 0.2, 0.5])])
+        start = solution + np.vstack([np.zeros(5), step * np.diag([1.0, 1.0, 0.2, 0.2, 0.5])])
         options = {"initial_simplex": start, "xatol": 1e-5, "fatol": 1e-7}
-        found = minimize(lambda x: capsule(x, outer).volume, found, method="Nelder-Mead", options=options).x
-    fitted = capsule(found, (points - origin) / size)  # around all points
+        solution = minimize(lambda x: capsule(x, outer).volume, solution, method="Nelder-Mead", options=options).x
+    fitted = capsule(solution, (points - origin) / size)  # around all points
     middle, half = origin + size * fitted.middle, size * fitted.length / 2.0
     # the radius is measured again after rounding
     height = np.clip((points - middle) @ fitted.axis, -half, half)

@@ -110,8 +110,8 @@ class Clearance(OneThread):
         model = self._model = mechanism.model
         self._data = kinematic_data(model)
         self._geometry = geometry_model(mechanism, links, pieces, pairs)
-        found = [(pair.first, pair.second) for pair in self._geometry.collisionPairs]
-        self.pairs = np.array(found, dtype=np.int64).reshape(-1, 2)
+        checked = [(pair.first, pair.second) for pair in self._geometry.collisionPairs]
+        self.pairs = np.array(checked, dtype=np.int64).reshape(-1, 2)
         self.groups = _groups(self.pairs, self.links, self.obstacles)
         self.results = DistanceResults(self._geometry.createData())
         self._exact = ExactDistances(self.bodies, self.pairs)
@@ -120,11 +120,11 @@ class Clearance(OneThread):
         self._within = np.maximum(self.exact_within - self._offsets, 0.0)
         self._kinematics = JointKinematics(self._data)
         ends, radii = _capsule_ends(self.bodies)
-        most = len(found) + 2 * int((radii[self.pairs] >= 0.0).sum())  # rows, if all pairs are near
+        most = len(checked) + 2 * int((radii[self.pairs] >= 0.0).sum())  # rows, if all pairs are near
         hulls = [_hull(body) for body in self.bodies]
         last = np.cumsum([0, *(len(corners) for corners, _ in hulls)])
         memory = self.memory = ClearanceMemory(
-            nv=model.nv, columns=model.nv + 1, joints=model.njoints, bodies=len(self.bodies), pairs=len(found),
+            nv=model.nv, columns=model.nv + 1, joints=model.njoints, bodies=len(self.bodies), pairs=len(checked),
             corners=int(last[-1]), most=most,
         )  # fmt: skip
         memory.corner[:] = np.vstack([np.zeros((0, 3)), *(corners for corners, _ in hulls)])
@@ -150,7 +150,7 @@ class Clearance(OneThread):
     @in_one_thread
     def move(self, obstacle: int, placement: pin.SE3) -> None:
         """Move an obstacle, by its index, to another pose in the world."""
-        first = len(self.links) + sum(len(one.pieces) for one in self.obstacles[:obstacle])
+        first = len(self.links) + sum(len(before.pieces) for before in self.obstacles[:obstacle])
         for i, piece in enumerate(self.obstacles[obstacle].pieces, first):
             moved = replace(piece, placement=placement * piece.placement)
             self._geometry.geometryObjects[i].placement = moved.placement
@@ -262,14 +262,14 @@ class Clearance(OneThread):
         """
         if not len(pairs):
             return pairs
-        found = []
+        uncertain = []
         for pair in self._undecided(q, motion, safety, pairs, straight):
             distance, is_kept = self._measure(pair)
             if distance < self.memory.needed[pair]:
                 return None
             if not is_kept:
-                found.append(pair)
-        return np.array(found, dtype=np.int64)
+                uncertain.append(pair)
+        return np.array(uncertain, dtype=np.int64)
 
     @in_one_thread
     def nearer(self, q: Array, distance: float) -> Integers:
@@ -277,7 +277,7 @@ class Clearance(OneThread):
         if not len(self.pairs):
             return self.every_pair
         left = self._undecided(q, self._still, distance, self.every_pair)
-        return np.array([one for one in left if self._measure(one)[0] < self.memory.needed[one]], dtype=np.int64)
+        return np.array([pair for pair in left if self._measure(pair)[0] < self.memory.needed[pair]], dtype=np.int64)
 
     def _undecided(
         self, q: Array, motion: Array, safety: float, pairs: Integers, straight: Array | None = None
@@ -346,10 +346,10 @@ def _groups(pairs: Integers, links: Sequence[Body], obstacles: Sequence[Obstacle
     """Return `Clearance.groups`."""
     joints = np.array([link.joint for link in links], dtype=np.int64)
     owner = np.array([i for i, obstacle in enumerate(obstacles) for _ in obstacle.pieces], dtype=np.int64)
-    own, found = pairs[:, 1] < len(links), np.zeros(len(pairs), dtype=np.int64)
-    found[~own] = owner[pairs[~own, 1] - len(links)]
-    found[own] = len(obstacles) + np.unique(joints[pairs[own]], axis=0, return_inverse=True)[1].ravel()
-    return found
+    of_links, groups = pairs[:, 1] < len(links), np.zeros(len(pairs), dtype=np.int64)
+    groups[~of_links] = owner[pairs[~of_links, 1] - len(links)]
+    groups[of_links] = len(obstacles) + np.unique(joints[pairs[of_links]], axis=0, return_inverse=True)[1].ravel()
+    return groups
 
 
 def _capsule_ends(bodies: Sequence[Body]) -> tuple[Array, Array]:

@@ -52,11 +52,11 @@ class Hull:
 
 def hull(points: Array) -> Hull:
     """Return the convex hull of points (n, 3), m. Points on a plane or a line are given a small thickness."""
-    found = ConvexHull(_thick(points) if is_flat(points) else points)
-    corners = found.points[found.vertices]
-    normals = found.equations[:, :3]
-    offsets = np.einsum("fkj,fj->fk", found.points[found.simplices], normals).max(axis=1)  # the others are behind
-    return Hull(corners, normals, offsets, float(found.volume))
+    qhull = ConvexHull(_thick(points) if is_flat(points) else points)
+    corners = qhull.points[qhull.vertices]
+    normals = qhull.equations[:, :3]
+    offsets = np.einsum("fkj,fj->fk", qhull.points[qhull.simplices], normals).max(axis=1)  # the others are behind
+    return Hull(corners, normals, offsets, float(qhull.volume))
 
 
 def prism(corners: Array, height: float) -> Hull:

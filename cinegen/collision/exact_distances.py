@@ -86,10 +86,10 @@ class ExactDistances:
             if body not in placed:
                 placed[body] = poses[self._joints[body]] * self._placements[body]
         first, second = (placed[body] for body in self._pairs[pair])
-        found = coal.DistanceResult()
-        found.min_distance = up_to  # coal skips what is further apart
-        self._measure[pair](_transform(first), _transform(second), self._request, found)
-        distance = float(found.min_distance)
+        result = coal.DistanceResult()
+        result.min_distance = up_to  # coal skips what is further apart
+        self._measure[pair](_transform(first), _transform(second), self._request, result)
+        distance = float(result.min_distance)
         is_mesh = not self._meshes.keys().isdisjoint(self._pairs[pair])
         if is_mesh and (distance <= 0.0 or self._is_inside(pair, -row[DISTANCE], placed)):
             row[DISTANCE] = min(row[DISTANCE], 0.0)  # above 0 by rounding only
@@ -97,13 +97,13 @@ class ExactDistances:
         if distance >= up_to:
             row[DISTANCE] = up_to
             return
-        one, other = found.getNearestPoint1(), found.getNearestPoint2()
+        point, other = result.getNearestPoint1(), result.getNearestPoint2()
         row[DISTANCE] = distance
         if distance > _TOUCHING:
-            row[NORMAL : NORMAL + 3] = (other - one) / distance  # coal leaves out that of two meshes
+            row[NORMAL : NORMAL + 3] = (other - point) / distance  # coal leaves out that of two meshes
         elif not is_mesh:
-            row[NORMAL : NORMAL + 3] = found.normal
-        row[FIRST_POINT : FIRST_POINT + 3], row[SECOND_POINT : SECOND_POINT + 3] = one, other
+            row[NORMAL : NORMAL + 3] = result.normal
+        row[FIRST_POINT : FIRST_POINT + 3], row[SECOND_POINT : SECOND_POINT + 3] = point, other
 
     def _is_inside(self, pair: int, overlap: float, placed: dict[int, pin.SE3]) -> bool:
         """Return whether one body of a pair is inside of the other, whose convex bodies overlap by a depth, m."""

@@ -44,8 +44,8 @@ def link_bodies(mechanism: Mechanism) -> tuple[Body, ...]:
     drawn = sorted(
         mechanism.collision.geometryObjects, key=lambda shape: rank.get(frames[shape.parentFrame].name, len(rank))
     )
-    found = [_body(frames[one.parentFrame].name, one.parentJoint, one.geometry, one.placement) for one in drawn]
-    return tuple(_outermost([_with_round_ends(body, found) for body in found]))
+    bodies = [_body(frames[part.parentFrame].name, part.parentJoint, part.geometry, part.placement) for part in drawn]
+    return tuple(_outermost([_with_round_ends(body, bodies) for body in bodies]))
 
 
 def _body(name: str, joint: int, drawn: coal.CollisionGeometry, placement: pin.SE3) -> Body:
@@ -73,7 +73,7 @@ def _with_round_ends(body: Body, others: Sequence[Body]) -> Body:
         return body
     balls = [PlacedShape(placement * pin.SE3(np.eye(3), end), coal.Sphere(shape.radius)) for end in ends]
     others = [other for other in others if other.joint == body.joint and other.exact is None]
-    return replace(body, exact=None) if all(any(is_inside(ball, one) for one in others) for ball in balls) else body
+    return replace(body, exact=None) if all(any(is_inside(ball, other) for other in others) for ball in balls) else body
 
 
 def _outermost(bodies: Sequence[Body]) -> Iterator[Body]:

@@ -59,8 +59,8 @@ class MeshCheck:
     def __init__(self, scene: Scene) -> None:
         mechanism = self._mechanism = scene.mechanism
         if scene.bodies is None:
-            own = mechanism.structure.derived(mesh_pairs)
-            bodies, pairs, self.unchecked = own.bodies, own.pairs, tuple(own.unchecked)
+            meshes = mechanism.structure.derived(mesh_pairs)
+            bodies, pairs, self.unchecked = meshes.bodies, meshes.pairs, tuple(meshes.unchecked)
         else:
             bodies, pairs, self.unchecked = scene.bodies, (), ()
         obstacles = [body.as_described for obstacle in scene.obstacles for body in obstacle.bodies]
@@ -74,9 +74,9 @@ class MeshCheck:
         self._model, self._data = mechanism.model, kinematic_data(mechanism.model)
         self._geometry = geometry_model(mechanism, self._links, obstacles, checked)
         self._shapes = self._geometry.createData()
-        found = [(pair.first, pair.second) for pair in self._geometry.collisionPairs]
-        self._pairs = np.array(found, dtype=np.int64).reshape(-1, 2)
-        self._measure = [coal.ComputeCollision(*(self._bodies[i].shape for i in pair)) for pair in found]
+        index_pairs = [(pair.first, pair.second) for pair in self._geometry.collisionPairs]
+        self._pairs = np.array(index_pairs, dtype=np.int64).reshape(-1, 2)
+        self._measure = [coal.ComputeCollision(*(self._bodies[i].shape for i in pair)) for pair in index_pairs]
         self._joints = np.array([body.joint for body in self._bodies], dtype=np.int64)
         self._centres = np.array([body.centre for body in self._bodies]).reshape(-1, 3)
         self._radii = np.array([body.radius for body in self._bodies])
@@ -166,8 +166,8 @@ class MeshCheck:
         turning, sliding = np.zeros(model.njoints), np.zeros(model.njoints)
         for j, joint in enumerate(model.joints):
             if j and velocity[joint.idx_v : joint.idx_v + joint.nv].any():
-                own, count = velocity[joint.idx_v : joint.idx_v + joint.nv], translations(joint)
-                sliding[j], turning[j] = own[:count].sum(), own[count:].sum()
+                speeds, count = velocity[joint.idx_v : joint.idx_v + joint.nv], translations(joint)
+                sliding[j], turning[j] = speeds[:count].sum(), speeds[count:].sum()
                 if joint.nv > 1:  # a free joint need not go straight
                     between[j] += sliding[j]
         moves = np.zeros((len(self._bodies), model.njoints))
@@ -197,7 +197,7 @@ class MeshCheck:
     @staticmethod
     def _relative(poses: list[pin.SE3], moving: Integers, seen_from: Integers) -> tuple[Array, Array]:
         """Return rotations (n, 3, 3) and positions (n, 3, 1) of bodies relative to others."""
-        rotations, points = np.array([one.rotation for one in poses]), np.array([one.translation for one in poses])
+        rotations, points = np.array([pose.rotation for pose in poses]), np.array([pose.translation for pose in poses])
         back = rotations[seen_from].transpose(0, 2, 1)
         return back @ rotations[moving], back @ (points[moving] - points[seen_from])[:, :, None]
 

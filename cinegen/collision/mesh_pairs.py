@@ -79,8 +79,8 @@ def mesh_pairs(mechanism: Mechanism) -> MeshPairs:
     """
     frames = mechanism.model.frames
     bodies = tuple(
-        Body(frames[one.parentFrame].name, one.parentJoint, one.placement, one.geometry)
-        for one in mechanism.collision.geometryObjects
+        Body(frames[shape.parentFrame].name, shape.parentJoint, shape.placement, shape.geometry)
+        for shape in mechanism.collision.geometryObjects
     )
     adjacent = adjacent_links(mechanism, {body.name for body in bodies})
     names = [frozenset((bodies[i].name, bodies[k].name)) for i, k in combinations(range(len(bodies)), 2)]
@@ -130,9 +130,9 @@ def adjacent_links(mechanism: Mechanism, shaped: set[str]) -> set[frozenset[str]
     is_drawn = not has_collision_shapes(tree)
     ends: dict[str, list[tuple[str, _Connection, pin.SE3, pin.SE3]]] = {}
 
-    def connect(one: str, other: str, kind: _Connection, here: pin.SE3, there: pin.SE3) -> None:
-        ends.setdefault(one, []).append((other, kind, here, there))
-        ends.setdefault(other, []).append((one, kind, there, here))
+    def connect(first: str, second: str, kind: _Connection, on_first: pin.SE3, on_second: pin.SE3) -> None:
+        ends.setdefault(first, []).append((second, kind, on_first, on_second))
+        ends.setdefault(second, []).append((first, kind, on_second, on_first))
 
     for joint in tree.iterchildren("joint"):
         parent, child, origin = (joint.find(tag) for tag in ("parent", "child", "origin"))
@@ -149,27 +149,27 @@ def adjacent_links(mechanism: Mechanism, shaped: set[str]) -> set[frozenset[str]
     def near(point: Array, other: Array) -> bool:
         return bool(np.linalg.norm(point - other) <= _SAME * mechanism.length)
 
-    found = set()
+    adjacent = set()
     for link in shaped:
         visited, left = {link}, list[tuple[str, Array | None, bool, bool]]([(link, None, False, False)])
         while left:  # point: about which the last joint turns; is_part: of one link; is_behind: a fixed one
             at, point, is_part, is_behind = left.pop()
-            for other, kind, here, there in ends.get(at, ()):
+            for other, kind, on_link, on_other in ends.get(at, ()):
                 is_moving = kind in (_Connection.TURNING, _Connection.SLIDING)
-                meets = kind is _Connection.TURNING and point is not None and near(point, here.translation)
+                meets = kind is _Connection.TURNING and point is not None and near(point, on_link.translation)
                 if other in visited or (is_moving and ((is_behind and not is_part) or not (point is None or meets))):
                     continue
                 visited.add(other)
                 if is_moving:
-                    after = there.translation if kind is _Connection.TURNING else _FAR
+                    after = on_other.translation if kind is _Connection.TURNING else _FAR
                 else:
-                    after = None if point is None else there.act(here.actInv(point))
+                    after = None if point is None else on_other.act(on_link.actInv(point))
                 part = after is None and (is_part or kind is _Connection.RIGID)
                 if other in shaped and (after is not None or part):
-                    found.add(frozenset((link, other)))
+                    adjacent.add(frozenset((link, other)))
                 if after is None or other not in shaped or is_drawn:
                     left.append((other, after, part, is_behind or (after is None and other in shaped)))
-    return found
+    return adjacent
 
 
 def _touching(
@@ -219,5 +219,5 @@ def _samples(mechanism: Mechanism) -> list[Array]:
     model.upperPositionLimit = np.minimum(model.upperPositionLimit, far)
     rng = np.random.default_rng(11)
     low, high = model.lowerPositionLimit, np.maximum(model.upperPositionLimit, model.lowerPositionLimit)
-    found = rng.uniform(low, high, (_SAMPLES, model.nq))
-    return [pin.normalize(model, q) for q in found]
+    samples = rng.uniform(low, high, (_SAMPLES, model.nq))
+    return [pin.normalize(model, q) for q in samples]

@@ -97,8 +97,8 @@ def _disc(table: SceneTable, folder: Path) -> list[PlacedShape]:
 
 def _polygon(table: SceneTable, folder: Path) -> list[PlacedShape]:
     """Simple polygon in the plane, convex or not: `points`. In space it is an upright prism of `height`."""
-    given, height = read_each(lambda: table.points("points", 2), lambda: table.size("height", HEIGHT))
-    points = np.array(given).reshape(-1, 2)
+    outline, height = read_each(lambda: table.points("points", 2), lambda: table.size("height", HEIGHT))
+    points = np.array(outline).reshape(-1, 2)
     if len(points) > 1 and (points[0] == points[-1]).all():  # the first point may be repeated at the end
         points = points[:-1]
     why = polygon_error(points)
@@ -137,12 +137,12 @@ def _points(table: SceneTable, folder: Path) -> list[Piece]:
     (0.02 m), that contains a point is solid: distances are never overestimated, and underestimated by a diagonal of
     the cube at most."""
     key = "points" if "points" in table else "file"
-    size, scale, given = read_each(
+    size, scale, cloud = read_each(
         lambda: table.size("voxel", VOXEL),
         lambda: table.size("scale", 1.0),
         lambda: table.array(key, 3) if key == "points" else _read_points(table, table.file(key, folder)),
     )
-    points = scale * given
+    points = scale * cloud
     bad = int((~np.isfinite(points)).any(axis=1).sum())
     if bad:
         raise table.error(key, f"has {bad} points that are not finite: remove them")

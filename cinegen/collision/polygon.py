@@ -52,8 +52,8 @@ def _first_intersection(start: Array, end: Array) -> tuple[int, int] | None:
     following = (i + 1) % count
     back = (np.abs(_cross(side, side[following])) <= slack[:, 0]) & ((side * side[following]).sum(axis=1) < 0.0)
     meet[i, following] = meet[following, i] = back  # neighbours share a corner, and must not run back
-    found = np.argwhere(np.triu(meet))
-    return None if len(found) == 0 else (int(found[0][0]), int(found[0][1]))
+    pairs = np.argwhere(np.triu(meet))
+    return None if len(pairs) == 0 else (int(pairs[0][0]), int(pairs[0][1]))
 
 
 def convex_pieces(points: Array) -> list[Array]:
@@ -75,10 +75,10 @@ def _merged(pieces: list[_Piece], plane: Array) -> list[_Piece]:
     """Return the pieces without the cuts between two that are convex together."""
     owner = {side: piece for piece in pieces for side in _sides(piece)}
     for i, j in [(i, j) for i, j in owner if i < j and (j, i) in owner]:
-        one, other = owner[i, j], owner[j, i]
-        # around one from j to i, then around the other back to j
-        at, there = one.index(j), other.index(i)
-        joined = one[at:] + one[:at] + (other[there:] + other[:there])[1:-1]
+        first, second = owner[i, j], owner[j, i]
+        # around the first from j to i, then around the second back to j
+        at, back = first.index(j), second.index(i)
+        joined = first[at:] + first[:at] + (second[back:] + second[:back])[1:-1]
         if (_corner_crosses(joined, plane) >= -_STRAIGHT).all():
             for side in _sides(joined):
                 owner[side] = joined

@@ -37,15 +37,15 @@ def collision_report(mechanism: Mechanism) -> dict[str, Any]:
     pairs = []
     for pair, reason in links.reasons.items():
         names = [links.bodies[i].name for i in pair]
-        found: dict[str, Any] = {"links": names, "reason": reason.value}
+        entry: dict[str, Any] = {"links": names, "reason": reason.value}
         if srdf is not None and reason is PairReason.SRDF:
-            found["reason"] = f"disabled by {srdf['file']}: {disabled[frozenset(names)] or 'no reason given'}"
+            entry["reason"] = f"disabled by {srdf['file']}: {disabled[frozenset(names)] or 'no reason given'}"
         if reason is PairReason.CHECKED and (depth := depths[checked.index(pair)]) >= 0.0:
             bodies = [links.bodies[i].as_described for i in pair]
             poses = [clearance.joint_pose(body.joint) * body.placement for body in bodies]
-            found["depth_at_home"] = depth
-            found["depth_at_home_at_least"] = min(depth_at_least(bodies, poses, depth), depth)
-        pairs.append(found)
+            entry["depth_at_home"] = depth
+            entry["depth_at_home_at_least"] = min(depth_at_least(bodies, poses, depth), depth)
+        pairs.append(entry)
     shapes = [
         {
             "link": body.name,
@@ -80,9 +80,9 @@ def _distances(points: Array, shape: coal.CollisionGeometry, placement: pin.SE3)
     negative."""
     point = coal.Sphere(0.0)  # coal only refers to it
     measure, request = coal.ComputeDistance(point, shape), coal.DistanceRequest()
-    there = coal.Transform3s(placement.rotation, placement.translation)
-    places = (coal.Transform3s(np.eye(3), one) for one in points)
-    return np.array([measure(place, there, request, coal.DistanceResult()) for place in places])
+    pose = coal.Transform3s(placement.rotation, placement.translation)
+    places = (coal.Transform3s(np.eye(3), position) for position in points)
+    return np.array([measure(place, pose, request, coal.DistanceResult()) for place in places])
 
 
 def _quartered(triangles: Array) -> Array:
@@ -107,13 +107,13 @@ def depth_at_least(bodies: list[Body], poses: list[pin.SE3], depth: float) -> fl
     """
     if all(body.mesh is None for body in bodies):
         return depth
-    found = 0.0
+    deepest = 0.0
     for inner, outer in ((0, 1), (1, 0)):
         if kind_of(bodies[inner].shape).is_polyhedron:
             move = poses[outer].actInv(poses[inner])
             corners = np.unique(rounded_hull(bodies[inner].shape)[0], axis=0) @ move.rotation.T + move.translation
-            found = max(found, _deepest(corners, bodies[outer]))
-    return found
+            deepest = max(deepest, _deepest(corners, bodies[outer]))
+    return deepest
 
 
 def _deepest(points: Array, body: Body) -> float:

@@ -119,8 +119,8 @@ class Scene:
             ("property", "value"),
             [
                 ("robot", self.mechanism.name if self.mobile is None else f"mobile robot, radius {self.mobile:g} m"),
-                ("obstacles", ", ".join(one.name for one in self.obstacles) or "none"),
-                *([("attached", ", ".join(one.name for one in self.attached))] if self.attached else []),
+                ("obstacles", ", ".join(obstacle.name for obstacle in self.obstacles) or "none"),
+                *([("attached", ", ".join(attached.name for attached in self.attached))] if self.attached else []),
                 ("goal", goal),
                 ("safety distance", f"{self.safety:g} m"),
                 ("self-clearance", f"{self.self_clearance:g} m"),
@@ -152,13 +152,13 @@ class Scene:
             pairs: pairs of these, as of `checked_pairs`.
         """
         touches = {
-            one.name: frozenset(
-                body.name for each in self.obstacles if each.name in one.touches for body in each.pieces
+            load.name: frozenset(
+                body.name for each in self.obstacles if each.name in load.touches for body in each.pieces
             )
-            for one in self.attached
+            for load in self.attached
         }
         held = [
-            replace(body, touches=touches[one.name]) for one in self.attached for body in one.bodies(self.mechanism)
+            replace(body, touches=touches[load.name]) for load in self.attached for body in load.bodies(self.mechanism)
         ]
         return (*links, *held), [*pairs, *attached_pairs(self.attached, self.mechanism, links)]
 
@@ -171,44 +171,44 @@ class Scene:
     def metric(self) -> Array:
         """(nv,) motion of each joint that has length 1 in the planner's metric, rad and m: the mechanism's `scale`,
         divided by `weights`."""
-        found = self.mechanism.scale.copy()
+        metric = self.mechanism.scale.copy()
         for name, weight in self.weights.items():
-            found[self.mechanism.v_index(name)] /= weight
-        return found
+            metric[self.mechanism.v_index(name)] /= weight
+        return metric
 
     # --- as keys and values --------------------------------------------------------------------------------------
 
     def document(self) -> dict[str, Any]:
         """Return the keys and values that `scene_of` reads as this scene, from the same folder; JSON and TOML can hold
         them; m and rad."""
-        found: dict[str, Any] = {"name": self.name, "angles": "rad"}
+        document: dict[str, Any] = {"name": self.name, "angles": "rad"}
         if self.mobile is not None:
-            found["mobile"] = {"radius": self.mobile}
+            document["mobile"] = {"radius": self.mobile}
         elif self.robot is not None:
-            found["robot"] = deepcopy(self.robot)
-        found |= {"node": self.node, "safety": self.safety, "self_clearance": self.self_clearance}
+            document["robot"] = deepcopy(self.robot)
+        document |= {"node": self.node, "safety": self.safety, "self_clearance": self.self_clearance}
         if self.influence is not None:
-            found["influence"] = self.influence
+            document["influence"] = self.influence
         if self.up is not None:
-            found["up"] = self.up.tolist()
+            document["up"] = self.up.tolist()
         if self.allowed_collisions:
-            found["allowed_collisions"] = [list(pair) for pair in self.allowed_collisions]
+            document["allowed_collisions"] = [list(pair) for pair in self.allowed_collisions]
         if self.locked != unmoving_joints(self.mechanism, self.node, self.goal_joints):
-            found["locked"] = list(self.locked)
+            document["locked"] = list(self.locked)
         if self.weights:
-            found["weights"] = dict(self.weights)
+            document["weights"] = dict(self.weights)
         if self.attached:
-            found["attached"] = [one.document() for one in self.attached]
+            document["attached"] = [attached.document() for attached in self.attached]
         if self.path_constraints:
             constraints = self.path_constraints
-            found["path"] = {"upright": True} if constraints.upright else {}
+            document["path"] = {"upright": True} if constraints.upright else {}
             for key, direction in (("line", constraints.line), ("plane", constraints.plane)):
                 if direction is not None:
-                    found["path"][key] = direction.tolist()
-        found["start"] = self._start_keys()
-        found["goal"] = self._goal_keys()
-        found["obstacle"] = [obstacle.document() for obstacle in self.obstacles]
-        return found
+                    document["path"][key] = direction.tolist()
+        document["start"] = self._start_keys()
+        document["goal"] = self._goal_keys()
+        document["obstacle"] = [obstacle.document() for obstacle in self.obstacles]
+        return document
 
     def _start_keys(self) -> dict[str, Any]:
         if self.mobile is not None:
@@ -220,16 +220,16 @@ class Scene:
         if self.goal_configuration is not None:
             values = self.mechanism.values(self.goal_configuration)
             return {"joints": {name: values[name] for name in self.goal_joints}}
-        found: dict[str, Any] = {"point": self.goal.translation[: self.translation].tolist()}
+        keys: dict[str, Any] = {"point": self.goal.translation[: self.translation].tolist()}
         if self.rotation == 3:
-            found["rpy"] = pin.rpy.matrixToRpy(self.goal.rotation).tolist()
+            keys["rpy"] = pin.rpy.matrixToRpy(self.goal.rotation).tolist()
         elif self.rotation == 1:
-            found["angle"] = heading(self.goal)
+            keys["angle"] = heading(self.goal)
         if self.tolerance is not None:
-            found["tolerance"] = self.tolerance.tolist()
+            keys["tolerance"] = self.tolerance.tolist()
         if self.cone is not None:
-            found["cone"] = self.cone
-        return found
+            keys["cone"] = self.cone
+        return keys
 
 
 def unmoving_joints(mechanism: Mechanism, node: str, goal: Sequence[str]) -> tuple[str, ...]:

@@ -98,7 +98,7 @@ def _scene(
     name: str,
     path: Path | None,
     folder: Path,
-    given: Mechanism | None,
+    robot: Mechanism | None,
     settings: LoadArguments = MappingProxyType({}),
 ) -> Scene:
     table.know("node", "robot", "mobile", "allowed_collisions", "locked", "path", "weights", "attached")
@@ -111,18 +111,18 @@ def _scene(
         "start": lambda: table.table("start") if "start" in table else SceneTable({}, f"{table.where}: start"),
         "goal": lambda: _goal_table(table),
         "rest": table.finish,
-        "robot": lambda: read_robot(table, folder, given, settings),
+        "robot": lambda: read_robot(table, folder, robot, settings),
         "of robot": lambda: _read_of_robot(table, folder, values) if "robot" in values else None,
     }
     read_all(reads, SceneError, values)
-    safety, own, influence = values["distances"]
+    safety, clearance, influence = values["distances"]
     mechanism, written, radius = values["robot"]
     goal, translation, rotation = values["aim"].pose
     return Scene(
         values["name"], path, folder, mechanism, written, radius, values["obstacles"], values["start q"],
         values["node"], goal, translation, rotation, safety, influence, values["up"], values["allowed"],
         values["aim"].joints, values["aim"].q, values["locked"], values["aim"].tolerance, values["aim"].cone,
-        values["path"], own, values["attached"], values["weights"],
+        values["path"], clearance, values["attached"], values["weights"],
     )  # fmt: skip
 
 
@@ -149,13 +149,13 @@ def _distances(table: SceneTable) -> tuple[float, float, float | None]:
     safety = table.number("safety") if "safety" in table else SAFETY
     if safety < 0.0:
         raise table.error("safety", f"must not be below 0, not {safety:g}")
-    own = table.number("self_clearance") if "self_clearance" in table else min(SELF_CLEARANCE, safety)
-    if not 0.0 <= own <= safety:
-        raise table.error("self_clearance", f"must be from 0 to the safety distance, {safety:g} m, not {own:g}")
+    clearance = table.number("self_clearance") if "self_clearance" in table else min(SELF_CLEARANCE, safety)
+    if not 0.0 <= clearance <= safety:
+        raise table.error("self_clearance", f"must be from 0 to the safety distance, {safety:g} m, not {clearance:g}")
     influence = table.size("influence") if "influence" in table else None
     if influence is not None and influence <= safety:
         raise table.error("influence", f"must be above the safety distance, {safety:g} m, not {influence:g}")
-    return safety, own, influence
+    return safety, clearance, influence
 
 
 def _goal_table(table: SceneTable) -> SceneTable:
@@ -298,8 +298,8 @@ def _json(text: str, path: Path) -> Any:
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    table = dict(pairs)
+    if len(table) < len(pairs):
         keys = [key for key, _ in pairs]
         raise ValueError(f"key '{next(key for key in keys if keys.count(key) > 1)}' occurs twice in a table")
-    return found
+    return table

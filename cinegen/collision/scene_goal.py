@@ -158,10 +158,10 @@ def read_goal_pose(table: SceneTable, robot: Mechanism | None, node: pin.SE3) ->
     """
 
     def point() -> Array:
-        given = table.vector("point", 2, 3)
+        coordinates = table.vector("point", 2, 3)
         if robot is not None:
-            check_length(table, robot, "point", given.tolist())
-        return given
+            check_length(table, robot, "point", coordinates.tolist())
+        return coordinates
 
     def rotation() -> tuple[Array, int]:
         turned, count = table.orientation(), 3 if "rpy" in table else int("angle" in table)
@@ -171,8 +171,8 @@ def read_goal_pose(table: SceneTable, robot: Mechanism | None, node: pin.SE3) ->
             raise table.error("angle", "is undefined: the node's x axis is vertical at the start; write rpy")
         return about_z(table.number("angle", ANGLE) - heading(node)) @ node.rotation, 1
 
-    given, (turned, count) = read_each(point, rotation)
-    return pin.SE3(turned, np.array([*given, node.translation[2]])[:3]), len(given), count
+    position, (turned, count) = read_each(point, rotation)
+    return pin.SE3(turned, np.array([*position, node.translation[2]])[:3]), len(position), count
 
 
 def _region(table: SceneTable) -> tuple[Array | None, float | None]:

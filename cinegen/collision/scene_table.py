@@ -126,10 +126,10 @@ class SceneTable:
         try:
             path = folder / Path(text).expanduser()
             note(path)
-            found = path.is_file()
+            exists = path.is_file()
         except (OSError, RuntimeError, ValueError) as error:  # the name is too long, or the user unknown
             raise self.error(key, f"{_shown(text)} can't be read: {error}") from None
-        if not found:
+        if not exists:
             raise self.error(key, f"'{path}' does not exist{similar_file(path)}")
         return path
 
@@ -145,58 +145,58 @@ class SceneTable:
 
     def sizes(self, key: str, *lengths: int) -> Array:
         """Return a vector of lengths above 0, m."""
-        found = self.vector(key, *lengths)
-        for value in found:
+        sizes = self.vector(key, *lengths)
+        for value in sizes:
             self._size(key, value)
-        return found
+        return sizes
 
     def direction(self, key: str, *lengths: int) -> Array:
         """Return a unit vector (3,); z is 0 if two numbers are given."""
-        given = self.vector(key, *lengths, dimension=NUMBER)
-        found = np.pad(given, (0, 3 - len(given)))
-        length = float(np.linalg.norm(found))
+        numbers = self.vector(key, *lengths, dimension=NUMBER)
+        vector = np.pad(numbers, (0, 3 - len(numbers)))
+        length = float(np.linalg.norm(vector))
         if length < LEAST:
-            raise self.error(key, f"must be a direction: {given.tolist()} has length 0")
-        return found / length
+            raise self.error(key, f"must be a direction: {numbers.tolist()} has length 0")
+        return vector / length
 
     def points(self, key: str, *lengths: int) -> list[Array]:
         """Return a list of points, each of one of these lengths, m."""
         value = self._value(key)
         if not _is_list(value):
             raise self.error(key, f"must be a list of points, not {_shown(value)}")
-        found = [self._numbers(f"{key}: point {i}", point, lengths) for i, point in enumerate(value, 1)]
-        return [np.array(point) for point in self._keep(key, found)]
+        points = [self._numbers(f"{key}: point {i}", point, lengths) for i, point in enumerate(value, 1)]
+        return [np.array(point) for point in self._keep(key, points)]
 
     def rows(self, key: str, dimensions: Sequence[Dimension]) -> Array:
         """Return rows (n, columns) of numbers, each column of a dimension, m and rad."""
         value = self._value(key)
         if not _is_list(value) or not all(_is_list(row) and len(row) == len(dimensions) for row in value):
             raise self.error(key, f"must be a list of rows of {len(dimensions)} numbers, not {_shown(value)}")
-        found = [
+        rows = [
             [self._number(f"{key}: row {i}", x, of) for x, of in zip(row, dimensions, strict=True)]
             for i, row in enumerate(value, 1)
         ]
-        return np.array(self._keep(key, found)).reshape(-1, len(dimensions))
+        return np.array(self._keep(key, rows)).reshape(-1, len(dimensions))
 
     def array(self, key: str, columns: int) -> Array:
         """Return rows of numbers (n, columns), which may be many and not finite, m."""
         value = self._value(key)
         try:
-            found = np.asarray(value, dtype=float)
+            array = np.asarray(value, dtype=float)
         except (TypeError, ValueError):
-            found = np.zeros(0)
-        if found.ndim != 2 or found.shape[1] != columns:
+            array = np.zeros(0)
+        if array.ndim != 2 or array.shape[1] != columns:
             raise self.error(key, f"must be a list of rows of {columns} numbers, not {_shown(value)}")
-        self._keep(key, found.tolist())
-        return found
+        self._keep(key, array.tolist())
+        return array
 
     def names(self, key: str) -> list[str]:
         """Return a list of names; a single one may be a string."""
         value = self._value(key)
-        found = [value] if isinstance(value, str) else value
-        if not _is_list(found) or not all(isinstance(name, str) for name in found):
+        names = [value] if isinstance(value, str) else value
+        if not _is_list(names) or not all(isinstance(name, str) for name in names):
             raise self.error(key, f"must be a list of names, not {_shown(value)}")
-        return self._keep(key, list(found))
+        return self._keep(key, list(names))
 
     def pairs(self, key: str) -> list[list[str]]:
         """Return a list of pairs of names."""
@@ -232,9 +232,9 @@ class SceneTable:
 
     def table(self, key: str) -> SceneTable:
         """Return a nested table."""
-        found = SceneTable(self._value(key), f"{self.where}: {key}", self._angle)
-        self.read[key] = found.read
-        return found
+        table = SceneTable(self._value(key), f"{self.where}: {key}", self._angle)
+        self.read[key] = table.read
+        return table
 
     def tables(self, key: str) -> list[SceneTable]:
         """Return the tables of a list; none if the key is missing. Errors name each by its number and name."""
@@ -243,12 +243,12 @@ class SceneTable:
         value = self._value(key)
         if not _is_list(value):
             raise self.error(key, f"must be a list of tables ([[{key}]] in TOML), not {_shown(value)}")
-        found = []
+        tables = []
         for number, values in enumerate(value, 1):
             name = values.get("name") if isinstance(values, Mapping) else None
             label = f" '{name}'" if isinstance(name, str) else ""
-            found.append(SceneTable(values, f"{self.where}: {key} {number}{label}", self._angle))
-        return found
+            tables.append(SceneTable(values, f"{self.where}: {key} {number}{label}", self._angle))
+        return tables
 
     # --- checks --------------------------------------------------------------------------------------------------
 

@@ -67,7 +67,7 @@ class LinkPairs:
 
     def of(self, reason: PairReason) -> tuple[tuple[int, int], ...]:
         """Return the pairs with a reason."""
-        return tuple(pair for pair, found in self.reasons.items() if found is reason)
+        return tuple(pair for pair, why in self.reasons.items() if why is reason)
 
 
 def link_pairs(mechanism: Mechanism) -> LinkPairs:
@@ -131,7 +131,7 @@ def pair_reasons(mechanism: Mechanism, bodies: Sequence[Body]) -> dict[tuple[int
 def disabled_by_srdf(mechanism: Mechanism) -> dict[frozenset[str], str]:
     """Return the pairs of links that the SRDF of a mechanism disables, and the reason it gives; none without one."""
     srdf = mechanism.source.srdf
-    return {} if srdf is None else {frozenset((one, other)): reason for one, other, reason in srdf["disabled"]}
+    return {} if srdf is None else {frozenset((link, other)): reason for link, other, reason in srdf["disabled"]}
 
 
 def _unconnected(mechanism: Mechanism, bodies: Sequence[Body]) -> set[frozenset[str]]:
@@ -142,7 +142,7 @@ def _unconnected(mechanism: Mechanism, bodies: Sequence[Body]) -> set[frozenset[
         names.setdefault(body.joint, set()).add(body.name)
     frames = {frame.parentJoint: i for i, frame in enumerate(model.frames) if frame.type == pin.FrameType.JOINT}
     looped = {_ordered(first, second) for first, _, second, _ in mechanism.structure.system.anchors}
-    found = set[frozenset[str]]()
+    unconnected = set[frozenset[str]]()
     for j in range(1, model.njoints):
         parent = int(model.parents[j])
         if (parent, j) in looped or j not in frames:
@@ -152,14 +152,14 @@ def _unconnected(mechanism: Mechanism, bodies: Sequence[Body]) -> set[frozenset[
         before = _with_shapes(mechanism, model.frames[model.frames[joint].parentFrame].name, on_parent)
         after = _with_shapes(mechanism, _link_behind(mechanism, joint), on_joint)
         connected = product(before or on_parent, after or on_joint)
-        found |= set(map(frozenset, product(on_parent, on_joint))) - set(map(frozenset, connected))
-    return found
+        unconnected |= set(map(frozenset, product(on_parent, on_joint))) - set(map(frozenset, connected))
+    return unconnected
 
 
 def _link_behind(mechanism: Mechanism, joint: int) -> str:
     """Return the link that the joint of a frame, by its index, moves."""
     frames = mechanism.model.frames
-    return next(str(one.name) for one in frames if one.type == pin.FrameType.BODY and one.parentFrame == joint)
+    return next(str(frame.name) for frame in frames if frame.type == pin.FrameType.BODY and frame.parentFrame == joint)
 
 
 def _with_shapes(mechanism: Mechanism, link: str, shaped: set[str]) -> set[str]:
@@ -168,18 +168,18 @@ def _with_shapes(mechanism: Mechanism, link: str, shaped: set[str]) -> set[str]:
     for i, frame in enumerate(frames):
         if frame.type == pin.FrameType.FIXED_JOINT:
             ends = frames[frame.parentFrame].name, _link_behind(mechanism, i)
-            for one, other in (ends, ends[::-1]):
-                fixed.setdefault(one, []).append(other)
-    found, visited, left = set[str](), {link}, [link]
+            for name, other in (ends, ends[::-1]):
+                fixed.setdefault(name, []).append(other)
+    with_shapes, visited, left = set[str](), {link}, [link]
     while left:
-        one = left.pop()
-        if one in shaped:
-            found.add(one)
+        name = left.pop()
+        if name in shaped:
+            with_shapes.add(name)
             continue
-        new = set(fixed.get(one, ())) - visited
+        new = set(fixed.get(name, ())) - visited
         visited |= new
         left += new
-    return found
+    return with_shapes
 
 
 def _always_touching(
@@ -188,7 +188,7 @@ def _always_touching(
     """Return the pairs whose exact shapes touch in all samples (n, nq). A pair found apart once is not measured again;
     nor are exact shapes where the convex bodies around them are apart."""
     data, near = kinematic_data(mechanism.model), _TOUCHING * mechanism.length
-    models = [geometry_model(mechanism, each, pairs=pairs) for each in (bodies, [one.as_described for one in bodies])]
+    models = [geometry_model(mechanism, each, pairs=pairs) for each in (bodies, [body.as_described for body in bodies])]
     levels, left = [(model, model.createData()) for model in models], set(range(len(pairs)))
     for q in samples:
         if not left:
@@ -216,13 +216,13 @@ def _rigid(first: Array, second: Array, length: float) -> bool:
 def _body_points(mechanism: Mechanism, bodies: Sequence[Body], configurations: Array) -> list[Array]:
     """Return for each body the points (configurations, points, 3) in the world, m, that determine its pose."""
     data, points = kinematic_data(mechanism.model), [_points_of(body) for body in bodies]
-    found: list[list[Array]] = [[] for _ in bodies]
+    by_body: list[list[Array]] = [[] for _ in bodies]
     for q in configurations:
         pin.forwardKinematics(mechanism.model, data, q)
-        for body, own, placed in zip(bodies, points, found, strict=True):
+        for body, local, placed in zip(bodies, points, by_body, strict=True):
             pose = data.oMi[body.joint]
-            placed.append(own @ pose.rotation.T + pose.translation)
-    return [np.array(placed) for placed in found]
+            placed.append(local @ pose.rotation.T + pose.translation)
+    return [np.array(placed) for placed in by_body]
 
 
 def _points_of(body: Body) -> Array:
@@ -249,13 +249,13 @@ def adjacent_joints(mechanism: Mechanism, common_points: bool = True) -> frozens
         common_points: whether bodies that share a point are adjacent.
     """
     model = mechanism.model
-    found = {(int(model.parents[j]), j) for j in range(1, model.njoints)}
-    found |= {_ordered(first, second) for first, _, second, _ in mechanism.structure.system.anchors}
+    adjacent = {(int(model.parents[j]), j) for j in range(1, model.njoints)}
+    adjacent |= {_ordered(first, second) for first, _, second, _ in mechanism.structure.system.anchors}
     for hinge in _hinges(mechanism) if common_points else ():
-        found.update(combinations(sorted(hinge), 2))
+        adjacent.update(combinations(sorted(hinge), 2))
     parts = _parts_of_links(mechanism)
-    found = {_ordered(i, j) for pair in found for i, j in product(*(parts[joint] for joint in pair))}
-    return frozenset((i, j) for i, j in found if i != j)
+    adjacent = {_ordered(i, j) for pair in adjacent for i, j in product(*(parts[joint] for joint in pair))}
+    return frozenset((i, j) for i, j in adjacent if i != j)
 
 
 def _parts_of_links(mechanism: Mechanism) -> list[set[int]]:
@@ -272,12 +272,12 @@ def _parts_of_links(mechanism: Mechanism) -> list[set[int]]:
 def _hinges(mechanism: Mechanism) -> list[_Hinge]:
     """Return the points about which links rotate; coincident points are merged, whichever joints they belong to."""
     near = _SAME * mechanism.length
-    found: list[_Hinge] = []
+    hinges: list[_Hinge] = []
     for new in _joint_centres(mechanism):
-        same = [hinge for hinge in found if any(np.linalg.norm(hinge[j] - new[j]) <= near for j in hinge.keys() & new)]
-        found = [hinge for hinge in found if not any(hinge is other for other in same)]
-        found.append({joint: point for hinge in (*same, new) for joint, point in hinge.items()})
-    return found
+        same = [hinge for hinge in hinges if any(np.linalg.norm(hinge[j] - new[j]) <= near for j in hinge.keys() & new)]
+        hinges = [hinge for hinge in hinges if not any(hinge is other for other in same)]
+        hinges.append({joint: point for hinge in (*same, new) for joint, point in hinge.items()})
+    return hinges
 
 
 def _joint_centres(mechanism: Mechanism) -> Iterator[_Hinge]:

@@ -88,9 +88,9 @@ def tree_of(vertices: Array, triangles: Integers) -> coal.BVHModelOBBRSS:
         vertices: (n, 3) m.
         triangles: (m, 3) indices into these.
     """
-    found = coal.BVHModelOBBRSS()
-    found.beginModel(len(triangles), len(vertices))
-    found.addVertices(np.asarray(vertices, dtype=float))
-    found.addTriangles(np.asarray(triangles, dtype=np.int64))
-    found.endModel()
-    return found
+    tree = coal.BVHModelOBBRSS()
+    tree.beginModel(len(triangles), len(vertices))
+    tree.addVertices(np.asarray(vertices, dtype=float))
+    tree.addTriangles(np.asarray(triangles, dtype=np.int64))
+    tree.endModel()
+    return tree

@@ -92,8 +92,8 @@ class Forces:
     @cached_property
     def undetermined(self) -> tuple[str, ...]:
         """Names of the joints, loops and couplings of whose reactions statics does not determine all components."""
-        free = [name for name, one in self.couplings.items() if self.is_held and np.isnan(list(one.values())).any()]
-        return (*(one.name for one in self.reactions if one.stresses.any()), *free)
+        free = [name for name, parts in self.couplings.items() if self.is_held and np.isnan(list(parts.values())).any()]
+        return (*(reaction.name for reaction in self.reactions if reaction.stresses.any()), *free)
 
     def __repr__(self) -> str:
         return f"<Forces in {self.mechanism.name[:60]}: {self.message[:200]}>"
@@ -111,10 +111,10 @@ class Forces:
         Raises:
             UnknownNameError: there is none of that name.
         """
-        found = {one.name: one for one in self.reactions}
-        if name not in found:
-            raise UnknownNameError("joint or loop", name, tuple(found))
-        return found[name]
+        by_name = {reaction.name: reaction for reaction in self.reactions}
+        if name not in by_name:
+            raise UnknownNameError("joint or loop", name, tuple(by_name))
+        return by_name[name]
 
     def unit_of(self, joint: str) -> str:
         """Return "N" for a prismatic joint, else "N m"."""
@@ -180,7 +180,7 @@ class Forces:
                  "limit": limits[name].effort, "part_of_limit": part}
                 for name, torque, band, part in zip(names, self.torques, self.band, self.used, strict=True)
             ],
-            reactions=[one.as_dict() for one in self.reactions],
+            reactions=[reaction.as_dict() for reaction in self.reactions],
             redundant_equations=self.redundant, notes=self.notes,
         )  # fmt: skip
 
@@ -227,34 +227,34 @@ def forces_at(
     mechanism, tree = dynamics.mechanism, dynamics.tree
     name = mechanism.end if node is None else node
     mechanism.frame_id(name)
-    here = mechanism.structure.checked(q)
-    dynamics.check_closed(here)
+    checked = mechanism.structure.checked(q)
+    dynamics.check_closed(checked)
     if v is not None or a is not None:
         tree.check_masses(dynamics.counts_massless)
-    all_v, all_a = dynamics.motion(here, v, a)
-    found = plain.balance(tree, here, all_v, all_a)
+    all_v, all_a = dynamics.motion(checked, v, a)
+    balance = plain.balance(tree, checked, all_v, all_a)
     columns = plain.actuated_columns(mechanism)
-    torques = found.efforts / tree.step[columns] if found.is_held else np.full(len(columns), np.nan)
-    resting, band = _at_rest(tree, found, all_v)
-    values = passive_singular_values(mechanism, here) if mechanism.structure.passive_rank else np.zeros(0)
+    torques = balance.efforts / tree.step[columns] if balance.is_held else np.full(len(columns), np.nan)
+    resting, band = _at_rest(tree, balance, all_v)
+    values = passive_singular_values(mechanism, checked) if mechanism.structure.passive_rank else np.zeros(0)
     least = float(values[-1]) if len(values) else np.inf
-    is_near = least <= NEAR_SINGULAR or not found.is_held
-    uncontrolled = np.zeros((len(found.motions.uncontrolled), mechanism.model.nv))
-    uncontrolled[:, plain.columns_of(mechanism)] = found.motions.uncontrolled
+    is_near = least <= NEAR_SINGULAR or not balance.is_held
+    uncontrolled = np.zeros((len(balance.motions.uncontrolled), mechanism.model.nv))
+    uncontrolled[:, plain.columns_of(mechanism)] = balance.motions.uncontrolled
     return Forces(
-        mechanism, here.copy(), all_v, all_a, tree.gravity, torques, band, resting,
-        found.motions.prestress / tree.step[columns], reactions(tree, found), coupling_torques(tree, found),
-        uncontrolled * mechanism.scale, found.motions.stresses.shape[1], least,
-        singularity(mechanism, here, name) if is_near else None, dynamics.notes,
+        mechanism, checked.copy(), all_v, all_a, tree.gravity, torques, band, resting,
+        balance.motions.prestress / tree.step[columns], reactions(tree, balance), coupling_torques(tree, balance),
+        uncontrolled * mechanism.scale, balance.motions.stresses.shape[1], least,
+        singularity(mechanism, checked, name) if is_near else None, dynamics.notes,
     )  # fmt: skip
 
 
-def _at_rest(tree: LoadedTree, found: plain.Balance, v: Array) -> tuple[tuple[str, ...], Array]:
+def _at_rest(tree: LoadedTree, balance: plain.Balance, v: Array) -> tuple[tuple[str, ...], Array]:
     """Return the joints at rest with Coulomb friction, and the band (actuated,) of the torques: see `Forces`."""
     mechanism, moving = tree.mechanism, plain.columns_of(tree.mechanism)
     sizes = np.where(tree.moves(v), 0.0, tree.model.upperDryFrictionLimit) * mechanism.scale
     step = tree.step[plain.actuated_columns(mechanism)]
-    band = np.zeros(len(step)) if found.is_held else np.full(len(step), np.nan)
-    for size, row in zip(sizes[moving], found.motions.basis, strict=True):
-        band += np.abs(found.motions.efforts(size * row)) / step if size else 0.0
+    band = np.zeros(len(step)) if balance.is_held else np.full(len(step), np.nan)
+    for size, row in zip(sizes[moving], balance.motions.basis, strict=True):
+        band += np.abs(balance.motions.efforts(size * row)) / step if size else 0.0
     return tuple(name for name, size in zip(mechanism.columns, sizes, strict=True) if size), band

@@ -73,15 +73,15 @@ class InverseDynamics(OneThread):
         self._names = {name: mechanism.v_index(name) for name in mechanism.actuated}
         self._rest = np.zeros(mechanism.model.nv)
         self._undetermined = dict[str, Bools]()
-        self._one, self._many = memory_of(self.tree), memory_of(self.tree)
+        self._memory, self._many = memory_of(self.tree), memory_of(self.tree)
         self._single = {
-            name: np.zeros(self._one.shape(name), self._one.fields[name].dtype)
-            for name, field in self._one.fields.items()
+            name: np.zeros(self._memory.shape(name), self._memory.fields[name].dtype)
+            for name, field in self._memory.fields.items()
             if field.is_foreign
         }
         for name, values in self._single.items():
-            self._one.point_at(name, values)
-        self._is_compiled = not self._one.others and bool(mechanism.model.nv)
+            self._memory.point_at(name, values)
+        self._is_compiled = not self._memory.others and bool(mechanism.model.nv)
         self._find: Callable[[int], None] = start(
             find_torques, DynamicsMemory, install=partial(setattr, self, "_find")
         )  # fmt: skip
@@ -97,7 +97,7 @@ class InverseDynamics(OneThread):
         if tree.gravity.any():
             tree.check_masses(self.counts_massless)
         self.tree = tree
-        for memory in (self._one, self._many):
+        for memory in (self._memory, self._many):
             load(memory, tree)
 
     @property
@@ -136,18 +136,18 @@ class InverseDynamics(OneThread):
         """
         full = self.mechanism.structure.checked(q)
         all_v, all_a, completes = self._motion(v, a)
-        memory, single = self._one, self._single
+        memory, single = self._memory, self._single
         if self._is_compiled:
             memory.moves, memory.completes = int(all_v is not None), int(completes)
             single["given_q"][0] = full
             if all_v is not None and all_a is not None:
                 single["given_v"][0], single["given_a"][0] = all_v, all_a
             self._find(memory.handle)
-            found = int(single["found"][0])
-            if found == HELD:
+            status = int(single["statuses"][0])
+            if status == HELD:
                 check_gaps(self.mechanism, single["gaps"][0], completes)
                 return np.array(single["torques"][0])
-            if found == OPEN:
+            if status == OPEN:
                 raise self.open_loops(single["gaps"][0, 0])
         return self._plain(full, all_v, all_a, completes)[0]
 
@@ -186,9 +186,9 @@ class InverseDynamics(OneThread):
             ConfigurationError, MotionError, MassError: as `torques_of`.
         """
         unknown = self.undetermined_of(name)
-        _, found = self._at_many(q, v, a, actuated, name)
-        found[:, unknown] = np.nan
-        return found
+        _, wrenches = self._at_many(q, v, a, actuated, name)
+        wrenches[:, unknown] = np.nan
+        return wrenches
 
     @in_one_thread
     def undetermined_of(self, name: str) -> Bools:
@@ -199,15 +199,15 @@ class InverseDynamics(OneThread):
             UnknownNameError: there is none of that name.
         """
         if name not in self._undetermined:
-            found = np.zeros(6, dtype=bool)
+            unknown = np.zeros(6, dtype=bool)
             for q in (self.mechanism.q_home, *self.mechanism.structure.samples):
-                found |= self._reaction(name, self.balance(q, self._rest, self._rest)).stresses.any(axis=1)
-            self._undetermined[name] = found
+                unknown |= self._reaction(name, self.balance(q, self._rest, self._rest)).stresses.any(axis=1)
+            self._undetermined[name] = unknown
         return self._undetermined[name]
 
-    def _reaction(self, name: str, found: plain.Balance) -> Reaction:
+    def _reaction(self, name: str, balance: plain.Balance) -> Reaction:
         """Return the reaction of a joint or loop for a balance, the last one that was computed."""
-        every = {one.name: one for one in reactions(self.tree, found)}
+        every = {reaction.name: reaction for reaction in reactions(self.tree, balance)}
         if name not in every:
             raise UnknownNameError("joint or loop", name, tuple(every))
         return every[name]
@@ -219,7 +219,7 @@ class InverseDynamics(OneThread):
         """Return the torques (count, actuated) and, of the joint or loop of that name, the reactions (count, 6)."""
         configurations = rows_of(self.mechanism, "q", q, self.mechanism.model.nq)
         count = len(configurations)
-        found, reaction = np.full((count, len(self._names)), np.nan), np.full((count, 6), np.nan)
+        torques, reaction = np.full((count, len(self._names)), np.nan), np.full((count, 6), np.nan)
         moves = v is not None or a is not None
         if moves:
             self._need_masses()
@@ -231,7 +231,7 @@ class InverseDynamics(OneThread):
             memory.count, memory.moves, memory.completes = count, int(moves), int(completes)
             arrays = {
                 "given_q": configurations, "given_v": all_v, "given_a": all_a,
-                "torques": found, "found": results, "gaps": gaps, "reaction": reaction,
+                "torques": torques, "statuses": results, "gaps": gaps, "reaction": reaction,
             }  # fmt: skip
             for field, values in arrays.items():
                 memory.point_at(field, values)
@@ -243,12 +243,12 @@ class InverseDynamics(OneThread):
         for i in np.flatnonzero((results != HELD) & (results != OPEN)).tolist():
             if self.mechanism.closure(configurations[i]) <= CLOSURE:
                 v_i, a_i = (all_v[i], all_a[i]) if moves else (None, None)
-                found[i], balance = self._plain(configurations[i], v_i, a_i, completes)
+                torques[i], balance = self._plain(configurations[i], v_i, a_i, completes)
                 if name is not None:
                     reaction[i] = self._reaction(name, balance).wrench
         for i in np.flatnonzero((results == HELD) & (gaps[:, 1:].max(axis=1) > CONSISTENT)).tolist():
             check_gaps(self.mechanism, gaps[i], completes)
-        return found, reaction
+        return torques, reaction
 
     def _ask(self, name: str | None) -> int:
         """Ask the kernel for the reaction of a joint or loop, or of none; return the joint's number, 0 for a loop."""
@@ -321,17 +321,17 @@ class InverseDynamics(OneThread):
         configurations = rows_of(self.mechanism, "q", q, self.mechanism.model.nq)
         self._need_masses()
         count, size = len(configurations), len(self._names)
-        found, results = np.full((count, size, size), np.nan), np.full(count, -1)
+        masses, results = np.full((count, size, size), np.nan), np.full(count, -1)
         if self._is_compiled and count:
             memory = self._many
             memory.count = count
-            for field, values in {"given_q": configurations, "masses": found, "found": results}.items():
+            for field, values in {"given_q": configurations, "masses": masses, "statuses": results}.items():
                 memory.point_at(field, values)
             prepare(find_masses, DynamicsMemory)(memory.handle)
         for i in np.flatnonzero((results != HELD) & (results != OPEN)).tolist():
             if self.mechanism.closure(configurations[i]) <= CLOSURE:
-                found[i] = self.mass_matrix(configurations[i])
-        return found
+                masses[i] = self.mass_matrix(configurations[i])
+        return masses
 
     # --- errors -------------------------------------------------------------------------------------------------------
 
@@ -360,7 +360,7 @@ class InverseDynamics(OneThread):
             return None, None, False
         if needs_masses:
             self._need_masses()
-        by_name = [isinstance(given, Mapping) for given in (v, a) if given is not None]
+        by_name = [isinstance(rates, Mapping) for rates in (v, a) if rates is not None]
         if any(by_name) != all(by_name):
             raise ConfigurationError("give v and a both by name, or both for all joints")
         return joint_rates(self.mechanism, "v", v), joint_rates(self.mechanism, "a", a), all(by_name)
@@ -383,7 +383,7 @@ class InverseDynamics(OneThread):
             v = a = self._rest
         else:
             v, a = self._closed_motion(q, v, a, completes, motions)
-        found = plain.balance(self.tree, q, v, a, motions)
-        if not found.is_held:
-            return np.full(len(self._names), np.nan), found
-        return np.asarray(found.efforts / self.tree.step[list(self._names.values())]), found
+        balance = plain.balance(self.tree, q, v, a, motions)
+        if not balance.is_held:
+            return np.full(len(self._names), np.nan), balance
+        return np.asarray(balance.efforts / self.tree.step[list(self._names.values())]), balance

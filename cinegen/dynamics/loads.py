@@ -67,13 +67,13 @@ class Payload:
 
     def _number(self, what: str, value: object, shape: tuple[int, ...]) -> Array:
         try:
-            found = np.asarray(value, dtype=float)
+            numbers = np.asarray(value, dtype=float)
         except (TypeError, ValueError):
-            found = np.full(1, np.nan)
-        if found.shape != shape or not np.isfinite(found).all():
+            numbers = np.full(1, np.nan)
+        if numbers.shape != shape or not np.isfinite(numbers).all():
             size = "a finite number" if not shape else f"{' x '.join(map(str, shape))} finite numbers"
             raise PayloadError(f"the {what} of the payload on '{self.node}' must be {size}, not {value!r:.60}")
-        return found
+        return numbers
 
     @property
     def body(self) -> pin.Inertia:
@@ -115,10 +115,10 @@ class LoadedTree:
     ) -> None:
         self.mechanism, self.payloads = mechanism, tuple(payloads)
         self.model = pin.Model(mechanism.model)
-        given = np.asarray(mechanism.gravity if gravity is None else gravity, dtype=float)
-        if given.shape != (3,) or not np.isfinite(given).all():
+        acceleration = np.asarray(mechanism.gravity if gravity is None else gravity, dtype=float)
+        if acceleration.shape != (3,) or not np.isfinite(acceleration).all():
             raise PayloadError(f"gravity is an acceleration (3,) in m/s^2, such as (0, 0, -9.81), not {gravity!r:.60}")
-        self.model.gravity = pin.Motion(given, np.zeros(3))
+        self.model.gravity = pin.Motion(acceleration, np.zeros(3))
         if not friction:
             rest = np.zeros(self.model.nv)
             self.model.damping, self.model.upperDryFrictionLimit, self.model.lowerDryFrictionLimit = rest, rest, rest
@@ -161,15 +161,15 @@ class LoadedTree:
 
     def wrenches(self) -> pin.StdVec_Force:
         """Return the wrenches on each joint's body, in its joint's frame, at the placements in `data`."""
-        found = [pin.Force.Zero() for _ in range(self.model.njoints)]
+        wrenches = [pin.Force.Zero() for _ in range(self.model.njoints)]
         for payload, joint, placement in self.loads:
             wrench = pin.Force(np.array(payload.wrench, dtype=float))
             if payload.axes == "world":
                 rotation = (self.data.oMi[joint].rotation @ placement.rotation).T
                 wrench = pin.Force(rotation @ wrench.linear, rotation @ wrench.angular)
-            found[joint] += placement.act(wrench)
+            wrenches[joint] += placement.act(wrench)
         vector = pin.StdVec_Force()
-        vector.extend(found)
+        vector.extend(wrenches)
         return vector
 
     def torques(self, q: Array, v: Array, a: Array) -> Array:

@@ -67,23 +67,23 @@ def node_wrench(
     """
     mechanism, tree = dynamics.mechanism, dynamics.tree
     name = mechanism.end if node is None else node
-    given = np.asarray(torques, dtype=float)
-    if given.shape != (len(mechanism.actuated),) or not np.isfinite(given).all():
+    efforts = np.asarray(torques, dtype=float)
+    if efforts.shape != (len(mechanism.actuated),) or not np.isfinite(efforts).all():
         raise ConfigurationError(
             f"torques of {mechanism.name} are {len(mechanism.actuated)} finite numbers, one for each actuated joint, "
-            f"not {given.shape}"
+            f"not {efforts.shape}"
         )
-    here = mechanism.structure.checked(q)
-    dynamics.check_closed(here)
-    found = plain.balance(tree, here, *dynamics.motion(here, v, a))
+    checked = mechanism.structure.checked(q)
+    dynamics.check_closed(checked)
+    balance = plain.balance(tree, checked, *dynamics.motion(checked, v, a))
     columns, lengths = plain.actuated_columns(mechanism), np.repeat([mechanism.length, 1.0], 3)
-    work = found.motions.actuated.T @ (given * tree.step[columns]) - found.motions.basis.T @ found.tau
-    moves = node_motions(tree, here, name, found.motions.basis)
+    work = balance.motions.actuated.T @ (efforts * tree.step[columns]) - balance.motions.basis.T @ balance.tau
+    moves = node_motions(tree, checked, name, balance.motions.basis)
     u, sigma, vt = np.linalg.svd(moves.T)
     count = int((sigma > SINGULAR).sum())
     balanced = u[:, :count].T @ work
     wrench = vt[:count].T @ (balanced / sigma[:count]) / lengths
-    largest = max(np.abs(given * tree.step[columns]).max(initial=0.0), np.abs(found.tau).max(initial=0.0), _LEAST)
+    largest = max(np.abs(efforts * tree.step[columns]).max(initial=0.0), np.abs(balance.tau).max(initial=0.0), _LEAST)
     rest = np.abs(work - u[:, :count] @ balanced).max(initial=0.0)
     return NodeWrench(name, wrench, vt[count:] / lengths, float(rest / largest))
 

@@ -132,25 +132,25 @@ def motions_at(tree: LoadedTree, q: Array) -> Motions:
 
 def balance(tree: LoadedTree, q: Array, v: Array, a: Array, motions: Motions | None = None) -> Balance:
     """Return the balance at q (nq,), loops closed, for v and a (nv,), which keep them closed."""
-    there = motions_at(tree, q) if motions is None else motions
+    motions = motions_at(tree, q) if motions is None else motions
     moving = columns_of(tree.mechanism)
     tau = tree.torques(q, v, a)[moving] * tree.mechanism.scale[moving]
-    unsupported = there.uncontrolled @ tau / max(np.abs(tau).max(initial=0.0), _LEAST)
-    return Balance(there, tau, there.efforts(there.basis.T @ tau), unsupported)
+    unsupported = motions.uncontrolled @ tau / max(np.abs(tau).max(initial=0.0), _LEAST)
+    return Balance(motions, tau, motions.efforts(motions.basis.T @ tau), unsupported)
 
 
-def multipliers(mechanism: Mechanism, found: Balance, step: Array) -> Array:
+def multipliers(mechanism: Mechanism, balanced: Balance, step: Array) -> Array:
     """Return the shortest multipliers (rows,) of loops and couplings, J, for the torques of a balance.
 
     Args:
         mechanism: any.
-        found: its balance.
+        balanced: its balance.
         step: (nv,) of `LoadedTree`.
     """
     columns, rest = actuated_columns(mechanism), np.zeros(mechanism.model.nv)
-    rest[columns_of(mechanism)] = found.tau
-    rest[columns] -= found.efforts * (mechanism.scale / step)[columns]
-    return np.asarray(found.motions.inverse.T @ rest[columns_of(mechanism)])
+    rest[columns_of(mechanism)] = balanced.tau
+    rest[columns] -= balanced.efforts * (mechanism.scale / step)[columns]
+    return np.asarray(balanced.motions.inverse.T @ rest[columns_of(mechanism)])
 
 
 def complete(tree: LoadedTree, q: Array, v: Array, a: Array, motions: Motions) -> tuple[Array, Array, float, float]:

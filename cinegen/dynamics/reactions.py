@@ -78,16 +78,16 @@ class Reaction:
         )  # fmt: skip
 
 
-def reactions(tree: LoadedTree, found: plain.Balance) -> tuple[Reaction, ...]:
+def reactions(tree: LoadedTree, balance: plain.Balance) -> tuple[Reaction, ...]:
     """Return the reactions of all joints, then of all loops.
 
     Args:
         tree: whose data has the placements, and the wrenches that its joints transmit while loops are open.
-        found: the balance there.
+        balance: the balance there.
     """
     mechanism, data, model = tree.mechanism, tree.data, tree.model
-    system, stresses = mechanism.structure.system, found.motions.stresses
-    efforts = np.column_stack([plain.multipliers(mechanism, found, tree.step), stresses])  # of the load, of each stress
+    system, stresses = mechanism.structure.system, balance.motions.stresses
+    efforts = np.column_stack([plain.multipliers(mechanism, balance, tree.step), stresses])  # of the load, each stress
     through = np.zeros((model.njoints, 6, efforts.shape[1]))  # wrenches at the world's origin, in its axes
     for j in range(1, model.njoints):
         through[j, :, 0] = data.oMi[j].act(data.f[j]).vector
@@ -95,34 +95,34 @@ def reactions(tree: LoadedTree, found: plain.Balance) -> tuple[Reaction, ...]:
     for loop, (first, on_first, second, on_second) in zip(system.loops, system.anchors, strict=True):
         end = data.oMi[first] * on_first
         residual = loop_residual(loop.kind, end.actInv(data.oMi[second] * on_second).homogeneous, system.length)
-        own = residual[1].T @ efforts[row : row + loop.rows]
+        local = residual[1].T @ efforts[row : row + loop.rows]
         row += loop.rows
-        in_world = end.toDualActionMatrix() @ own
+        in_world = end.toDualActionMatrix() @ local
         supports = np.zeros(model.njoints)
         supports[list(model.supports[second])] -= 1.0
         supports[list(model.supports[first])] += 1.0
         through += supports[:, None, None] * in_world
         words = f"at the end of the loop on {loop.first}, in its axes"
-        loops.append(_reaction(tree, found, loop.name, "loop", loop.second, words, end, own))
+        loops.append(_reaction(tree, balance, loop.name, "loop", loop.second, words, end, local))
     joints = []
     for j in range(1, model.njoints):
         placement, words = _frame(tree, j)
-        own = placement.toActionMatrix().T @ through[j]
-        joints.append(_reaction(tree, found, model.names[j], "joint", _body(tree, j), words, placement, own))
+        local = placement.toActionMatrix().T @ through[j]
+        joints.append(_reaction(tree, balance, model.names[j], "joint", _body(tree, j), words, placement, local))
     return (*joints, *loops)
 
 
-def coupling_torques(tree: LoadedTree, found: plain.Balance) -> dict[str, dict[str, float]]:
+def coupling_torques(tree: LoadedTree, balance: plain.Balance) -> dict[str, dict[str, float]]:
     """Return the torque (N m) or force (N) that each coupling exerts on each of its joints; NaN where the couplings are
     redundant, and where no torques hold the load."""
     mechanism, result = tree.mechanism, dict[str, dict[str, float]]()
-    first = len(found.motions.jacobian) - len(mechanism.couplings)
-    efforts = plain.multipliers(mechanism, found, tree.step)[first:]
-    stressed = np.abs(found.motions.stresses[first:]).max(axis=1, initial=0.0)
+    first = len(balance.motions.jacobian) - len(mechanism.couplings)
+    efforts = plain.multipliers(mechanism, balance, tree.step)[first:]
+    stressed = np.abs(balance.motions.stresses[first:]).max(axis=1, initial=0.0)
     for i, coupling in enumerate(mechanism.couplings):
-        known = found.is_held and stressed[i] <= _STRESSED
+        known = balance.is_held and stressed[i] <= _STRESSED
         columns = {name: mechanism.v_index(name) for name in coupling.terms}
-        slopes = found.motions.jacobian[first + i]
+        slopes = balance.motions.jacobian[first + i]
         skipped = plain.columns_of(mechanism).start
         result[coupling.name] = {
             name: float(efforts[i] * slopes[k - skipped] / mechanism.scale[k]) if known else np.nan
@@ -132,14 +132,14 @@ def coupling_torques(tree: LoadedTree, found: plain.Balance) -> dict[str, dict[s
 
 
 def _reaction(
-    tree: LoadedTree, found: plain.Balance, name: str, kind: str, body: str, words: str, placement: pin.SE3, own: Array
+    tree: LoadedTree, balance: plain.Balance, name: str, kind: str, body: str, words: str, frame: pin.SE3, local: Array
 ) -> Reaction:
-    """Return a reaction; own (6, 1 + stresses) in its frame."""
+    """Return a reaction; local (6, 1 + stresses) in its frame."""
     lengths = np.repeat([tree.mechanism.length, 1.0], 3)
-    added = own[:, 1:] * lengths[:, None]
+    added = local[:, 1:] * lengths[:, None]
     added[np.abs(added) <= _STRESSED] = 0.0
-    wrench = np.where(added.any(axis=1) | (not found.is_held), np.nan, own[:, 0])
-    return Reaction(name, kind, body, words, placement, wrench, added)
+    wrench = np.where(added.any(axis=1) | (not balance.is_held), np.nan, local[:, 0])
+    return Reaction(name, kind, body, words, frame, wrench, added)
 
 
 def _body(tree: LoadedTree, joint: int) -> str:

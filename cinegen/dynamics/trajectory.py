@@ -85,8 +85,8 @@ def torques_along(dynamics: InverseDynamics, times: ArrayLike, q: ArrayLike) -> 
     period = (at[-1] - at[0]) / (len(at) - 1)
     if not period > 0.0 or np.abs(np.diff(at) - period).max() > _EVEN * period:
         raise ConfigurationError("the times of a trajectory must be evenly spaced, and increase")
-    for time, one in zip(at, configurations, strict=True):
-        gap = mechanism.closure(one)
+    for time, configuration in zip(at, configurations, strict=True):
+        gap = mechanism.closure(configuration)
         if gap > CLOSURE:
             raise dynamics.open_loops(gap, f"at {time:.4g} s ")
     columns = [mechanism.q_index(name) for name in mechanism.actuated]

@@ -124,8 +124,8 @@ class Hexapod:
     def _account(self, asked: Array, paths: TrackedPaths, curve: bool) -> PlatformModes:
         went, lost = paths.count(PathEnd.INFINITE), self._lost + paths.count(PathEnd.FAILED)
         regular, multiple = paths.end == PathEnd.REGULAR, paths.end == PathEnd.MULTIPLE
-        found, is_real = self._real(asked, paths)
-        kept, coincident = _merged(found)
+        placements, is_real = self._real(asked, paths)
+        kept, coincident = _merged(placements)
         remarks = ["a curve of configurations: the platform moves with its legs locked"] if curve else []
         if int((regular & ~is_real).sum()) % 2:  # what is not real is conjugate to another
             remarks.append("a real solution could not be distinguished from a complex one")
@@ -133,12 +133,12 @@ class Hexapod:
             remarks.append("solutions went to infinity at these lengths: curves of configurations are not excluded")
         closest = None
         if not len(kept) and not lost:
-            here, errors = self._closest(asked, paths.x[regular | multiple])
+            placement, errors = self._closest(asked, paths.x[regular | multiple])
             if np.abs(errors).max() <= _REAL:
-                kept, coincident = here[None], np.ones(1, dtype=np.int64)
+                kept, coincident = placement[None], np.ones(1, dtype=np.int64)
                 remarks.append("no path ended in a mode, one was found by descent")
             else:
-                closest = NearestPlacement(self._restored(here[None])[0], errors * self._unit)
+                closest = NearestPlacement(self._restored(placement[None])[0], errors * self._unit)
         real, infinite, many = int(is_real.sum()), self._infinite + went, int(multiple.sum())
         counts = SolutionCounts(real, int((regular | multiple).sum()) - real, infinite, many, lost)
         method = _method(int(regular.sum()), int((regular & is_real).sum()), infinite, many, lost, remarks)
@@ -156,13 +156,13 @@ class Hexapod:
         imaginary = np.linalg.norm(x.imag, axis=1) / np.linalg.norm(x, axis=1)
         rows = np.flatnonzero(finite & (imaginary <= _LOOSE))
         first = study.placements(x[rows].real)
-        found, last = legs.refine(self._a, self._b, asked, first, np.where(multiple[rows], _CUTOFF, 0.0))
-        moved = imaginary[rows] + np.abs(found - first).max(axis=(1, 2), initial=0.0) / (1.0 + asked.max())
-        short = np.abs(leg_lengths(self._a, self._b, found) - asked).max(axis=1, initial=0.0) <= _REAL
+        refined, last = legs.refine(self._a, self._b, asked, first, np.where(multiple[rows], _CUTOFF, 0.0))
+        moved = imaginary[rows] + np.abs(refined - first).max(axis=(1, 2), initial=0.0) / (1.0 + asked.max())
+        short = np.abs(leg_lengths(self._a, self._b, refined) - asked).max(axis=1, initial=0.0) <= _REAL
         sure = short & (last <= _REAL) & (moved <= np.where(multiple[rows], _LOOSE, _REAL))
         real = np.zeros(len(x), dtype=bool)
         real[rows[sure]] = True
-        return found[sure], real
+        return refined[sure], real
 
     def _closest(self, asked: Array, x: Complex) -> tuple[Array, Array]:
         """Return the nearest placement (4, 4) that descent from the real parts of solutions finds, and its length
@@ -170,13 +170,13 @@ class Hexapod:
         x = x / np.sqrt((x[:, :4] ** 2).sum(axis=1))[:, None]
         x = np.where((np.linalg.norm(x.real, axis=1) < np.linalg.norm(x.imag, axis=1))[:, None], x.imag, x.real)
         starts = np.vstack([study.placements(x[np.linalg.norm(x[:, :4], axis=1) > _SAME]), np.eye(4)[None]])
-        here = legs.nearest(self._a, self._b, asked, starts)
-        return here, leg_lengths(self._a, self._b, here) - asked
+        placement = legs.nearest(self._a, self._b, asked, starts)
+        return placement, leg_lengths(self._a, self._b, placement) - asked
 
-    def _restored(self, found: Array) -> Array:
+    def _restored(self, placements: Array) -> Array:
         """Return placements (n, 4, 4) in the frames and the unit that were given."""
-        restored = found.copy()
-        shift = self._unit * found[:, :3, 3] - found[:, :3, :3] @ self._centre[1]
+        restored = placements.copy()
+        shift = self._unit * placements[:, :3, 3] - placements[:, :3, :3] @ self._centre[1]
         restored[:, :3, 3] = self._centre[0] + shift
         return restored
 
@@ -205,12 +205,12 @@ def _random(rng: np.random.Generator, *shape: int) -> Complex:
     return np.asarray(rng.normal(size=shape) + 1j * rng.normal(size=shape))
 
 
-def _merged(found: Array) -> tuple[Array, Integers]:
+def _merged(placements: Array) -> tuple[Array, Integers]:
     """Return one of all placements that coincide, and how many do."""
-    close = np.abs(found[:, None] - found).max(axis=(2, 3), initial=0.0) <= _COINCIDENT
+    close = np.abs(placements[:, None] - placements).max(axis=(2, 3), initial=0.0) <= _COINCIDENT
     firsts = np.array([row.argmax() for row in close], dtype=np.int64)  # the first that each coincides with
     kept, counts = np.unique(firsts, return_counts=True)
-    return found[kept], counts.astype(np.int64)
+    return placements[kept], counts.astype(np.int64)
 
 
 def _method(regular: int, real: int, infinite: int, multiple: int, lost: int, remarks: list[str]) -> str:

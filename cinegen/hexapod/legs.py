@@ -21,13 +21,13 @@ class HexapodError(CinegenError):
     """Geometry or leg lengths that have no assembly modes to compute; the message names them."""
 
 
-def checked_points(name: str, given: ArrayLike, count: int) -> Array:
+def checked_points(name: str, values: ArrayLike, count: int) -> Array:
     """Return points as a read-only array (count, 3).
 
     Raises:
         HexapodError: another shape, or not finite.
     """
-    points = np.array(given, dtype=float)
+    points = np.array(values, dtype=float)
     if points.shape != (count, 3):
         raise HexapodError(f"the {name} must be ({count}, 3), one point in each row, not {points.shape}")
     if not np.isfinite(points).all():
@@ -36,13 +36,13 @@ def checked_points(name: str, given: ArrayLike, count: int) -> Array:
     return points
 
 
-def checked_lengths(given: ArrayLike, dimensions: int = 1) -> Array:
+def checked_lengths(values: ArrayLike, dimensions: int = 1) -> Array:
     """Return leg lengths as an array (6,), or (m, 6) with two dimensions.
 
     Raises:
         HexapodError: another shape, or not positive and finite; names the leg.
     """
-    lengths = np.array(given, dtype=float, order="C")
+    lengths = np.array(values, dtype=float, order="C")
     if lengths.ndim != dimensions or lengths.shape[-1] != 6:
         shape = "(6,)" if dimensions == 1 else "(m, 6)"
         raise HexapodError(f"lengths must be {shape}, one for each leg, not {lengths.shape}")
@@ -82,38 +82,38 @@ def refine(base: Array, platform: Array, lengths: Array, placements: Array, cuto
     Returns:
         placements (n, 4, 4) and the length of the last step (n,).
     """
-    here, last = placements.copy(), np.full(len(placements), np.inf)
+    refined, last = placements.copy(), np.full(len(placements), np.inf)
     for _ in range(_NEWTON_STEPS):
-        u, sigma, vt = np.linalg.svd(leg_jacobian(base, platform, here))
+        u, sigma, vt = np.linalg.svd(leg_jacobian(base, platform, refined))
         counts = sigma > np.asarray(cutoff)[:, None] * sigma[:, :1]
         inverse = np.where(counts, 1.0 / np.where(counts, sigma, 1.0), 0.0)
-        missing = lengths - leg_lengths(base, platform, here)
+        missing = lengths - leg_lengths(base, platform, refined)
         motion = np.einsum("nji,nj->ni", vt, inverse * np.einsum("nji,nj->ni", u, missing))
         size = np.linalg.norm(motion, axis=1)
         better = size < last
-        here = np.where(better[:, None, None], _moved(here, motion), here)
+        refined = np.where(better[:, None, None], _moved(refined, motion), refined)
         last = np.where(better, size, last)
         if not better.any() or (last <= _SMALL).all():
             break
-    return here, last
+    return refined, last
 
 
 def nearest(base: Array, platform: Array, lengths: Array, starts: Array) -> Array:
     """Return the placement (4, 4) with the least sum of squared length errors that descent from starts (n, 4, 4)
     reaches: Levenberg and Marquardt's method, then Powell's on the slope."""
-    here, damping = starts, np.full(len(starts), 1e-3)
-    error = leg_lengths(base, platform, here) - lengths
+    current, damping = starts, np.full(len(starts), 1e-3)
+    error = leg_lengths(base, platform, current) - lengths
     for _ in range(_DESCENT_STEPS):
-        j = leg_jacobian(base, platform, here)
+        j = leg_jacobian(base, platform, current)
         square = np.swapaxes(j, 1, 2) @ j + damping[:, None, None] * np.eye(6)
         motion = np.linalg.solve(square, np.swapaxes(j, 1, 2) @ error[:, :, None])[:, :, 0]
-        there = _moved(here, -np.asarray(motion, dtype=float))
-        other = leg_lengths(base, platform, there) - lengths
+        moved = _moved(current, -np.asarray(motion, dtype=float))
+        other = leg_lengths(base, platform, moved) - lengths
         better = (other**2).sum(axis=1) < (error**2).sum(axis=1)
-        here = np.where(better[:, None, None], there, here)
+        current = np.where(better[:, None, None], moved, current)
         error = np.where(better[:, None], other, error)
         damping = np.clip(np.where(better, 0.1 * damping, 10.0 * damping), 1e-12, 1e6)
-    best = here[[np.argmin((error**2).sum(axis=1))]]
+    best = current[[np.argmin((error**2).sum(axis=1))]]
 
     def slope(motion: Array) -> Array:
         return np.asarray(_slope(base, platform, lengths, _moved(best, motion[None]))[0])
@@ -131,10 +131,10 @@ def _slope(base: Array, platform: Array, lengths: Array, placements: Array) -> A
 
 def _moved(placements: Array, motion: Array) -> Array:
     """Return placements (n, 4, 4) after motions (n, 6): a shift, then a rotation vector."""
-    found = placements.copy()
-    found[:, :3, :3] = Rotation.from_rotvec(motion[:, 3:]).as_matrix() @ placements[:, :3, :3]
-    found[:, :3, 3] += motion[:, :3]
-    return found
+    moved = placements.copy()
+    moved[:, :3, :3] = Rotation.from_rotvec(motion[:, 3:]).as_matrix() @ placements[:, :3, :3]
+    moved[:, :3, 3] += motion[:, :3]
+    return moved
 
 
 def _legs(base: Array, platform: Array, placements: Array) -> tuple[Array, Array]:

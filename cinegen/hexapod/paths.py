@@ -146,12 +146,12 @@ class _Tracker:
             sure = np.abs(rough - mean).max(axis=1, initial=0.0) <= _CLOSED
             mean /= np.linalg.norm(mean, axis=1)[:, None]
             closed = np.abs(sample - ring[rows]).max(axis=1, initial=0.0) <= _CLOSED
-            ends_here, far = closed & sure & (residual(self._final, mean) <= _SOLVES), infinity(mean) <= _INFINITE
+            is_end, far = closed & sure & (residual(self._final, mean) <= _SOLVES), infinity(mean) <= _INFINITE
             if revolution == 1:  # no other path ends there: unless at infinity, it is regular
-                ends_here &= far
-            found = rows[ends_here]
-            ring[found], paths.error[found] = mean[ends_here], _CLOSED
-            paths.end[found] = np.where(far[ends_here], PathEnd.INFINITE, PathEnd.MULTIPLE)
+                is_end &= far
+            ended = rows[is_end]
+            ring[ended], paths.error[ended] = mean[is_end], _CLOSED
+            paths.end[ended] = np.where(far[is_end], PathEnd.INFINITE, PathEnd.MULTIPLE)
             rows = rows[~closed]
             if not len(rows):
                 break

@@ -57,12 +57,12 @@ def coefficients(base: Complex, platform: Complex, s: Complex) -> Complex:
     left, right = (side(np.hstack([np.zeros((6, 1)), p])) for side, p in ((_left, base), (_right, platform)))
     symmetric = -2.0 * np.swapaxes(left, 1, 2) @ right  # of c with c: left and right multiplication commute
     skew = right - left  # of d with c
-    found = np.empty((6, 16), dtype=complex)
-    found[:, :4] = np.diagonal(symmetric, axis1=1, axis2=2) + np.asarray(s)[:, None]
-    found[:, 4:10] = symmetric[:, *_UPPER]
-    found[:, 10:] = skew[:, *_UPPER]
-    found[1:] -= found[0]
-    return found
+    equations = np.empty((6, 16), dtype=complex)
+    equations[:, :4] = np.diagonal(symmetric, axis1=1, axis2=2) + np.asarray(s)[:, None]
+    equations[:, 4:10] = symmetric[:, *_UPPER]
+    equations[:, 10:] = skew[:, *_UPPER]
+    equations[1:] -= equations[0]
+    return equations
 
 
 def family(begin: Complex, end: Complex, middle: Complex | None = None) -> Complex:
@@ -99,11 +99,11 @@ def placements(x: Array) -> Array:
     x = x / np.linalg.norm(x[:, :4], axis=1)[:, None]
     c, d = x[:, :4], x[:, 4:]
     back = _right(c * [1.0, -1.0, -1.0, -1.0])
-    found = np.zeros((len(x), 4, 4))
-    found[:, :3, :3] = (_left(c) @ back)[:, 1:, 1:]
-    found[:, :3, 3] = np.einsum("nij,nj->ni", back, d)[:, 1:]
-    found[:, 3, 3] = 1.0
-    return found
+    matrices = np.zeros((len(x), 4, 4))
+    matrices[:, :3, :3] = (_left(c) @ back)[:, 1:, 1:]
+    matrices[:, :3, 3] = np.einsum("nij,nj->ni", back, d)[:, 1:]
+    matrices[:, 3, 3] = 1.0
+    return matrices
 
 
 def on_quadric(x: Any) -> Any:

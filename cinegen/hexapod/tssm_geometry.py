@@ -51,15 +51,15 @@ def normal_part(up: Array, u: Array) -> Array:
     return np.asarray(f / np.linalg.norm(f))
 
 
-def checked_legs(given: ArrayLike) -> Integers:
+def checked_legs(values: ArrayLike) -> Integers:
     """Return the number of the platform's point of each leg (6,), two legs for each point.
 
     Raises:
         HexapodError: it is another distribution.
     """
-    legs = np.array(given)
+    legs = np.array(values)
     if legs.shape != (6,) or sorted(legs.tolist()) != [0, 0, 1, 1, 2, 2]:
-        raise HexapodError(f"legs are {given!r}; give the platform point of each of six, and 0, 1 and 2 twice each")
+        raise HexapodError(f"legs are {values!r}; give the platform point of each of six, and 0, 1 and 2 twice each")
     legs = legs.astype(np.int64)
     legs.setflags(write=False)
     return legs

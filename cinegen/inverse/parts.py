@@ -74,9 +74,9 @@ class TaskPart:
         kept = (*mechanism.actuated, *self.distinct)
         start = mechanism.configuration({name: float(q[mechanism.q_index(name)]) for name in kept})
         try:
-            found = mechanism.close(start, kept)
+            nearer = mechanism.close(start, kept)
         except ClosureError:
             return q
-        alike = np.abs(self.solver.features(found) - features).max(initial=0.0) < _ALIKE
+        alike = np.abs(self.solver.features(nearer) - features).max(initial=0.0) < _ALIKE
         home = mechanism.q_home
-        return found if alike and mechanism.distance(home, found) < mechanism.distance(home, q) else q
+        return nearer if alike and mechanism.distance(home, nearer) < mechanism.distance(home, q) else q

@@ -114,8 +114,8 @@ class TaskParts:
             task, loops = self._task_rows(q) * mechanism.scale, mechanism.structure.system.evaluate(q)[1]
             ranks.append(closure.rank(np.vstack([task / units[: len(task)], loops])[:, columns]))
         features = {feature: None for part in parts for feature in part.solver.body_features}
-        own = tuple(feature for feature in features if not feature.joint.startswith(_VIRTUAL))
-        return Unknowns(names, max(ranks), own)
+        real = tuple(feature for feature in features if not feature.joint.startswith(_VIRTUAL))
+        return Unknowns(names, max(ranks), real)
 
     # --- the mechanism --------------------------------------------------------------------------------------------
 
@@ -127,16 +127,16 @@ class TaskParts:
 
     def _walk(self) -> list[Array]:
         """Return configurations (nq,) near `start`, with locked joints where they are."""
-        rng, found = np.random.default_rng(0), [self.start]
+        rng, walk = np.random.default_rng(0), [self.start]
         for _ in range(_WALK):
-            motions = self._motions(found[-1])
+            motions = self._motions(walk[-1])
             step = motions @ rng.normal(size=motions.shape[1])
             step *= _STEP / max(float(np.abs(step / self.mechanism.scale).max(initial=0.0)), 1e-300)
             try:
-                found.append(self.mechanism.close(self.mechanism.integrate(found[-1], step), self._locked))
+                walk.append(self.mechanism.close(self.mechanism.integrate(walk[-1], step), self._locked))
             except ClosureError:
                 break
-        return found
+        return walk
 
     def _motions(self, q: Array) -> Array:
         """Return the velocities (nv, dof) that the loops allow at q (nq,), rad and m; locked joints are at rest."""
@@ -195,11 +195,11 @@ class TaskParts:
 
     def _chain(self, body: int, fixed: int = -1) -> set[int]:
         """Return the joints that are not frozen from a body to the root, or to the body `fixed` if that comes first."""
-        found, body = set[int](), self._carrier(body)
+        joints, body = set[int](), self._carrier(body)
         while body not in (self._root, fixed):
-            found.add(body)
+            joints.add(body)
             body = self._carrier(int(self.mechanism.model.parents[body]))
-        return found
+        return joints
 
     def _split(self) -> list[tuple[set[int], set[int]]]:
         """Return the joints and the cuts of each part."""
@@ -209,14 +209,14 @@ class TaskParts:
         index = self.mechanism.model.getJointId
         related = [{int(index(name)) for name in coupling.terms} for coupling in self.couplings]
         (whole,) = (group for group in _joined([*cycles, *related, self._chain(end) | {_TASK}]) if _TASK in group)
-        found = [whole]
+        parts = [whole]
         if self._kind is LoopKind.RIGID:  # the node is part of the base now
             above = self._carrier(int(self.mechanism.model.parents[end]))
             cycles = [
                 self._chain(a, end) ^ self._chain(b, end) | {-1 - k} for k, (a, b) in cuts.items() if -1 - k in whole
             ]
-            found = _joined([*cycles, *related, self._chain(above) | {end}])
-        return [({i for i in group if i >= 0}, {-1 - i for i in group if _TASK < i < 0}) for group in found]
+            parts = _joined([*cycles, *related, self._chain(above) | {end}])
+        return [({i for i in group if i >= 0}, {-1 - i for i in group if _TASK < i < 0}) for group in parts]
 
     def _closing(self) -> tuple[LoopKind, Array, MotionGroup]:
         """Return how the virtual joints' frame and the node are joined, the joint's axis (3,) in the frame, and the
@@ -260,17 +260,17 @@ class TaskParts:
 
     def _part(self, joints: set[int], cuts: set[int]) -> TaskPart:
         """Return the linkage of some joints and cuts."""
-        own, source, at = pin.Model(), self.mechanism.model, self._at
+        model, source, at = pin.Model(), self.mechanism.model, self._at
         body, virtual = 0, []
         for k, (joint, placement) in enumerate(self._virtual.joints()):
             virtual.append(f"{_VIRTUAL} {k + 1}")
-            body = own.addJoint(body, joint, placement, virtual[-1])
+            body = model.addJoint(body, joint, placement, virtual[-1])
         target = body, pin.SE3(np.eye(3), self._virtual.origin).inverse() * self._home
-        own.addFrame(pin.Frame(_VIRTUAL, *target, pin.FrameType.BODY))
+        model.addFrame(pin.Frame(_VIRTUAL, *target, pin.FrameType.BODY))
         fixed, index = self._carrier(self._end) if self._kind is LoopKind.RIGID else -1, dict[int, int]()
 
         def carried(body: int) -> tuple[int, pin.SE3]:
-            """Return the own joint that carries a body of the mechanism, and the body's placement on it."""
+            """Return the part's joint that carries a body of the mechanism, and the body's placement on it."""
             carrier = self._carrier(body)
             if carrier == fixed:
                 return target[0], target[1] * self._home.actInv(at[body])
@@ -280,25 +280,25 @@ class TaskParts:
 
         for j in sorted(joints):
             parent, placement = carried(int(source.parents[j]))
-            index[j] = own.addJoint(parent, source.joints[j], placement * source.jointPlacements[j], source.names[j])
+            index[j] = model.addJoint(parent, source.joints[j], placement * source.jointPlacements[j], source.names[j])
         loops = list[LoopConstraint]()
 
         def close(name: str, kind: LoopKind, *ends: tuple[int, pin.SE3]) -> None:
             first, second = f"{name} 1", f"{name} 2"
             for node, (joint, placement) in zip((first, second), ends, strict=True):
-                own.addFrame(pin.Frame(node, joint, placement, pin.FrameType.BODY))
+                model.addFrame(pin.Frame(node, joint, placement, pin.FrameType.BODY))
             loops.append(LoopConstraint(name, kind, first, second, pin.SE3.Identity(), pin.SE3.Identity()))
 
         for k in sorted(cuts):
-            first, one, second, two = self.mechanism.structure.system.anchors[k]
-            ends = [(joint, there * end) for (joint, there), end in ((carried(first), one), (carried(second), two))]
+            a, on_a, b, on_b = self.mechanism.structure.system.anchors[k]
+            ends = [(joint, pose * end) for (joint, pose), end in ((carried(a), on_a), (carried(b), on_b))]
             close(self.mechanism.loops[k].name, self.mechanism.loops[k].kind, *ends)
         end = self._carrier(self._end)
         if end in joints:
             about = pin.SE3(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), self._axis).matrix(), np.zeros(3))
             frame = at[end].actInv(self._home)
             close(_VIRTUAL, self._kind, (target[0], target[1] * about), (index[end], frame * about))
-        return self._solved(own, virtual, loops)
+        return self._solved(model, virtual, loops)
 
     def _solved(self, model: pin.Model, virtual: list[str], loops: list[LoopConstraint]) -> TaskPart:
         mechanism, q = self.mechanism, np.zeros(model.nq)
@@ -307,7 +307,7 @@ class TaskParts:
             q[model.joints[model.getJointId(name)].idx_q] = self.start[mechanism.q_index(name)]
         couplings = tuple(coupling for coupling in self.couplings if coupling.follower in names)
         systems = subsystems(ClosedLoops(model, loops, mechanism.length, couplings))
-        ranks = tuple(closure.generic_rank(own, q[at])[0] for own, at in systems)
+        ranks = tuple(closure.generic_rank(system, q[at])[0] for system, at in systems)
         part = Mechanism(
             name=mechanism.name, model=model, nodes=(_VIRTUAL,), joints=(*virtual, *names),
             actuated=tuple(virtual), loops=tuple(loops), length=mechanism.length, floating=False, q_home=q,
@@ -356,8 +356,8 @@ class TaskParts:
 
 def _joined(cycles: list[set[int]]) -> list[set[int]]:
     """Return the unions of sets that share elements, directly or through others."""
-    found = list[set[int]]()
+    groups = list[set[int]]()
     for cycle in cycles:
-        sharing = [group for group in found if group & cycle]
-        found = [group for group in found if not group & cycle] + [cycle.union(*sharing)]
-    return found
+        sharing = [group for group in groups if group & cycle]
+        groups = [group for group in groups if not group & cycle] + [cycle.union(*sharing)]
+    return groups

@@ -74,7 +74,7 @@ def _as_declared(function: Callable[..., Any], arguments: Sequence[types.Type]) 
     declared = get_type_hints(function)
     names = function.__code__.co_varnames
     return tuple(
-        getattr(declared.get(name), "numba_type", given) for name, given in zip(names, arguments, strict=False)
+        getattr(declared.get(name), "numba_type", argument) for name, argument in zip(names, arguments, strict=False)
     )
 
 
@@ -107,18 +107,18 @@ def together() -> AbstractContextManager[None]:
     return whole_program(_ENTRIES, _HELPERS)
 
 
-def _stamp(own: Path) -> str:
+def _stamp(source: Path) -> str:
     """Return a digest of a kernel's file and of all that it may inline."""
     digest = hashlib.sha256()
-    for path in sorted(_stamp_files(own)):
+    for path in sorted(_stamp_files(source)):
         digest.update(path.read_bytes())
     return digest.hexdigest()
 
 
-def _stamp_files(own: Path) -> set[Path]:
+def _stamp_files(source: Path) -> set[Path]:
     """Return a kernel's file and all files of the package that it imports, directly or through others."""
     root = Path(__file__).parents[2]
-    taken, left = set[Path](), [own]
+    taken, left = set[Path](), [source]
     while left:
         path = left.pop()
         if path not in taken:

@@ -55,14 +55,14 @@ frame_at.in_python = lambda begin: numbers_at(begin, (4, 3))
 def _distance() -> int | None:
     """Return the distance in bytes of a copied SE3's numbers from its Python object; None unless it is the same for
     every copy, and the 12 numbers there are those of the frame."""
-    given = pin.SE3.Random()
-    copies = [given.copy() for _ in range(8)]
+    placement = pin.SE3.Random()
+    copies = [placement.copy() for _ in range(8)]
     distances = {address(copied.rotation) - id(copied) for copied in copies}
     if len(distances) != 1:
         return None
     distance = distances.pop()
     numbers = [(ctypes.c_double * 12).from_address(id(copied) + distance) for copied in copies]
-    same = all(np.array_equal(np.reshape(one, (4, 3)), frame_of(given)) for one in numbers)
+    same = all(np.array_equal(np.reshape(each, (4, 3)), frame_of(placement)) for each in numbers)
     return distance if same and 0 < distance < 1024 else None
 
 
@@ -101,9 +101,9 @@ class JointKinematics:
 
     def __init__(self, data: pin.Data) -> None:
         self._data, self._placements = data, data.oMi
-        found = frames_in_place(self._placements)
-        self.frames_in_place = found is not None
-        self.frames = np.zeros((len(self._placements), 4, 3)) if found is None else found
+        frames = frames_in_place(self._placements)
+        self.frames_in_place = frames is not None
+        self.frames = np.zeros((len(self._placements), 4, 3)) if frames is None else frames
         screws, again = self._read_screws(), self._read_screws()  # a copy would be another one each time
         self.screws_in_place = not screws.size or (address(screws) == address(again) and screws.flags.c_contiguous)
         self.screws = screws if self.screws_in_place else np.array(screws, order="C")
@@ -164,6 +164,6 @@ class DistanceResults:
         """Read in place from now on, if memory has the numbers that were copied."""
         begin = [address(result.normal) - 8 * NORMAL for result in self._results]
         if begin == list(range(begin[0], begin[0] + 8 * RESULT_WIDTH * len(begin), 8 * RESULT_WIDTH)):
-            found, used = numbers_at(begin[0], self.table.shape), SECOND_POINT + 3
-            if np.array_equal(found[:, :used], self.table[:, :used]):
-                self.table, self.is_in_place = found, True
+            table, used = numbers_at(begin[0], self.table.shape), SECOND_POINT + 3
+            if np.array_equal(table[:, :used], self.table[:, :used]):
+                self.table, self.is_in_place = table, True

@@ -39,7 +39,7 @@ def _in_python(value: Any) -> Any:
     if value is math:
         return _MATH
     if isinstance(value, ModuleType) and value.__name__.startswith("cinegen."):
-        return SimpleNamespace(**{name: _in_python(found) for name, found in vars(value).items()})
+        return SimpleNamespace(**{name: _in_python(member) for name, member in vars(value).items()})
     return getattr(value, "in_python", value)
 
 

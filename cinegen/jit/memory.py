@@ -139,13 +139,13 @@ class Memory:
     def __init_subclass__(cls, part: bool = False) -> None:
         bases = [base for base in cls.__bases__ if issubclass(base, Memory)]
         bases = [base for base in bases if not base.is_part][:1] + [base for base in bases if base.is_part]
-        own = {name: field for name, field in vars(cls).items() if isinstance(field, Field)}
+        declared = {name: field for name, field in vars(cls).items() if isinstance(field, Field)}
         cls.fields, cls.is_part = {}, part
-        for fields in (*(base.fields for base in bases), own):
+        for fields in (*(base.fields for base in bases), declared):
             for name, field in fields.items():
                 if cls.fields.setdefault(name, field) is not field or hasattr(Memory, name):
                     raise TypeError(f"{cls.__name__}.{name} is taken: a kernel for the base would not see this one")
-        for name, field in own.items():
+        for name, field in declared.items():
             if field.shape is not None:
                 delattr(cls, name)  # an instance has an array of that name
         if not part:

@@ -60,8 +60,8 @@ def other_thread(used: object, more: str = "") -> CinegenError:
         more: what else may not use it.
     """
     kind = type(used)
-    given = inspect.signature(kind).parameters.values()
-    needed = ", ".join(one.name for one in given if one.default is one.empty and one.kind is not one.VAR_POSITIONAL)
+    parameters = inspect.signature(kind).parameters.values()
+    needed = ", ".join(p.name for p in parameters if p.default is p.empty and p.kind is not p.VAR_POSITIONAL)
     return CinegenError(
         f"this {kind.__name__} is in use: it may be used by one thread at a time{more}; give each thread its own, "
         f"{kind.__name__}({needed}), or use a lock"

@@ -97,15 +97,15 @@ class NativeTree:
 
 def native() -> Native:
     """Return the addresses of Pinocchio's functions, checked. If they can't be called, the first call warns."""
-    found = _checked()
-    if found.reason and not _warned:
-        _warned.append(found.reason)
+    functions = _checked()
+    if functions.reason and not _warned:
+        _warned.append(functions.reason)
         warn(
-            f"kernels can't call this build of Pinocchio ({pin.__version__}): {found.reason}. They compute the "
+            f"kernels can't call this build of Pinocchio ({pin.__version__}): {functions.reason}. They compute the "
             "kinematics of joints themselves; mechanisms with joints that are not revolute, prismatic, spherical or "
             "free can't be driven"
         )
-    return found
+    return functions
 
 
 _warned: list[str] = []
@@ -115,14 +115,14 @@ _warned: list[str] = []
 def _checked() -> Native:
     try:
         library = ctypes.CDLL(pinocchio_pywrap_default.__file__)
-        found = Native(_pointer(library[_EVALUATE]), _pointer(library[_INTEGRATE]), _pointer(library[_DIFFERENCE]))
-        _check(found)
+        functions = Native(_pointer(library[_EVALUATE]), _pointer(library[_INTEGRATE]), _pointer(library[_DIFFERENCE]))
+        _check(functions)
     except (OSError, AttributeError, TypeError, NoAccessError) as error:  # no such library, symbol, or kind of joint
         return Native(reason=str(error))
-    return found
+    return functions
 
 
-def _check(found: Native) -> None:
+def _check(functions: Native) -> None:
     """Compare the functions with what Python gets from Pinocchio, on all kinds of joints.
 
     Raises:
@@ -135,21 +135,21 @@ def _check(found: Native) -> None:
     q = pin.neutral(model)
     for _ in range(5):
         step = rng.normal(size=model.nv)
-        there, back = np.zeros(model.nq), np.zeros(model.nv)
-        words = [_vector(one) for one in (q, step, there, back)]
-        first, by, second, result = (address(one) for one in words)
-        _call(found.integrate, (tree.model_address, first, by, second))
-        _call(found.evaluate, (tree.model_address, tree.data_address, second))
-        _call(found.difference, (tree.model_address, first, second, result))
-        pin.computeJointJacobians(model, data, there)
+        end, back = np.zeros(model.nq), np.zeros(model.nv)
+        words = [_vector(vector) for vector in (q, step, end, back)]
+        first, by, second, result = (address(word) for word in words)
+        _call(functions.integrate, (tree.model_address, first, by, second))
+        _call(functions.evaluate, (tree.model_address, tree.data_address, second))
+        _call(functions.difference, (tree.model_address, first, second, result))
+        pin.computeJointJacobians(model, data, end)
         same = (
-            np.array_equal(there, pin.integrate(model, q, step)), np.array_equal(tree.screws, np.asarray(data.J).T),
+            np.array_equal(end, pin.integrate(model, q, step)), np.array_equal(tree.screws, np.asarray(data.J).T),
             np.array_equal(tree.frames, [frame_of(placement) for placement in data.oMi]),
-            np.array_equal(back, pin.difference(model, q, there)),
+            np.array_equal(back, pin.difference(model, q, end)),
         )  # fmt: skip
         if not all(same):
             raise NoAccessError("results differ from those in Python")
-        q = there
+        q = end
 
 
 def _sample() -> pin.Model:
@@ -217,9 +217,9 @@ def call_native(_typing: Any, function: Any, words: Any) -> Any:
     """For kernels: call the function at an address with some words."""
 
     def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        given = cgutils.unpack_tuple(builder, arguments[1])
-        kind = ir.FunctionType(ir.IntType(64), [ir.IntType(64)] * len(given))
-        return builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), given)
+        values = cgutils.unpack_tuple(builder, arguments[1])
+        kind = ir.FunctionType(ir.IntType(64), [ir.IntType(64)] * len(values))
+        return builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), values)
 
     return types.int64(types.int64, words), generate
 

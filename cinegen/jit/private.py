@@ -9,7 +9,7 @@ from pathlib import Path
 from cinegen.errors import CinegenError
 from raff2urdf.escape import shell_word
 
-_OWN = "NUMBA_CACHE_DIR"
+_FOLDER = "NUMBA_CACHE_DIR"
 """Environment variable that names another folder of numba's cache."""
 
 
@@ -29,18 +29,18 @@ def check_private(path: Path, source: Path) -> None:
     if not hasattr(os, "geteuid"):
         return
     try:
-        there, owner = path.stat(), source.stat().st_uid
+        entry, owner = path.stat(), source.stat().st_uid
     except OSError:
         return
-    folder = path if stat.S_ISDIR(there.st_mode) else path.parent
+    folder = path if stat.S_ISDIR(entry.st_mode) else path.parent
     named = shell_word(str(folder))
-    instead = f"or name a folder of your own: export {_OWN}=~/.cache/cinegen-kernels"
-    if there.st_uid not in (os.geteuid(), 0, owner):
+    instead = f"or name a folder of your own: export {_FOLDER}=~/.cache/cinegen-kernels"
+    if entry.st_uid not in (os.geteuid(), 0, owner):
         raise CinegenError(
             f"{path}: compiled kernels are not loaded from there, since it belongs to another user, who could run code "
             f"as you: rm -r {named}, {instead}"
         )
-    if there.st_mode & stat.S_IWOTH or (there.st_mode & stat.S_IWGRP and not _is_own_group(there.st_gid)):
+    if entry.st_mode & stat.S_IWOTH or (entry.st_mode & stat.S_IWGRP and not _is_own_group(entry.st_gid)):
         raise CinegenError(
             f"{path}: compiled kernels are not loaded from there, since other users may write it and could run code as "
             f"you: chmod -R go-w {named}, {instead}"
@@ -54,7 +54,7 @@ def _is_own_group(group: int) -> bool:
 
     try:
         name = pwd.getpwuid(os.geteuid()).pw_name
-        members = {*grp.getgrgid(group).gr_mem, *(one.pw_name for one in pwd.getpwall() if one.pw_gid == group)}
+        members = {*grp.getgrgid(group).gr_mem, *(user.pw_name for user in pwd.getpwall() if user.pw_gid == group)}
     except KeyError:
         return False
     return members <= {name}

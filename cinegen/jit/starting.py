@@ -60,9 +60,9 @@ class InterpretedKernel:
         if self.machine_code is not None:
             self._install(self.machine_code)
             return self.machine_code(*arguments)
-        given = zip(arguments, self._is_memory, strict=True)
+        pairs = zip(arguments, self._is_memory, strict=True)
         with np.errstate(all="ignore"):
-            return self._python(*(memory_at(value) if is_memory else value for value, is_memory in given))
+            return self._python(*(memory_at(value) if is_memory else value for value, is_memory in pairs))
 
 
 class Compilation:

@@ -143,17 +143,17 @@ class ClosedLoops:
             alone: scales without couplings.
             scales: those with the joints that only drive others.
         """
-        found = list[str]()
+        screws = list[str]()
         for coupling in self.couplings:
             if any(scales[name] > alone[name] for name in coupling.terms):
                 continue
-            for name, (own, *_) in coupling.terms.items():
+            for name, (slope, *_) in coupling.terms.items():
                 driven = max(
                     (abs(c[0]) * alone[other] for other, c in coupling.terms.items() if other != name), default=0.0
                 )
-                if driven > abs(own) * alone[name] / NEAR_SINGULAR > 0.0 and self._is_coaxial(name):
-                    found.append(name)
-        return found
+                if driven > abs(slope) * alone[name] / NEAR_SINGULAR > 0.0 and self._is_coaxial(name):
+                    screws.append(name)
+        return screws
 
     def _is_coaxial(self, name: str) -> bool:
         """Return whether a revolute joint carries only joints, nodes and ends of loops on its own axis."""
@@ -169,7 +169,7 @@ class ClosedLoops:
             if np.linalg.norm(np.cross(data.oMi[j].rotation @ axis(model.joints[j]), way)) > _ON_AXIS:
                 return False
             points += [] if translations(model.joints[j]) else [data.oMi[j].translation]
-        frames = [(one.parentJoint, one.placement) for one in model.frames if one.type == pin.FrameType.BODY]
+        frames = [(frame.parentJoint, frame.placement) for frame in model.frames if frame.type == pin.FrameType.BODY]
         ends = [end for a, on_a, b, on_b in self.anchors for end in ((a, on_a), (b, on_b))]
         points += [(data.oMi[j] * placed).translation for j, placed in (*frames, *ends) if j in behind]
         off = [float(np.linalg.norm(np.cross(point - on.translation, way))) for point in points]
@@ -225,7 +225,7 @@ class ClosedLoops:
             q: (nq,) closed.
             v: (nv,) m/s and rad/s, loops kept closed.
         """
-        data, found = self.data, [np.zeros(0)]
+        data, rates = self.data, [np.zeros(0)]
         pin.forwardKinematics(self.model, data, q, v, np.zeros(self.model.nv))
         for loop, (first, on_first, second, on_second) in zip(self.loops, self.anchors, strict=True):
             v1, v2, a1, a2 = (
@@ -235,14 +235,14 @@ class ClosedLoops:
             )
             end = data.oMi[first] * on_first
             by_twist = loop_residual(loop.kind, end.actInv(data.oMi[second] * on_second).homogeneous, self.length)[1]
-            found.append(by_twist @ end.actInv(a2 - a1 - v1.cross(v2 - v1)).vector)
+            rates.append(by_twist @ end.actInv(a2 - a1 - v1.cross(v2 - v1)).vector)
         for coupling, size in zip(self.couplings, self.coupling_sizes, strict=True):
             bend = 0.0
             for name, coefficients in coupling.terms.items():
                 joint, powers = self._coupled[name], enumerate(coefficients[1:], 2)
                 bend += v[joint.idx_v] ** 2 * sum(k * (k - 1) * c * q[joint.idx_q] ** (k - 2) for k, c in powers)
-            found.append(np.array([bend / size]))
-        return np.concatenate(found)
+            rates.append(np.array([bend / size]))
+        return np.concatenate(rates)
 
     def screws(self) -> Array:
         """Return the unit twists (6, nv + .) of all velocities, and then of the joints that were cut, for what is in
@@ -256,17 +256,17 @@ class ClosedLoops:
     def cut_rates(self) -> Array:
         """Return the velocities (., nv) of the joints that were cut, by the dimensionless step, for what is in `data`;
         dimensionless. Loops of clusters with more than `LARGE` velocities are left out."""
-        columns, found = np.asarray(self.data.J).reshape(6, -1), [np.zeros((0, self.model.nv))]
+        columns, rates = np.asarray(self.data.J).reshape(6, -1), [np.zeros((0, self.model.nv))]
         for i in self._measured:
             loop, (joint, placement, *_) = self.loops[i], self.anchors[i]
             screws = cut_screws(loop.kind, (self.data.oMi[joint] * placement).homogeneous)
             twists = columns * (self.signs[i] * self.scale)
             if loop.kind is LoopKind.PRISMATIC:
                 point = (self.data.oMi[joint] * placement).translation
-                found.append(screws[:3].T @ moments(twists, point) / self.length)
+                rates.append(screws[:3].T @ moments(twists, point) / self.length)
             else:
-                found.append(screws[3:].T @ twists[3:])
-        return np.vstack(found)
+                rates.append(screws[3:].T @ twists[3:])
+        return np.vstack(rates)
 
     @cached_property
     def _measured(self) -> list[int]:

@@ -47,16 +47,16 @@ def subsystems(system: ClosedLoops) -> list[tuple[ClosedLoops, Indices]]:
     """Return each cluster as a mechanism of its own joints, and the indices of its numbers in q; a single cluster is
     the mechanism itself, with all its joints. All other joints are at zero, which changes no loop; locked ones are part
     of the links that carry them."""
-    found = clusters(system)
-    if len(found) == 1 and not len(system.held):
+    groups = clusters(system)
+    if len(groups) == 1 and not len(system.held):
         return [(system, np.arange(system.model.nq))]
     pin.forwardKinematics(system.model, system.data, system.rest)
-    return [_subsystem(system, cluster) for cluster in found]
+    return [_subsystem(system, cluster) for cluster in groups]
 
 
 def _subsystem(system: ClosedLoops, cluster: LoopCluster) -> tuple[ClosedLoops, Indices]:
     """Return a cluster as a mechanism of its own joints; placements are those at zero, in the system's data."""
-    model, at, own = system.model, system.data.oMi, pin.Model()
+    model, at, part = system.model, system.data.oMi, pin.Model()
     joints = np.unique(np.repeat(np.arange(model.njoints), model.nvs)[cluster.columns]).tolist()
     inner = {0: 0}  # joints by their indices in both models
 
@@ -70,12 +70,12 @@ def _subsystem(system: ClosedLoops, cluster: LoopCluster) -> tuple[ClosedLoops, 
     for joint in joints:
         parent, placement = carrier(model.parents[joint])
         placement = placement * model.jointPlacements[joint]
-        inner[joint] = own.addJoint(parent, model.joints[joint], placement, model.names[joint])
+        inner[joint] = part.addJoint(parent, model.joints[joint], placement, model.names[joint])
     loops = [system.loops[i] for i in cluster.loops]
     for node in {node for loop in loops for node in (loop.first, loop.second)}:
         frame = model.frames[model.getFrameId(node, pin.FrameType.BODY)]
         parent, placement = carrier(frame.parentJoint)
-        own.addFrame(pin.Frame(node, parent, 0, placement * frame.placement, pin.FrameType.BODY))
+        part.addFrame(pin.Frame(node, parent, 0, placement * frame.placement, pin.FrameType.BODY))
     numbers = [np.arange(model.idx_qs[j], model.idx_qs[j] + model.nqs[j]) for j in joints]
     couplings = [system.couplings[i] for i in cluster.couplings]
-    return ClosedLoops(own, loops, system.length, couplings), np.concatenate([np.zeros(0, np.intp), *numbers])
+    return ClosedLoops(part, loops, system.length, couplings), np.concatenate([np.zeros(0, np.intp), *numbers])

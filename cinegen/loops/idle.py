@@ -19,17 +19,17 @@ def edges(system: ClosedLoops, q: Array) -> list[Edge]:
     model, data = system.model, system.data
     system.evaluate(q)
     unit = np.repeat([system.length, 1.0], 3)[:, None]
-    columns, found = np.asarray(data.J).reshape(6, -1) / unit, list[Edge]()
+    columns, connections = np.asarray(data.J).reshape(6, -1) / unit, list[Edge]()
     for j in range(1, model.njoints):
-        own = range(model.idx_vs[j], model.idx_vs[j] + model.nvs[j])
-        screws = columns[:, own]
+        indices = range(model.idx_vs[j], model.idx_vs[j] + model.nvs[j])
+        screws = columns[:, indices]
         turning = np.linalg.norm(screws[3:], axis=0)
         sizes = np.where(turning > 0.0, turning, np.linalg.norm(screws, axis=0))
-        found.append(Edge(model.parents[j], j, screws / np.maximum(sizes, _NOTHING), tuple(own)))
+        connections.append(Edge(model.parents[j], j, screws / np.maximum(sizes, _NOTHING), tuple(indices)))
     for loop, (first, placement, second, _) in zip(system.loops, system.anchors, strict=True):
         screws = cut_screws(loop.kind, (data.oMi[first] * placement).homogeneous)
-        found.append(Edge(first, second, screws / np.where(np.any(screws[3:], axis=0), unit, 1.0)))
-    return found
+        connections.append(Edge(first, second, screws / np.where(np.any(screws[3:], axis=0), unit, 1.0)))
+    return connections
 
 
 def idle_spins(system: ClosedLoops, configurations: Sequence[Array], actuated: Collection[str]) -> list[Spin]:
@@ -47,6 +47,6 @@ def idle_spins(system: ClosedLoops, configurations: Sequence[Array], actuated: C
     return spins([edges(system, q) for q in configurations], still)
 
 
-def idle_motions(system: ClosedLoops, found: Sequence[Spin], q: Array) -> Array:
+def idle_motions(system: ClosedLoops, rotations: Sequence[Spin], q: Array) -> Array:
     """Return idle motions (n, nv) as steps of length 1 at q (nq,)."""
-    return motions(edges(system, q), found, int(system.model.nv))
+    return motions(edges(system, q), rotations, int(system.model.nv))

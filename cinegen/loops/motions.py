@@ -49,9 +49,9 @@ def free_motions(loops: Array, rank: int, held: Indices | None = None) -> tuple[
     """
     if held is not None and len(held):
         free = np.delete(np.arange(loops.shape[1]), held)
-        own, sigma = free_motions(loops[:, free], rank)
-        wide = np.zeros((loops.shape[1], own.shape[1]))
-        wide[free] = own
+        basis, sigma = free_motions(loops[:, free], rank)
+        wide = np.zeros((loops.shape[1], basis.shape[1]))
+        wide[free] = basis
         return wide, sigma
     if rank == 0:
         return np.eye(loops.shape[1]), np.zeros(0)
@@ -59,14 +59,14 @@ def free_motions(loops: Array, rank: int, held: Indices | None = None) -> tuple[
         _, sigma, vt = np.linalg.svd(loops, full_matrices=True)
         return vt[rank:].T, sigma[:rank]
     blocks = [(columns, *np.linalg.svd(loops[rows][:, columns])[1:]) for rows, columns in _blocks(loops)]
-    sigma = np.concatenate([own for _, own, _ in blocks])
+    sigma = np.concatenate([values for _, values, _ in blocks])
     largest = np.argsort(-sigma, kind="stable")[:rank]
-    owner = np.repeat(np.arange(len(blocks)), [len(own) for _, own, _ in blocks])
+    owner = np.repeat(np.arange(len(blocks)), [len(values) for _, values, _ in blocks])
     ranks = np.bincount(owner[largest], minlength=len(blocks))
     motions = [np.delete(np.eye(loops.shape[1]), np.concatenate([columns for columns, _, _ in blocks]), axis=0)]
-    for (columns, _, vt), own_rank in zip(blocks, ranks, strict=True):
-        motions.append(np.zeros((len(vt) - own_rank, loops.shape[1])))
-        motions[-1][:, columns] = vt[own_rank:]
+    for (columns, _, vt), part_rank in zip(blocks, ranks, strict=True):
+        motions.append(np.zeros((len(vt) - part_rank, loops.shape[1])))
+        motions[-1][:, columns] = vt[part_rank:]
     return np.vstack(motions).T, sigma[largest]
 
 

@@ -92,14 +92,14 @@ class LoopScrews:
             self.mix[np.ix_(loops, loops)] = _mix(self.signs[loops])
             columns = np.flatnonzero(self.signs[loops].any(axis=0) & turning)
             placements = {k: system.data.oMi[carriers[k]] for k in owner[columns].tolist()}
-            near = np.mean([one.translation for one in placements.values()], axis=0) if placements else np.zeros(3)
+            near = np.mean([pose.translation for pose in placements.values()], axis=0) if placements else np.zeros(3)
             about = centre(screws[:, columns], near)
             self.lengths.append(scale_of(spread(screws[:, columns], about), system.length))
             points = []
             for k, placement in placements.items():
-                own = columns[owner[columns] == k]
-                point = placement.actInv(centre(screws[:, own], about))
-                points.append(AxisPoint(carriers[k], np.array(point), len(own) / len(columns)))
+                selected = columns[owner[columns] == k]
+                point = placement.actInv(centre(screws[:, selected], about))
+                points.append(AxisPoint(carriers[k], np.array(point), len(selected) / len(columns)))
             self.points.append(points)
 
     def matrix(self, system: ClosedLoops, jacobian: Array) -> Array:
@@ -115,9 +115,9 @@ class LoopScrews:
             about, loops = np.zeros(3), np.flatnonzero(self.cluster_of == c)
             for joint, point, share in points:
                 about += share * system.data.oMi[joint].act(point)
-            own = screws.copy()
-            own[:3] = moments(screws, about) / length
-            taking_part = self.signs[loops][:, None, :] * own
+            scaled = screws.copy()
+            scaled[:3] = moments(screws, about) / length
+            taking_part = self.signs[loops][:, None, :] * scaled
             of_loops[loops] = np.einsum("lm,mrk->lrk", self.mix[np.ix_(loops, loops)], taking_part)
         whole = np.zeros((6 * count + couplings, len(self.scale)))
         whole[: 6 * count] = of_loops.reshape(6 * count, len(self.scale))

@@ -68,9 +68,9 @@ class Branch:
             return along
         try:
             self._forward.q = first
-            found = [self._moved(q) for q in along]
+            configurations = [self._moved(q) for q in along]
             if self.mechanism.distance(self._moved(second), second) <= _SAME:
-                return np.array(found).reshape(along.shape)
+                return np.array(configurations).reshape(along.shape)
         except ClosureError:
             pass
         return self._interpolate_all(first, second, along)
@@ -82,7 +82,7 @@ class Branch:
     def _interpolate_all(self, first: Array, second: Array, along: Array) -> Array:
         step = self.mechanism.distance(first, second)
         middle = [self.mechanism.structure.normalized(first + x * (second - first)) for x in (0.25, 0.5, 0.75)]
-        found = []
+        configurations = []
         for q in [*middle, *along]:
             try:
                 closed = self.mechanism.close(q)
@@ -92,7 +92,7 @@ class Branch:
             if self.mechanism.distance(q, closed) > _DETOUR * step + _SAME:
                 step = np.inf
                 break
-            found.append(closed)
+            configurations.append(closed)
         if step > _JUMP:
             raise MissionError("jumps to another branch, which its actuated joints can't reach")
-        return np.array(found[len(middle) :]).reshape(along.shape)
+        return np.array(configurations[len(middle) :]).reshape(along.shape)

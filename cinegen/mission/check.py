@@ -124,18 +124,18 @@ def check(
         velocity and acceleration (`Trajectory.limits`). At the samples and between them: singularities.
     """
     mechanism, q = trajectory.mechanism, trajectory.q
-    gaps = _of_each(q, lambda one: np.array(mechanism.closure(one)))
-    found = [*_uncontrolled(trajectory), *_open(trajectory, gaps), *_limits(trajectory), *_rates(trajectory)]
+    gaps = _of_each(q, lambda row: np.array(mechanism.closure(row)))
+    findings = [*_uncontrolled(trajectory), *_open(trajectory, gaps), *_limits(trajectory), *_rates(trajectory)]
     end, passive = of_end(mechanism), of_passive_joints(mechanism) if mechanism.structure.passive_rank else None
     kinds = (FindingKind.TYPE_1, FindingKind.NEAR_TYPE_1)
-    sigma = _singular(trajectory, end, threshold, kinds, found) if end.rank else np.full(len(q), np.inf)
+    sigma = _singular(trajectory, end, threshold, kinds, findings) if end.rank else np.full(len(q), np.inf)
     passive_sigma = np.full(len(q), np.inf)
     if passive is not None:
         crosses = trajectory.torques is not None and trajectory.torques.crosses
         kinds = (FindingKind.CROSSED if crosses else FindingKind.TYPE_2, FindingKind.NEAR_TYPE_2)
-        passive_sigma = _singular(trajectory, passive, passive_threshold, kinds, found)
-    found.sort(key=lambda finding: finding.time)
-    return Findings(tuple(found), float(gaps.max()), float(sigma.min()), float(passive_sigma.min()))
+        passive_sigma = _singular(trajectory, passive, passive_threshold, kinds, findings)
+    findings.sort(key=lambda finding: finding.time)
+    return Findings(tuple(findings), float(gaps.max()), float(sigma.min()), float(passive_sigma.min()))
 
 
 def _finding(
@@ -217,7 +217,7 @@ def _rates(trajectory: Trajectory) -> Iterator[Finding]:
 
 
 def _singular(
-    trajectory: Trajectory, rows: Rows, threshold: float, kinds: tuple[FindingKind, FindingKind], found: list[Finding]
+    trajectory: Trajectory, rows: Rows, threshold: float, kinds: tuple[FindingKind, FindingKind], known: list[Finding]
 ) -> Array:
     """Add the singularities of a type that are passed or near. Return the smallest singular values, (n,)."""
     mechanism, q, times = trajectory.mechanism, trajectory.q, trajectory.times
@@ -230,13 +230,13 @@ def _singular(
         segment = partial(between, mechanism, q[k], q[k + 1])
         for crossing in crossings(rows, segment):
             time = float(times[k] + crossing.x * (times[k + 1] - times[k]))
-            if found and found[-1].kind is passed and time - found[-1].time <= _SAME * (times[k + 1] - times[k]):
+            if known and known[-1].kind is passed and time - known[-1].time <= _SAME * (times[k + 1] - times[k]):
                 continue  # at a sample, found in the interval before
             message = f"it passes through a {_description(mechanism, passed, rows, crossing.q)}"
             if passed is FindingKind.CROSSED:
                 message += ", at a speed at which torques stay within their limits"
             value = float(rows.sigma(rows.of(crossing.q)[None])[0])
-            found.append(_finding(trajectory, passed, time, message, crossing.q, value))
+            known.append(_finding(trajectory, passed, time, message, crossing.q, value))
             through[k : k + 2] = True
     for part in _intervals(sigma < threshold, sigma > _AWAY * threshold):
         if through[max(0, part.start - 1) : part.stop + 1].any():
@@ -245,16 +245,16 @@ def _singular(
         at_it = passed in _TYPE_2 and sigma[k] < AT_SINGULAR
         described = _description(mechanism, passed, rows, q[k])
         message = f"it is at a {described}" if at_it else f"it is near a {described}; singular value {sigma[k]:.2g}"
-        found.append(_finding(trajectory, passed if at_it else near, float(times[k]), message, q[k], float(sigma[k])))
+        known.append(_finding(trajectory, passed if at_it else near, float(times[k]), message, q[k], float(sigma[k])))
     return sigma
 
 
 def _of_each(q: Array, of: Callable[[Array], Array]) -> Array:
     """Return a value at each sample, (n, ...); it is computed once while the robot is at rest."""
-    found = [of(q[0])]
+    values = [of(q[0])]
     for before, now in pairwise(q):
-        found.append(found[-1] if np.array_equal(before, now) else of(now))
-    return np.array(found)
+        values.append(values[-1] if np.array_equal(before, now) else of(now))
+    return np.array(values)
 
 
 def _description(mechanism: Mechanism, kind: FindingKind, rows: Rows, q: Array) -> str:

@@ -64,9 +64,9 @@ class CurveTiming:
         limited = np.setdiff1d(np.flatnonzero(np.isfinite(velocity) | np.isfinite(acceleration)), passive)
         values, slopes = curve(grid), curve(grid, 1)
         if len(passive):
-            found = self._closed(grid)
-            values[:, passive] = found[:, passive]
-            slopes[:, passive] = PchipInterpolator(grid, found[:, passive])(grid, 1)
+            closed = self._closed(grid)
+            values[:, passive] = closed[:, passive]
+            slopes[:, passive] = PchipInterpolator(grid, closed[:, passive])(grid, 1)
         joints = np.concatenate([limited, passive])
         self._whole = CubicHermiteSpline(grid, values[:, joints], slopes[:, joints])
         self._limits = velocity[joints], acceleration[joints]
@@ -158,14 +158,14 @@ def closed_along(branch: Branch, knots: Array, along: Array, ends: Indices, reco
         along = np.array([branch.mechanism.structure.normalized(q) for q in along]).reshape(along.shape)
     if not branch.mechanism.is_constrained:
         return along
-    found = along.copy()
+    closed = along.copy()
     for i, part in enumerate(map(slice, [0, *ends[1:-1]], [*ends[1:-1], len(along)])):
         if (along[part] == knots[i]).all():
             continue
         try:
-            found[part] = branch.interpolate(knots[i], knots[i + 1], along[part])
+            closed[part] = branch.interpolate(knots[i], knots[i + 1], along[part])
         except MissionError as error:
             when = f"between {recorded[i]:.3f} and {recorded[i + 1]:.3f} s of the recording"
             raise MissionError(f"{name} can't be exported: {when} it {error}") from None
-    found[-1] = knots[-1]
-    return found
+    closed[-1] = knots[-1]
+    return closed

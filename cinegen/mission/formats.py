@@ -87,7 +87,7 @@ def _urscript(trajectory: Trajectory, joints: tuple[str, ...]) -> bytes:
         more = f", and {len(joints) - len(revolute)} other joints" if len(joints) > len(revolute) else ""
         raise MissionError(f"URScript needs six actuated revolute joints: {trajectory.name} has {len(revolute)}{more}")
     q, period = trajectory.positions(joints), 1.0 / trajectory.rate
-    first, *others = (f"[{', '.join(f'{value:.6f}' for value in one + 0.0)}]" for one in q)
+    first, *others = (f"[{', '.join(f'{value:.6f}' for value in row + 0.0)}]" for row in q)
     about = f"{trajectory.name}: {len(q)} positions in {trajectory.seconds:.3f} s, {trajectory.rate:g} a second"
     lines = [
         f"# {line_comment(about)}",
@@ -95,7 +95,7 @@ def _urscript(trajectory: Trajectory, joints: tuple[str, ...]) -> bytes:
         "# Made by cinegen. It first moves to the start along a straight line in joint space: keep that path clear.",
         "def cinegen_motion():",
         f"  movej({first}, a={_ACCELERATION}, v={_SPEED})",
-        *(f"  servoj({one}, 0, 0, {period:.6g}, {_LOOKAHEAD}, {_GAIN})" for one in others),
+        *(f"  servoj({row}, 0, 0, {period:.6g}, {_LOOKAHEAD}, {_GAIN})" for row in others),
         f"  stopj({_STOP})",
         "end",
     ]

@@ -187,8 +187,8 @@ class MissionRecorder:
                 sample = _checked(sample, self._sizes[name])
                 motion, before = encode(replace(sample, tasks=UNSET, described=UNSET)), self._written.get(name)
                 last = {"described": b"[]"} if before is None else before[1]
-                given = {kind: getattr(sample, kind) for kind in KEPT}
-                tasks = last | {kind: encode(value) for kind, value in given.items() if value is not UNSET}
+                kept = {kind: getattr(sample, kind) for kind in KEPT}
+                tasks = last | {kind: encode(value) for kind, value in kept.items() if value is not UNSET}
                 if before == (motion, tasks):  # compared as text: -0.0 is not 0.0
                     continue
                 written[name] = motion, tasks

@@ -58,8 +58,8 @@ class Recording:
             samples = [moment.robots.get(name) or self._at_home(name) for moment in moments]
             self.q[name] = np.array([sample.q for sample in samples]).reshape(len(samples), robot.nq)
             self.q[name].flags.writeable = False
-            self.tasks[name] = [() if isinstance(one.tasks, UnsetType) else one.tasks for one in samples]
-            self.described[name] = [() if isinstance(one.described, UnsetType) else one.described for one in samples]
+            self.tasks[name] = [() if isinstance(each.tasks, UnsetType) else each.tasks for each in samples]
+            self.described[name] = [() if isinstance(each.described, UnsetType) else each.described for each in samples]
             self.statuses[name] = [sample.status for sample in samples]
 
     def __repr__(self) -> str:

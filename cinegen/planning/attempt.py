@@ -157,13 +157,13 @@ def _why_stopped(clearance: Clearance, barrier: ClearanceBarrier, q: Array, repe
             limits.append(name)
     at_limits = f"{', '.join(limits)} at the limit" if limits else ""
     if blocked:
-        pairs = " and ".join(f"'{one}' near '{other}'" for one, other in blocked)
+        pairs = " and ".join(f"'{link}' near '{other}'" for link, other in blocked)
         return PlanStatus.STUCK, f"blocked at the safety distance: {pairs}" + (f"; {at_limits}" if limits else "")
     if limits:
         return PlanStatus.JOINT_LIMIT, at_limits
     distances = clearance.distances(q)
     if repelled and len(distances):
-        one, other = clearance.names(int(distances.argmin()))
-        near = f"'{one}' is {shown(float(distances.min()), LENGTH, 3)} from '{other}'"
+        link, other = clearance.names(int(distances.argmin()))
+        near = f"'{link}' is {shown(float(distances.min()), LENGTH, 3)} from '{other}'"
         return PlanStatus.STUCK, f"local minimum: attraction and repulsion cancel; {near}"
     return PlanStatus.STUCK, "singular, or as near to the goal as this strategy comes"

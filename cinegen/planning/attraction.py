@@ -88,10 +88,10 @@ class ConfigurationAttraction:
         if self._solver is not None:
             self._solver.q = q
             return np.array([self._solver.step().q for _ in range(steps)])
-        found = [q]
+        path = [q]
         for _ in range(steps):
-            found.append(self._mechanism.integrate(found[-1], self._step(found[-1])))
-        return np.array(found[1:])
+            path.append(self._mechanism.integrate(path[-1], self._step(path[-1])))
+        return np.array(path[1:])
 
     def velocity(self, state: State) -> Array:
         """Return the joint velocity (nv,) toward the configuration, rad/s and m/s, regardless of loops."""
@@ -134,7 +134,7 @@ class DeflectedAttraction:
         self._predicted, self._obstructing = self._ticks, frozenset()
         for _ in range(_AHEAD // _CHUNK):
             path = self.attraction.rollout(q, _CHUNK)
-            self._obstructing = next((found for found in map(self.vortices.violated, path) if found), frozenset())
+            self._obstructing = next((groups for groups in map(self.vortices.violated, path) if groups), frozenset())
             if self._obstructing or np.abs(path[-1] - q).max(initial=0.0) < _ARRIVED:
                 break
             q = path[-1]

@@ -50,7 +50,7 @@ class BrakingBarrier(ClearanceBarrier):
         self.basis: Array | None = None
         self.is_released = self.is_met = False
         self._distances = np.zeros(0)
-        self._clusters = [one.columns for one in clusters(clearance.mechanism.structure.system)]
+        self._clusters = [cluster.columns for cluster in clusters(clearance.mechanism.structure.system)]
         self._is_tied = np.zeros(len(self.v), dtype=bool)
         self._is_tied[[j for columns in self._clusters for j in columns]] = True
 
@@ -70,8 +70,8 @@ class BrakingBarrier(ClearanceBarrier):
         matters = most < fastest
         rows, most, self.pairs = near.rows[matters], most[matters], near.pairs[matters]
         if self.basis is not None:
-            own = self._passive_limits(state)
-            rows, most = np.vstack([rows, own.rows]), np.concatenate([most, own.most])
+            passive = self._passive_limits(state)
+            rows, most = np.vstack([rows, passive.rows]), np.concatenate([most, passive.most])
         if not len(rows):
             return Bounds(rows, most)
         return Bounds(rows, np.maximum(most, rows @ self._retreat(state.dt, rows, most, low, high) + 1e-9))
@@ -96,8 +96,8 @@ class BrakingBarrier(ClearanceBarrier):
             if self.v[j] != 0.0 and np.isinf(self.acceleration[j]) and left < abs(self.v[j]):  # s
                 rows.append(towards * np.eye(1, len(self.v), j)[0])
                 room.append(max(left, 0.0))
-        found = np.array(rows).reshape(-1, len(self.v))
-        return Bounds(mechanism.length * found, mechanism.length * self._allowed(found, np.array(room), state.dt))
+        signs = np.array(rows).reshape(-1, len(self.v))
+        return Bounds(mechanism.length * signs, mechanism.length * self._allowed(signs, np.array(room), state.dt))
 
     def _separations(self, rows: Array) -> Array:
         """Return the largest rate (m,) at which joints within their limits of acceleration can change what rows (m, nv)
@@ -148,10 +148,10 @@ class BrakingBarrier(ClearanceBarrier):
     def _braking_times(self, v: Array) -> Array:
         """Return the times (nv,) in which joints brake from a velocity (nv,) to rest, s: those that loops or couplings
         tie together in the direction of their motion, the others as fast as they can."""
-        found = np.abs(v) / self.acceleration
+        times = np.abs(v) / self.acceleration
         for columns in self._clusters:
-            found[columns] = found[columns].max(initial=0.0)
-        return np.asarray(found)
+            times[columns] = times[columns].max(initial=0.0)
+        return np.asarray(times)
 
     # --- steps ---------------------------------------------------------------------------------------------------
 
@@ -187,18 +187,18 @@ class BrakingBarrier(ClearanceBarrier):
                 segments.append((path[i], path[k], pairs, 0))
                 continue
             middle, half = self._middle(path[i], path[k])
-            found = clearance.uncertain(middle, np.abs(half), self.safety, pairs)
-            if found is None or len(found):
-                left = pairs if found is None else found
+            unsure = clearance.uncertain(middle, np.abs(half), self.safety, pairs)
+            if unsure is None or len(unsure):
+                left = pairs if unsure is None else unsure
                 parts += [(i, (i + k) // 2, left), ((i + k) // 2, k, left)]
         while segments:
             begin, end, pairs, depth = segments.pop()
             middle, half = self._middle(begin, end)
-            found = clearance.uncertain(middle, np.abs(half), self.safety, pairs, half)
-            if found is None or (len(found) and depth == _HALVINGS):
+            unsure = clearance.uncertain(middle, np.abs(half), self.safety, pairs, half)
+            if unsure is None or (len(unsure) and depth == _HALVINGS):
                 return False
-            if len(found):
-                segments += [(begin, middle, found, depth + 1), (middle, end, found, depth + 1)]
+            if len(unsure):
+                segments += [(begin, middle, unsure, depth + 1), (middle, end, unsure, depth + 1)]
         return True
 
     def _middle(self, begin: Array, end: Array) -> tuple[Array, Array]:
@@ -210,16 +210,16 @@ class BrakingBarrier(ClearanceBarrier):
         """Return configurations on the motion of braking from q (nq,) and v (nv,) to rest; the last is at rest."""
         times, change = self._braking_times(v), self.acceleration * dt
         ticks, seconds = int(np.ceil(times.max(initial=0.0) / dt - 1e-9)), np.maximum(times, 1e-12)
-        found = []
+        path = []
         for count in sorted({-(-ticks * part // _PARTS) for part in range(1, _PARTS + 1)} - {0}):
-            own = np.minimum(count, np.floor(np.abs(v) / change + 1e-9))
+            braked = np.minimum(count, np.floor(np.abs(v) / change + 1e-9))
             with np.errstate(invalid="ignore"):
-                lost = np.where(np.isfinite(change), 0.5 * change * own * (own + 1.0), 0.0)
-            moved = np.sign(v) * (np.abs(v) * own - lost) * dt
+                lost = np.where(np.isfinite(change), 0.5 * change * braked * (braked + 1.0), 0.0)
+            moved = np.sign(v) * (np.abs(v) * braked - lost) * dt
             part = np.minimum(1.0, count * dt / seconds)
             moved = np.where(self._is_tied, v * seconds * (part - 0.5 * part * part), moved)
-            found.append(self._closed(self.clearance.mechanism.integrate(q, moved)))
-        return found
+            path.append(self._closed(self.clearance.mechanism.integrate(q, moved)))
+        return path
 
     def _closed(self, q: Array) -> Array:
         """Return a configuration (nq,) with closed loops, as braking reaches it.

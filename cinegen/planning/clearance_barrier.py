@@ -100,7 +100,7 @@ def is_clear(clearance: Clearance, begin: Array, end: Array, safety: float) -> b
     A pair that is nearer at the beginning must not be nearer at the end, and nowhere in between nearer than half of its
     distance at the beginning.
     """
-    first, change = (found.copy() for found in clearance.motion_bounds(begin, end))
+    first, change = (bound.copy() for bound in clearance.motion_bounds(begin, end))
     last = clearance.distances(end)
     floor = np.where(first < safety, 0.5 * first, safety)
     if not (last >= np.minimum(first - 1e-12, safety)).all():
@@ -112,7 +112,7 @@ def is_clear(clearance: Clearance, begin: Array, end: Array, safety: float) -> b
 
 def _is_clear(clearance: Clearance, begin: Array, end: Array, floor: Array, checks: int) -> int | None:
     """Return how many checks are left after the motion was found clear; None if it is not, or they did not suffice."""
-    first, change = (found.copy() for found in clearance.motion_bounds(begin, end))
+    first, change = (bound.copy() for bound in clearance.motion_bounds(begin, end))
     last = clearance.distances(end)
     if not ((first + last - change < 2.0 * floor) & (first > 0.0)).any():
         return checks

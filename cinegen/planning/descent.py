@@ -175,12 +175,12 @@ class LinkPoints:
         distances = clearance.distances(q)
         for by_joint in self._pairs:
             nearest = [int(pairs[distances[pairs].argmin()]) for pairs in by_joint.values()]
-            found = [clearance.nearest_points(pair) for pair in nearest]
+            points = [clearance.nearest_points(pair) for pair in nearest]
             yield NearestPoints(
                 np.array(list(by_joint)),
                 distances[nearest],
-                np.array([-normal for _, _, normal in found]),
-                np.array([point for point, _, _ in found]),
+                np.array([-normal for _, _, normal in points]),
+                np.array([point for point, _, _ in points]),
             )
 
     def torques(self, near: NearestPoints, forces: Array) -> Array:
@@ -215,7 +215,7 @@ class Potential:
     def __init__(self, scene: Scene, links: Sequence[Body], reach: float, fading: float = FADING) -> None:
         mechanism, half = scene.mechanism, 0.5 * reach
         bodies = [body for obstacle in scene.obstacles for body in obstacle.bodies]
-        if hollow := [obstacle.name for obstacle in scene.obstacles if any(one.interior for one in obstacle.pieces)]:
+        if hollow := [each.name for each in scene.obstacles if any(piece.interior for piece in each.pieces)]:
             raise PlanningError(f"repulsive potentials need convex obstacles: '{hollow[0]}' is not; use field='vortex'")
         self.goal, self._links, self._fading = GoalPotential(scene), LinkPoints(mechanism, links, bodies), fading
         self.firas = Firas(STRENGTH / mechanism.length * half**2 / (1.0 / half - 1.0 / reach), reach)
@@ -239,10 +239,10 @@ class Potential:
 
     def repulsion_gradient(self, q: Array) -> Array:
         """Return the gradient (nv,) of that sum by rad and characteristic lengths; NaN at contact."""
-        found = np.zeros_like(self._links.mechanism.scale)
+        gradient = np.zeros_like(self._links.mechanism.scale)
         for near in self._links.near(q):
-            found += self._links.torques(near, self.firas.gradient(near.distances, near.normals))
-        return found
+            gradient += self._links.torques(near, self.firas.gradient(near.distances, near.normals))
+        return gradient
 
     def _weight(self, attraction: float) -> tuple[float, float]:
         """Return w = 1 - (1 - u)^2, with u the squared error relative to that at which fading starts, and its

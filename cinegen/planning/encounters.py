@@ -141,28 +141,28 @@ class Encounters:
     def follow(self, motions: Mapping[int, ObstacleMotion], tick: int) -> bool:
         """Take over the motions of obstacles, by index, at a tick; return whether any of them moves."""
         self._tick, before = tick, tuple(self._motions)
-        self._motions = {i: one for i, one in motions.items() if max(map(np.linalg.norm, one.twist(tick))) > 1e-6}
+        self._motions = {i: moves for i, moves in motions.items() if max(map(np.linalg.norm, moves.twist(tick))) > 1e-6}
         if self._motions and tuple(self._motions) != before:
             self._arrange()
         if self._motions:
-            twists = {i: one.twist(tick) for i, one in self._motions.items()}
-            linear = np.array([twists[i][0] for i, _ in self._pieces])
-            spin = [np.linalg.norm(twists[i][1]) * (np.linalg.norm(one.centre) + one.radius) for i, one in self._pieces]
-            self._linear, self._spin = (np.repeat(one, len(self._links), axis=0) for one in (linear, np.array(spin)))
+            twist = {i: motion.twist(tick) for i, motion in self._motions.items()}
+            linear = np.array([twist[i][0] for i, _ in self._pieces])
+            spin = [np.linalg.norm(twist[i][1]) * (np.linalg.norm(p.centre) + p.radius) for i, p in self._pieces]
+            self._linear, self._spin = (np.repeat(part, len(self._links), axis=0) for part in (linear, np.array(spin)))
         return bool(self._motions)
 
     def velocities(self) -> list[Array]:
         """Return the linear and angular velocities (3,) of the obstacles that move, m/s and rad/s."""
-        return [part.copy() for one in self._motions.values() for part in one.twist(self._tick)]
+        return [part.copy() for motion in self._motions.values() for part in motion.twist(self._tick)]
 
     def speed(self) -> float:
         """Return a bound of the speeds of all points of obstacles, m/s."""
-        return max(one.speed(self._reach, self._tick) for one in self._motions.values())
+        return max(motion.speed(self._reach, self._tick) for motion in self._motions.values())
 
     def course(self, point: Array) -> Array:
         """Return the direction (3,) in which the fastest obstacle moves at a point (3,)."""
-        velocities = [one.velocity(point, self._tick) for one in self._motions.values()]
-        fastest = max(velocities, key=lambda one: float(np.linalg.norm(one)))
+        velocities = [motion.velocity(point, self._tick) for motion in self._motions.values()]
+        fastest = max(velocities, key=lambda velocity: float(np.linalg.norm(velocity)))
         return np.asarray(fastest / max(float(np.linalg.norm(fastest)), 1e-12))
 
     def meet(self, q: Array, v: Array, manoeuvre: Manoeuvre, bar: float = -math.inf, ahead: float = 0.0) -> Meeting:
@@ -257,11 +257,11 @@ class Encounters:
 
     def _place(self, pair: int, row: Array) -> Place:
         """Return a pair, by its row of results."""
-        found = self._geometry.collisionPairs[pair]
+        bodies = self._geometry.collisionPairs[pair]
         points = np.array([row[FIRST_POINT : FIRST_POINT + 3], row[SECOND_POINT : SECOND_POINT + 3]])
         if np.linalg.norm(points[1] - points[0]) < 1e-9:
             points[1] += 1e-6 * row[NORMAL : NORMAL + 3]
-        link, (obstacle, piece) = self._links[found.first], self._pieces[found.second - len(self._links)]
+        link, (obstacle, piece) = self._links[bodies.first], self._pieces[bodies.second - len(self._links)]
         return Place(points, (link.name, piece.name), link.joint, obstacle)
 
     # --- what is at rest -----------------------------------------------------------------------------------------
@@ -298,12 +298,12 @@ class Encounters:
             begin, end, first, last, pairs, depth = parts.pop()
             half = 0.5 * (begin + end)
             middle = at(half, first)
-            change = np.maximum(*(np.abs(mechanism.difference(middle, one)) for one in (first, last)))
+            change = np.maximum(*(np.abs(mechanism.difference(middle, other)) for other in (first, last)))
             change[self.joints.columns] = self.joints.fastest_between(v, manoeuvre, begin, end) * (half - begin)
-            found = self.clearance.uncertain(middle, change, least, pairs)
+            unsure = self.clearance.uncertain(middle, change, least, pairs)
             self.effort += _REST
-            if found is None or (len(found) and depth == _HALVINGS):
+            if unsure is None or (len(unsure) and depth == _HALVINGS):
                 return False
-            if len(found):
-                parts += [(begin, half, first, middle, found, depth + 1), (half, end, middle, last, found, depth + 1)]
+            if len(unsure):
+                parts += [(begin, half, first, middle, unsure, depth + 1), (half, end, middle, last, unsure, depth + 1)]
         return True

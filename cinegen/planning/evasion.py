@@ -204,11 +204,11 @@ class Evasion:
         last = self._encounters.effort + _EFFORT * self.joints.dt
         for fractions, part in self._search:
             self._tried += 1
-            one = self.joints.manoeuvre(q, v, fractions, part * contact)
-            found = self._encounters.meet(q, v, one, least)
-            if found.least > least and self._encounters.is_clear_of_rest(q, v, one):
-                self.manoeuvre, least = one, found.least + _BETTER
-                if found.first == math.inf:
+            manoeuvre = self.joints.manoeuvre(q, v, fractions, part * contact)
+            outcome = self._encounters.meet(q, v, manoeuvre, least)
+            if outcome.least > least and self._encounters.is_clear_of_rest(q, v, manoeuvre):
+                self.manoeuvre, least = manoeuvre, outcome.least + _BETTER
+                if outcome.first == math.inf:
                     break
             if self._encounters.effort >= last:
                 break

@@ -62,9 +62,9 @@ def free_goals(
     if touching := check.contact(scene.start):
         return Refusal(PlanStatus.START_IN_COLLISION, touching)
     report("searching configurations at the goal")
-    found, blocked = _search(scene, clearance, tasks)
-    contacts = [check.contact(q) for q in found]
-    free = tuple(q for q, touching in zip(found, contacts, strict=True) if not touching)
+    configurations, blocked = _search(scene, clearance, tasks)
+    contacts = [check.contact(q) for q in configurations]
+    free = tuple(q for q, touching in zip(configurations, contacts, strict=True) if not touching)
     if free:
         return free
     if contacts:
@@ -113,13 +113,13 @@ def _with_pose(scene: Scene, tasks: Kept) -> Iterator[Array]:
     for count in range(_STARTS):
         local.tasks[0].target = next(poses)
         start = starts[count] if count < len(starts) else local.random_start(rng)
-        found = local.solve(start, 1e-10) and local.closure <= CLOSURE
+        reached = local.solve(start, 1e-10) and local.closure <= CLOSURE
         if project is None:
-            if found:
+            if reached:
                 yield local.best
             continue
         project.frames[0].target = local.tasks[0].target
-        if (q := project(local.best if found else start)) is not None:
+        if (q := project(local.best if reached else start)) is not None:
             yield q
 
 
@@ -128,14 +128,14 @@ def goal_poses(scene: Scene) -> Iterator[pin.SE3]:
     goal pose."""
     goal, rng = scene.goal, np.random.default_rng(1)
     tolerance = np.zeros(3) if scene.tolerance is None else scene.tolerance
-    here = scene.mechanism.placement(scene.start, scene.node)
+    pose = scene.mechanism.placement(scene.start, scene.node)
     rotation = goal.rotation
     if scene.cone is not None:
-        across = np.cross(here.rotation[:, 2], goal.rotation[:, 2])
-        angle, size = _angle(here.rotation[:, 2], goal.rotation[:, 2]), float(np.linalg.norm(across))
-        axis = across / size if size > 1e-9 else here.rotation[:, 0]
-        rotation = pin.exp3(max(angle - scene.cone, 0.0) * axis) @ here.rotation
-    yield pin.SE3(rotation, np.clip(here.translation, goal.translation - tolerance, goal.translation + tolerance))
+        across = np.cross(pose.rotation[:, 2], goal.rotation[:, 2])
+        angle, size = _angle(pose.rotation[:, 2], goal.rotation[:, 2]), float(np.linalg.norm(across))
+        axis = across / size if size > 1e-9 else pose.rotation[:, 0]
+        rotation = pin.exp3(max(angle - scene.cone, 0.0) * axis) @ pose.rotation
+    yield pin.SE3(rotation, np.clip(pose.translation, goal.translation - tolerance, goal.translation + tolerance))
     while True:
         point = goal.translation + tolerance * rng.uniform(-1.0, 1.0, 3)
         if scene.cone is not None:
@@ -145,9 +145,9 @@ def goal_poses(scene: Scene) -> Iterator[pin.SE3]:
         yield pin.SE3(rotation, point)
 
 
-def _angle(one: Array, other: Array) -> float:
+def _angle(axis: Array, other: Array) -> float:
     """Return the angle between two unit vectors (3,), rad."""
-    return float(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other))
+    return float(np.arctan2(np.linalg.norm(np.cross(axis, other)), axis @ other))
 
 
 def _with_joint_values(scene: Scene, tasks: Kept) -> Iterator[Array]:
@@ -203,14 +203,14 @@ def _outside_region(scene: Scene, pose: pin.SE3) -> float:
     return float(np.hypot(np.linalg.norm(beyond) / scene.mechanism.length, angle))
 
 
-def _varied(scene: Scene, found: list[Array]) -> list[Array]:
+def _varied(scene: Scene, configurations: list[Array]) -> list[Array]:
     """Return the configurations, sorted: the one nearest to the start, then always the furthest from all before, by the
     largest motion of a joint in the scene's metric."""
 
     def distance(begin: Array, end: Array) -> float:
         return float(np.abs(scene.mechanism.difference(begin, end) / scene.metric).max(initial=0.0))
 
-    left = sorted(found, key=lambda q: distance(scene.start, q))
+    left = sorted(configurations, key=lambda q: distance(scene.start, q))
     chosen = left[:1]
     left = left[1:]
     while left:
@@ -220,21 +220,21 @@ def _varied(scene: Scene, found: list[Array]) -> list[Array]:
 
 
 def _too_near(clearance: Clearance, scene: Scene, pair: int, distance: float) -> str:
-    (one, other), own = clearance.names(pair), clearance.pairs[pair].max() < len(clearance.links)
+    (link, other), inner = clearance.names(pair), clearance.pairs[pair].max() < len(clearance.links)
     if distance <= 0.0:
         enclosed = any(clearance.bodies[i].exact is not None for i in clearance.pairs[pair])
-        reason = f"'{one}' penetrates '{other}' by {shown(-distance, LENGTH, 3)}{' at most' * enclosed}"
+        reason = f"'{link}' penetrates '{other}' by {shown(-distance, LENGTH, 3)}{' at most' * enclosed}"
     else:
-        kept = ("self-clearance", scene.self_clearance) if own else ("safety distance", scene.safety)
-        reason = f"'{one}' is {shown(distance - clearance.offset(pair), LENGTH, 3)} from '{other}', "
+        kept = ("self-clearance", scene.self_clearance) if inner else ("safety distance", scene.safety)
+        reason = f"'{link}' is {shown(distance - clearance.offset(pair), LENGTH, 3)} from '{other}', "
         reason += f"below the {kept[0]} of {shown(kept[1], LENGTH, 3)}"
     held = {body.name: each.name for each in scene.attached for body in each.bodies(scene.mechanism)}
     owners = {body.name: each.name for each in scene.obstacles for body in each.pieces}
-    for body, touching in ((one, other), (other, one)):
+    for body, touching in ((link, other), (other, link)):
         if body in held:
-            touching = touching if own else owners[touching]
+            touching = touching if inner else owners[touching]
             return f"{reason}; if they may touch, add '{touching}' to touches of '{held[body]}'"
-    return reason + (f'; if these links may touch, add allowed_collisions = [["{one}", "{other}"]]' if own else "")
+    return reason + (f'; if these links may touch, add allowed_collisions = [["{link}", "{other}"]]' if inner else "")
 
 
 def clear_configurations(
@@ -245,11 +245,11 @@ def clear_configurations(
     Yields None after each start, and the configurations found at the end.
     """
     local, rng = LocalIK(mechanism, tuple(tasks)), np.random.default_rng(0)
-    found = []
+    configurations = []
     for _ in range(_STARTS_OF_DRAGS):
         if local.solve(local.random_start(rng), 1e-8) and local.closure <= CLOSURE:
             q = local.best
             if clearance.least(q) >= safety:
-                found.append(q)
+                configurations.append(q)
         yield None
-    yield found
+    yield configurations

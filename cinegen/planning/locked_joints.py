@@ -27,16 +27,16 @@ def with_joints_locked(scene: Scene) -> Scene:
     joints = [model.frames[mechanism.frame_id(node)].parentJoint for node in mechanism.nodes]
     moved = [tuple(free * supporting_columns(model, joint)) for joint in joints]
     rigid = [
-        (one, other)
-        for (one, first), (other, second) in combinations(zip(mechanism.nodes, moved, strict=True), 2)
+        (node, other)
+        for (node, first), (other, second) in combinations(zip(mechanism.nodes, moved, strict=True), 2)
         if first == second
     ]
     fixed = {frozenset(pair) for pair in rigid}
     attached = [
         replace(
-            one, touches=(*one.touches, *(name for name in mechanism.nodes if frozenset((name, one.node)) in fixed))
+            load, touches=(*load.touches, *(name for name in mechanism.nodes if frozenset((name, load.node)) in fixed))
         )
-        for one in scene.attached
+        for load in scene.attached
     ]
     return replace(
         scene,

@@ -94,10 +94,10 @@ class ReactingJoints:
     def manoeuvre(self, q: Array, v: Array, fractions: Array, seconds: float) -> Manoeuvre:
         """Return the manoeuvre from q (nq,) and v (nv,) with fractions (joints,) of the accelerations, at most for some
         seconds; joints with limits of position can still brake before these."""
-        acceleration, limits, own = fractions * self.limits, self.mechanism.limits, v[self.columns]
-        times = np.full(len(own), seconds)
+        acceleration, limits, velocity = fractions * self.limits, self.mechanism.limits, v[self.columns]
+        times = np.full(len(velocity), seconds)
         for j, i in enumerate(self._at.tolist()):
-            a, speed, limit = abs(acceleration[j]), own[j] * np.sign(acceleration[j]), self.limits[j]
+            a, speed, limit = abs(acceleration[j]), velocity[j] * np.sign(acceleration[j]), self.limits[j]
             if i < 0 or a == 0.0:
                 continue
             room = max(0.0, limits.upper[i] - q[i] if acceleration[j] > 0.0 else q[i] - limits.lower[i])
@@ -116,31 +116,31 @@ class ReactingJoints:
         """Return the motion (nv,) of the next tick straight towards a configuration (nq,) in joint space, from which
         all joints can still brake until there."""
         rest = self.mechanism.difference(q, goal)
-        own, change = rest[self.columns], _USABLE * self.limits * self.dt * self.dt
-        if not own.any():
+        left, change = rest[self.columns], _USABLE * self.limits * self.dt * self.dt
+        if not left.any():
             return np.zeros(len(rest))
         with np.errstate(divide="ignore"):
-            least = float((change / np.abs(own)).min(initial=np.inf))  # of the whole, by which a tick can slow down
-            fastest = float((self.fastest * self.dt / np.abs(own)).min(initial=np.inf))
+            least = float((change / np.abs(left)).min(initial=np.inf))  # of the whole, by which a tick can slow down
+            fastest = float((self.fastest * self.dt / np.abs(left)).min(initial=np.inf))
         stopping = 0.5 * least * (math.sqrt(1.0 + 8.0 / least) - 1.0)  # s + (s - least) + ... = 1
         part = min(1.0, fastest, stopping)
         if not self.mechanism.is_constrained or not len(self.columns):
             return np.asarray(part * rest)
-        return np.asarray(driven_motions(self.mechanism, q, self.columns) @ (part * own))
+        return np.asarray(driven_motions(self.mechanism, q, self.columns) @ (part * left))
 
     def roll_out(self, v: Array, manoeuvre: Manoeuvre, times: Array) -> JointRollout:
         """Return a manoeuvre from v (nv,) at some times (n,), s."""
-        own, change, driven = v[self.columns], manoeuvre.acceleration, manoeuvre.seconds
-        fast, rising, stopping = self._phases(own, manoeuvre)
+        start, change, driven = v[self.columns], manoeuvre.acceleration, manoeuvre.seconds
+        fast, rising, stopping = self._phases(start, manoeuvre)
         seconds = times[:, None]
         up, last = np.minimum(seconds, rising), np.clip(seconds - driven, 0.0, stopping)
         hold, sign = np.clip(seconds - rising, 0.0, driven - rising), np.sign(fast)
         moved = (
-            own * up + 0.5 * change * up * up + fast * hold + sign * (np.abs(fast) - 0.5 * self.limits * last) * last
+            start * up + 0.5 * change * up * up + fast * hold + sign * (np.abs(fast) - 0.5 * self.limits * last) * last
         )
-        velocity = np.where(seconds < rising, own + change * up, fast - sign * self.limits * last)
+        velocity = np.where(seconds < rising, start + change * up, fast - sign * self.limits * last)
         return JointRollout(
-            moved + 0.5 * self.dt * (velocity - own), velocity
+            moved + 0.5 * self.dt * (velocity - start), velocity
         )  # a tick moves by the velocity at its end
 
     def fastest_between(self, v: Array, manoeuvre: Manoeuvre, begin: float, end: float) -> Array:
@@ -175,20 +175,20 @@ class ReactingJoints:
         start[self._at] = ahead[self._at]
         return mechanism.close(start, locked=mechanism.actuated)
 
-    def _phases(self, own: Array, manoeuvre: Manoeuvre) -> tuple[Array, Array, Array]:
+    def _phases(self, start: Array, manoeuvre: Manoeuvre) -> tuple[Array, Array, Array]:
         """Return the velocity (joints,) from which joints brake, and the times (joints,) in which they reach it and
         brake from it, s."""
         change, driven = manoeuvre.acceleration, manoeuvre.seconds
-        most = np.maximum(self.fastest, np.abs(own))
-        fast = np.clip(own + change * driven, -most, most)
-        rising = np.minimum(np.abs(fast - own) / np.where(change == 0.0, np.inf, np.abs(change)), driven)
+        most = np.maximum(self.fastest, np.abs(start))
+        fast = np.clip(start + change * driven, -most, most)
+        rising = np.minimum(np.abs(fast - start) / np.where(change == 0.0, np.inf, np.abs(change)), driven)
         return fast, rising, np.abs(fast) / self.limits
 
 
 def _reaches(mechanism: Mechanism, links: Sequence[Body]) -> Array:
     """Return `ReactingJoints.reach` of all columns (nv,)."""
     model, length = mechanism.model, mechanism.length
-    reach, found, travel = np.zeros(model.njoints), np.ones(model.nv), np.full(model.nv, length)
+    reach, by_column, travel = np.zeros(model.njoints), np.ones(model.nv), np.full(model.nv, length)
     at_q, at_v = mechanism.structure.scalar_joints
     limited = np.maximum(np.abs(mechanism.limits.lower[at_q]), np.abs(mechanism.limits.upper[at_q]))
     travel[at_v] = np.where(np.isfinite(limited), limited, length)
@@ -197,9 +197,9 @@ def _reaches(mechanism: Mechanism, links: Sequence[Body]) -> Array:
     for i in range(model.njoints - 1, 0, -1):
         joint, parent = model.joints[i], model.parents[i]
         sliding = translations(joint)
-        found[joint.idx_v + sliding : joint.idx_v + joint.nv] = reach[i]
+        by_column[joint.idx_v + sliding : joint.idx_v + joint.nv] = reach[i]
         far = float(np.linalg.norm(model.jointPlacements[i].translation) + travel[joint.idx_v :][:sliding].sum())
         reach[parent] = max(reach[parent], far + reach[i])
     for cluster in clusters(mechanism.structure.system):
-        found[cluster.columns] = length
-    return found
+        by_column[cluster.columns] = length
+    return by_column

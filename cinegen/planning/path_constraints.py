@@ -35,16 +35,16 @@ _MET = 1e-6  # m or rad: a task with less error is satisfied
 
 def path_tasks(scene: Scene) -> tuple[FrameTask, ...]:
     """Return tasks whose rows are 0 where a scene's `path_constraints` are satisfied."""
-    here, constraints, found = scene.mechanism.placement(scene.start, scene.node), scene.path_constraints, []
+    pose, constraints, tasks = scene.mechanism.placement(scene.start, scene.node), scene.path_constraints, []
     if constraints.upright:  # z of a frame that is parallel to the world's at the start remains vertical
-        upright = pin.SE3(here.rotation.T, np.zeros(3))
-        found.append(FrameTask(scene.node, pin.SE3(np.eye(3), here.translation), 0, 2, offset=upright))
+        upright = pin.SE3(pose.rotation.T, np.zeros(3))
+        tasks.append(FrameTask(scene.node, pin.SE3(np.eye(3), pose.translation), 0, 2, offset=upright))
     for direction, weights in ((constraints.line, [1, 1, 0]), (constraints.plane, [0, 0, 1])):
         if direction is not None:
             turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), direction).toRotationMatrix()
-            target = pin.SE3(turn, here.translation)
-            found.append(FrameTask(scene.node, target, axes="target", weights=[*weights, 0, 0, 0]))
-    return tuple(found)
+            target = pin.SE3(turn, pose.translation)
+            tasks.append(FrameTask(scene.node, target, axes="target", weights=[*weights, 0, 0, 0]))
+    return tuple(tasks)
 
 
 class TaskProjection:
@@ -88,8 +88,8 @@ def equations_of(scene: Scene, tasks: Kept) -> int:
     """Return the number of independent equations along a path: of loops, of a scene's path constraints, and of tasks
     (generic rank)."""
     mechanism, state = scene.mechanism, State(scene.mechanism, scene.start, 1.0)
-    given = [GivenTask(task, state) for task in tasks if not isinstance(task, Range)]
-    return mechanism.loop_rank + task_rank(mechanism, mechanism.structure.system, [*path_tasks(scene), *given])
+    kept = [GivenTask(task, state) for task in tasks if not isinstance(task, Range)]
+    return mechanism.loop_rank + task_rank(mechanism, mechanism.structure.system, [*path_tasks(scene), *kept])
 
 
 def projection(scene: Scene, tasks: Kept = ()) -> Projection | None:

@@ -209,12 +209,12 @@ class AvoidingSolver(Solver):
         self.evaded = evasion.obstacle if velocity is not None and self.threat is None else None
         if not barrier.is_released:
             return None
-        found = np.zeros(self._model.nv)
+        motion = np.zeros(self._model.nv)
         if velocity is not None and self.threat is None:
             if self.mechanism.is_constrained:
                 return driven_motions(self.mechanism, q, evasion.joints.columns) @ (velocity * self.dt)
-            found[evasion.joints.columns] = velocity * self.dt
-        return found
+            motion[evasion.joints.columns] = velocity * self.dt
+        return motion
 
     def _towards(self, destination: Array) -> Array | None:
         """Return the motion (nv,) of a tick straight to a configuration (nq,), as fast as the barrier allows without
@@ -368,9 +368,9 @@ class AvoidingSolver(Solver):
         """Search from one more start, once for each situation; at the end the configurations found are tried."""
         if self._search is None:
             self._search = clear_configurations(self._joints.limited, self.clearance, tasks, self.barrier.safety)
-        found = next(self._search, None)
-        if found is not None:
-            nearest = sorted(found, key=lambda q: self.mechanism.distance(self._q, q))[:_CONFIGURATIONS]
+        configurations = next(self._search, None)
+        if configurations is not None:
+            nearest = sorted(configurations, key=lambda q: self.mechanism.distance(self._q, q))[:_CONFIGURATIONS]
             others = _OTHERS if self.vortices.plane is None else _OTHERS[:1]
             self._strategies = [_Strategy(q, direction) for q in nearest for direction in _FIRST]
             self._strategies += [_Strategy(None, direction) for direction in others]

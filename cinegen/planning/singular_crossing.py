@@ -59,7 +59,7 @@ def guided(mechanism: Mechanism, path: Array) -> Mechanism:
     for basis in bases:
         *_, order = scipy.linalg.qr(basis[rows].T, pivoting=True, mode="economic")
         some = sorted(order[:mobility].tolist())
-        least = min(np.linalg.svd(one[rows[some]], compute_uv=False)[-1] for one in bases)
+        least = min(np.linalg.svd(other[rows[some]], compute_uv=False)[-1] for other in bases)
         if least > best:
             best, chosen = float(least), some
     if best < _INDEPENDENT:
@@ -121,9 +121,9 @@ class CrossingDynamics:
 def crossings(side: Callable[[float], float], grid: Array) -> Array:
     """Return the parameters at which a function, of which a sign changes between two of a grid (n,), is 0."""
     values = [side(s) for s in grid.tolist()]
-    found = [
+    roots = [
         scipy.optimize.brentq(side, a, b, xtol=1e-14, rtol=1e-15)
         for a, b, before, after in zip(grid[:-1], grid[1:], values[:-1], values[1:], strict=True)
         if before * after < 0.0
     ]
-    return np.array(found)
+    return np.array(roots)

@@ -103,11 +103,11 @@ def _evenly(mechanism: Mechanism, path: Array, step: float) -> Array:
     or characteristic lengths) apart, and about as much."""
     lengths = np.array([mechanism.distance(a, b) for a, b in pairwise(path)])
     along = np.concatenate([[0.0], np.cumsum(lengths)])
-    found = []
+    configurations = []
     for position in np.linspace(0.0, along[-1], math.ceil(along[-1] / step) + 3)[:-1]:
         i = int(np.searchsorted(along, position, side="right")) - 1
-        found.append(mechanism.interpolate(path[i], path[i + 1], (position - along[i]) / lengths[i]))
-    return np.array([*found, path[-1]])
+        configurations.append(mechanism.interpolate(path[i], path[i + 1], (position - along[i]) / lengths[i]))
+    return np.array([*configurations, path[-1]])
 
 
 def _thinned(mechanism: Mechanism, path: Array) -> Array:
@@ -177,10 +177,10 @@ def _samples(
     for _ in range(_ROUNDS):
         times = np.arange(math.ceil(law.seconds * rate - _ROUNDING) + 1) / rate
         s, _ = law.at(times)
-        q = averaged(np.array([at(one) for one in s.tolist()]), window)
+        q = averaged(np.array([at(parameter) for parameter in s.tolist()]), window)
         if window > 1:
-            q, s = np.array([mechanism.structure.normalized(one) for one in q]), averaged(s[:, None], window)[:, 0]
-        q = np.array([_closed(mechanism, one) for one in q]) if mechanism.is_constrained else q
+            q, s = np.array([mechanism.structure.normalized(row) for row in q]), averaged(s[:, None], window)[:, 0]
+        q = np.array([_closed(mechanism, row) for row in q]) if mechanism.is_constrained else q
         slower = excess(mechanism, limits, q, rate)
         if slower <= 1.0 + _ROUNDING:
             return q, s

@@ -231,7 +231,7 @@ def averaged(samples: Array, count: int) -> Array:
     """
     if count == 1:
         return samples
-    begin, end = (np.repeat(one, count - 1, axis=0) for one in (samples[:1], samples[-1:]))
+    begin, end = (np.repeat(rest, count - 1, axis=0) for rest in (samples[:1], samples[-1:]))
     sums = np.cumsum(np.vstack([np.zeros_like(samples[:1]), begin, samples, end]), axis=0)
     return np.asarray((sums[count:] - sums[:-count]) / count)
 
@@ -252,9 +252,9 @@ def excess(mechanism: Mechanism, limits: MotionLimits, q: Array, rate: float) ->
         for i, (a, b) in enumerate(pairwise(q)):
             steps[i] = mechanism.difference(a, b)
     steps[:, at_v] = np.diff(q[:, at_q], axis=0)
-    rest, found = np.zeros((1, steps.shape[1])), 0.0
+    rest, factor = np.zeros((1, steps.shape[1])), 0.0
     for order, limit in enumerate((limits.velocity, limits.acceleration, limits.jerk), 1):
         most = float((np.abs(steps) * rate**order / limit).max(initial=0.0))
-        found = max(found, most ** (1.0 / order))
+        factor = max(factor, most ** (1.0 / order))
         steps = np.diff(np.vstack([rest, steps, rest]), axis=0)
-    return found
+    return factor

@@ -136,7 +136,7 @@ class TorqueLimits:
         """
         shape = tangents.shape[:-1]
         flat = q.reshape(-1, q.shape[-1])
-        first, second = (one.reshape(len(flat), -1) for one in (tangents, bends))
+        first, second = (rows.reshape(len(flat), -1) for rows in (tangents, bends))
         static = self._torques(flat, None, None)
         inertial = self._torques(flat, np.zeros_like(first), first) - static
         centrifugal = self._torques(flat, first, second) - static
@@ -154,9 +154,9 @@ class TorqueLimits:
             bends: (..., guides) their second derivatives.
         """
         dynamics, shape = CrossingDynamics(self._dynamics, driven), tangents.shape[:-1]
-        flat = (one.reshape(math.prod(shape), -1) for one in (q, tangents, bends))
-        found = [dynamics.terms(*one) for one in zip(*flat, strict=True)]
-        inertial, centrifugal, static, weight = (np.array(one) for one in zip(*found, strict=True))
+        flat = (rows.reshape(math.prod(shape), -1) for rows in (q, tangents, bends))
+        terms = [dynamics.terms(*point) for point in zip(*flat, strict=True)]
+        inertial, centrifugal, static, weight = (np.array(column) for column in zip(*terms, strict=True))
         parts = inertial, centrifugal, 0.0 * static, 0.0 * static, static  # without friction, see `notes`
         return TorqueTerms(*[*(part.reshape(*shape, -1) / self.limits for part in parts), weight.reshape(shape)])
 
@@ -188,7 +188,7 @@ class TorqueLimits:
         sign, steady = np.where(terms.inertial + terms.viscous > 0.0, 1.0, -1.0), terms.dry + terms.static
         room = np.maximum(_INSIDE - sign * steady, 1e-300)
         # Slower by f they need inertial / f^2 + viscous / f; what helps is left out.
-        inertial, viscous = (np.maximum(sign * one, 0.0) for one in (terms.inertial, terms.viscous))
+        inertial, viscous = (np.maximum(sign * term, 0.0) for term in (terms.inertial, terms.viscous))
         factors = (viscous + np.sqrt(viscous**2 + 4.0 * inertial * room)) / (2.0 * room)
         within = np.abs(terms.inertial + terms.viscous + steady) <= _INSIDE
         return float(np.where(within, np.minimum(factors, 1.0), factors).max(initial=0.0))
@@ -233,27 +233,27 @@ class TorqueLimits:
         return twice - once, 2.0 * once - twice
 
     def _torques(self, q: Array, v: Array | None, a: Array | None, dynamics: InverseDynamics | None = None) -> Array:
-        found = (dynamics or self._dynamics).torques_of(q, v, a, actuated=v is not None)[:, self._limited]
-        lost = np.flatnonzero(~np.isfinite(found).all(axis=1))
+        torques = (dynamics or self._dynamics).torques_of(q, v, a, actuated=v is not None)[:, self._limited]
+        lost = np.flatnonzero(~np.isfinite(torques).all(axis=1))
         if len(lost):
             raise CinegenError(
                 f"{self.mechanism.name}: no torques of the actuated joints hold it at {len(lost)} of {len(q)} points "
                 "of the path: it passes a type 2 singularity there (--cross-singularities, crosses=True: it may)"
             )
-        return found / self.limits
+        return torques / self.limits
 
 
-def _efforts(mechanism: Mechanism, given: float | Mapping[str, float] | None) -> Array:
+def _efforts(mechanism: Mechanism, asked: float | Mapping[str, float] | None) -> Array:
     """Return the limits (actuated,) of actuated joints, N m and N; infinite where there is none."""
-    own = {name: mechanism.limits[name].effort for name in mechanism.actuated}
-    if isinstance(given, Mapping):
-        for name in given:
-            if name not in own:
+    limits = {name: mechanism.limits[name].effort for name in mechanism.actuated}
+    if isinstance(asked, Mapping):
+        for name in asked:
+            if name not in limits:
                 raise UnknownNameError("actuated joint", name, mechanism.actuated)
-        own |= given
-    elif given is not None:
-        own = dict.fromkeys(own, given)
-    for name, limit in own.items():
+        limits |= asked
+    elif asked is not None:
+        limits = dict.fromkeys(limits, asked)
+    for name, limit in limits.items():
         if not limit > 0.0:
             raise CinegenError(f"the limit of torque or force of {name} must be positive, not {limit:g}")
-    return np.array(list(own.values()))
+    return np.array(list(limits.values()))

@@ -140,7 +140,7 @@ class Vortices(OneThread):
             memory.null_space[:] = free
         memory.motion[:], memory.reach, memory.stop, memory.strength = motion, self.reach, self.stop, self.strength
         self._add_vortices(memory.handle, clearance.memory.handle)
-        return memory.found.copy(), memory.candidates.copy()
+        return memory.deflected.copy(), memory.candidates.copy()
 
     def _axis(self, pair: int, motion: Array) -> Array:
         """Return the axis (3,) of a vortex that is activated by a pair."""
@@ -160,12 +160,12 @@ class Vortices(OneThread):
     def point_motion(self, pair: int, motion: Array) -> Array:
         """Return how a joint motion (nv,) moves a pair's nearest point on the first body relative to the second (3,),
         m, at the clearance's last update."""
-        clearance, found = self.clearance, np.zeros(3)
+        clearance, shift = self.clearance, np.zeros(3)
         points = clearance.nearest_points(pair)[:2]
         for body, point, sign in zip(clearance.pairs[pair], points, (1.0, -1.0), strict=True):
             twist = clearance.jacobian @ (motion * clearance.moved_by[clearance.joints[body]])
-            found += sign * (twist[:3] + np.cross(twist[3:], point))
-        return found
+            shift += sign * (twist[:3] + np.cross(twist[3:], point))
+        return shift
 
 
 def folding(point: ArrayLike, base: ArrayLike, axis: ArrayLike | None = None) -> Array:

@@ -51,7 +51,7 @@ class Exporter:
         node: whose pose.
         at: (6,) the pose, in the order of `POSE`, where nothing varies.
         over: ranges of the coordinates that vary, m and rad.
-        given: names of all coordinates that are given.
+        coordinates: names of all that are given.
         constant: names of those along which the node never moves; the others follow.
         limits: whether all joint values are wanted. Else those of a ball joint that carries the node are left out.
         bodies: joints whose placements are wanted, too.
@@ -61,7 +61,7 @@ class Exporter:
 
     def __init__(
         self, mechanism: Mechanism, node: str, at: Array, over: Mapping[str, tuple[float, float]],
-        given: Collection[str], constant: Collection[str], limits: bool, bodies: Sequence[int] = (),
+        coordinates: Collection[str], constant: Collection[str], limits: bool, bodies: Sequence[int] = (),
     ) -> None:  # fmt: skip
         self._mechanism, self._model, self._length = mechanism, mechanism.model, mechanism.length
         self._placements = list[list[float]]()
@@ -74,10 +74,10 @@ class Exporter:
             placed = self._placed(j) * pin.SE3(self._turns.get(j, np.eye(3)), np.zeros(3))
             self._first.setdefault(int(self._model.parents[j]), placed)
         self._bodies = bodies
-        self._node, self._at, self._over, self._given = node, at, over, given
-        self._known = {*given, *constant}
+        self._node, self._at, self._over, self._coordinates = node, at, over, coordinates
+        self._known = {*coordinates, *constant}
         self._frame = self._model.frames[mechanism.frame_id(node)]
-        self._rotation = any(name in given for name in POSE[3:])
+        self._rotation = any(name in coordinates for name in POSE[3:])
         chain = [j for j in map(int, self._model.supports[self._frame.parentJoint]) if j in self._variable]
         self._threes = [tuple(mechanism.joints.index(name) for name in three) for three in balls(mechanism)]
         is_known = self._rotation and len(self._known) == 6
@@ -91,7 +91,7 @@ class Exporter:
         mechanism, model, count = self._mechanism, self._model, len(self._joints)
         frame = self._frame
         loops = mechanism.structure.system
-        closures = [one for i in range(len(mechanism.loops)) for one in self._of_loop(i)]
+        closures = [closure for i in range(len(mechanism.loops)) for closure in self._of_loop(i)]
         second, second_end = self._chain(0, frame.parentJoint, frame.placement)
         end = pin.SE3.Identity()
         if self._rotation and second:  # compare origins on the last axis, where fewer joints move them
@@ -105,7 +105,7 @@ class Exporter:
         bodies = [self._body(joint) for joint in self._bodies]
         chains = [closure[side] for closure in (*closures, pose, *bodies) for side in ("first", "second")]
         used = {k for chain in chains for _, k in chain}
-        used |= {self._variable[model.getJointId(name)] for one in mechanism.couplings for name in one.terms}
+        used |= {self._variable[model.getJointId(name)] for coupling in mechanism.couplings for name in coupling.terms}
         follow = {count + k for k, name in enumerate(POSE) if name not in self._known}
         known = {mechanism.joints.index(name) for name in (*mechanism.held, *mechanism.structure.idle_joints)}
         low, high = mechanism.limits.lower, mechanism.limits.upper
@@ -131,7 +131,7 @@ class Exporter:
             "variables": variables,
             "joints": count,
             "unknown": sorted(used & {*range(count), *follow} - known),
-            "given": [count + POSE.index(name) for name in self._given],
+            "given": [count + POSE.index(name) for name in self._coordinates],
             "actuated": sorted(self._variable[model.getJointId(name)] for name in mechanism.actuated),
             "over": {str(count + POSE.index(name)): list(map(float, ends)) for name, ends in self._over.items()},
             "closures": [*closures, pose],
@@ -139,12 +139,12 @@ class Exporter:
             "couplings": [
                 {
                     "terms": [
-                        [self._variable[model.getJointId(name)], list(map(float, c))] for name, c in one.terms.items()
+                        [self._variable[model.getJointId(name)], list(map(float, c))] for name, c in each.terms.items()
                     ],
-                    "constant": float(one.constant),
+                    "constant": float(each.constant),
                     "size": float(size),
                 }
-                for one, size in zip(mechanism.couplings, loops.coupling_sizes, strict=True)
+                for each, size in zip(mechanism.couplings, loops.coupling_sizes, strict=True)
             ],
         }  # fmt: skip
         return {**document, "placements": self._placements}

@@ -112,8 +112,8 @@ class Equations:
         for k, part in enumerate((numbers, radii)):
             self._placements[:, k, :3, :3], self._placements[:, k, :3, 3] = part[:, :9].reshape(-1, 3, 3), part[:, 9:]
         self._placements[:, 0, 3, 3] = 1.0
-        self._at = np.array([one["at"] for one in variables])
-        self._slides = [one["prismatic"] for one in variables]
+        self._at = np.array([variable["at"] for variable in variables])
+        self._slides = [variable["prismatic"] for variable in variables]
         self.unknown, self.over = list(document["unknown"]), [int(k) for k in document["over"]]
         columns = [*self.unknown, *self.over, *(k for k in document["given"] if k not in self.over)]
         self.width, self.count, self._joints = len(columns), len(variables), int(document["joints"])

@@ -55,5 +55,5 @@ class Matrices(NamedTuple):
 def products(left: Array, right: Array, n: int) -> Array:
     """Return what products of the parts by eps_j, of both, are by eps_j eps_k, j <= k."""
     j, k = np.triu_indices(n)
-    found = left[:, j] @ right[:, k] + left[:, k] @ right[:, j]
-    return np.asarray(found * np.where(j == k, 0.5, 1.0)[:, None, None])
+    mixed = left[:, j] @ right[:, k] + left[:, k] @ right[:, j]
+    return np.asarray(mixed * np.where(j == k, 0.5, 1.0)[:, None, None])

@@ -90,10 +90,10 @@ def prove(
     constant = [name for name in POSE if name not in coordinates.independent and not _moves(coordinates, name)]
     pose[np.abs(pose) < _EXACT] = 0.0
 
-    def export(one: Mechanism) -> dict[str, Any]:
+    def export(robot: Mechanism) -> dict[str, Any]:
         kind = Exporter if sigma is None else VelocityExporter
         exporter = kind(
-            one.successive, coordinates.node, pose, over, coordinates.independent, constant,
+            robot.successive, coordinates.node, pose, over, coordinates.independent, constant,
             limits or clearance is not None, [] if clearance is None else bodies_of(mechanism),
         )  # fmt: skip
         bounds = {"limits": limits, "sigma": sigma, "clearance": clearance}

@@ -66,8 +66,8 @@ class SingularValues:
             by: (boxes, twist, .) factor of F_w.
         """
         e, m = self._equations, len(columns)
-        one = np.tile(-np.eye(m), (len(by), 1, 1))
-        f, w = whole.part(e.rows, columns), whole.part(e.rows, twist).times(by).beside(one)
+        minus = np.tile(-np.eye(m), (len(by), 1, 1))
+        f, w = whole.part(e.rows, columns), whole.part(e.rows, twist).times(by).beside(minus)
         rates, bare = whole.part(e.rates, columns), whole.part(e.rates, twist).times(by)
         bare = bare.beside(np.zeros((len(by), len(e.rates), m)))
         inverse = _inverse(f.c)

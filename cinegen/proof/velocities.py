@@ -82,7 +82,7 @@ class VelocityExporter(Exporter):
 
     def _ball_rates(self) -> list[dict[str, Any]]:
         """Return what is no equation: the relative angular velocities of bodies that three joints connect."""
-        found = list[dict[str, Any]]()
+        rates = list[dict[str, Any]]()
         for three in self._threes:
             joints = [self._joints[k] for k in three]
             carrier = int(self._model.parents[joints[0]])
@@ -91,11 +91,11 @@ class VelocityExporter(Exporter):
                 second = self._chain(carrier, joints[-1], pin.SE3.Identity())
             else:
                 first, second = self._chain(0, carrier, pin.SE3.Identity()), self._target(pin.SE3.Identity())
-            found.append({
+            rates.append({
                 "first": first[0], "first_end": first[1], "second": second[0], "second_end": second[1],
                 "translations": [], "rotations": 0, "rates": "turn",
             })  # fmt: skip
-        return found
+        return rates
 
     def _twist(self, document: dict[str, Any]) -> tuple[list[int], str]:
         """Return the variables whose velocities are the node's twist, so far as it counts, or why they are not known.
@@ -109,7 +109,7 @@ class VelocityExporter(Exporter):
             images.append(jacobians.node @ orthonormal(motions, jacobians.cut_rates))
         ranks = [max(rank(image[:count]) for image in images) for count in (3, 6)]
         counts = 6 if ranks[1] > ranks[0] else 3
-        names = [name for name in POSE[:counts] if name in self._given]
+        names = [name for name in POSE[:counts] if name in self._coordinates]
         follow = [name for name in POSE[:counts] if name not in self._known]
         if follow or len(names) != max(ranks):
             return (
@@ -131,7 +131,7 @@ class VelocityExporter(Exporter):
             return None, "the actuated joints do not control all motions"
         if not structure.passive_rank:
             return None, ""
-        screws, found = structure.screws, list[dict[str, Any]]()
+        screws, clusters = structure.screws, list[dict[str, Any]]()
         supports = [
             [list(map(int, self._model.supports[j])) for j in anchor[::2]] for anchor in structure.system.anchors
         ]
@@ -149,13 +149,13 @@ class VelocityExporter(Exporter):
                 away = float(np.linalg.norm(point)) if joint in removed else 0.0
                 end = pin.SE3(np.eye(3), np.zeros(3) if away else np.array(point))
                 about.append([*self._chain(min(branch), joint, end), share, away])
-            found.append({
+            clusters.append({
                 "openings": [[self._start + 3 + 6 * int(i) + k for k in range(6)] for i in loops],
                 "unmix": np.linalg.inv(screws.mix[np.ix_(loops, loops)]).tolist(),
                 "length": float(screws.lengths[c]),
                 "about": about,
             })  # fmt: skip
-        return {"clusters": found, "couplings": list(range(coupling, coupling + couplings))}, ""
+        return {"clusters": clusters, "couplings": list(range(coupling, coupling + couplings))}, ""
 
 
 def _turned(k: int) -> Any:

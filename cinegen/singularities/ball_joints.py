@@ -70,8 +70,8 @@ def _balls(mechanism: Mechanism) -> tuple[tuple[str, ...], ...]:
     # a joint of the tree is fixed in the body that it moves; a cut one in another's
     threes = [sorted(j.carrier - 1 for j in centre.joints) for centre in linkage.bodies.centres]
     names = linkage.joint_names
-    found = [tuple(names[k] for k in ks) for ks in threes if len(ks) == len(set(ks)) == 3 and ks[0] >= 0]
-    return tuple(joints for joints in found if joints[0] in mechanism.joints)  # others are spherical joints
+    groups = [tuple(names[k] for k in ks) for ks in threes if len(ks) == len(set(ks)) == 3 and ks[0] >= 0]
+    return tuple(joints for joints in groups if joints[0] in mechanism.joints)  # others are spherical joints
 
 
 def linkage_of(mechanism: Mechanism) -> Linkage | None:
@@ -115,7 +115,7 @@ def counted_screws(mechanism: Mechanism, q: Array) -> Array:
 def _count(mechanism: Mechanism, data: pin.Data, q: Array) -> list[tuple[list[int], Array]]:
     """Compute Pinocchio's placements and joint Jacobians at q (nq,), those of ball joints replaced; return of each ball
     joint the columns, and the axes (3, 3) by columns."""
-    written, model, found = balls(mechanism), mechanism.model, []
+    written, model, replaced = balls(mechanism), mechanism.model, []
     pin.computeJointJacobians(model, data, q)
     for names in written:
         columns = [mechanism.v_index(name) for name in names]
@@ -124,5 +124,5 @@ def _count(mechanism: Mechanism, data: pin.Data, q: Array) -> list[tuple[list[in
         assert meeting is not None  # the middle axis is never along the others
         for column, axis in zip(columns, np.eye(3), strict=True):
             data.J[:, column] = np.concatenate([np.cross(meeting[0], axis), axis])
-        found.append((columns, axes))
-    return found
+        replaced.append((columns, axes))
+    return replaced

@@ -61,23 +61,23 @@ class BranchTracker(ABC):
 
     def near(self, values: Array, q: Array) -> Array | None:
         """Return the configuration (nq,) at coordinates (k,) to which no joint jumps from q (nq,); None without one."""
-        found = self.configuration(values, q)
-        return found if found is not None and self.linked(q, found) else None
+        end = self.configuration(values, q)
+        return end if end is not None and self.linked(q, end) else None
 
     def step(self, values: Array, q: Array) -> Array | None:
         """Return the configuration (nq,) at coordinates (k,) on the branch of q (nq,); None without one."""
-        found = self.configuration(values, q)
-        return found if found is not None and self.same_branch(q, found) else None
+        end = self.configuration(values, q)
+        return end if end is not None and self.same_branch(q, end) else None
 
     def onward(self, start: Array, goal: Array, q: Array) -> Array | None:
         """Return the configuration (nq,) at a neighbour's coordinates (k,), continued from q (nq,) at the start's in
         one step or in several; None if the branch ends."""
         for steps in _STEPS:
-            there: Array | None = q
+            current: Array | None = q
             for x in np.linspace(0.0, 1.0, steps + 1)[1:]:
-                there = self.step(start + x * (goal - start), there) if there is not None else None
-            if there is not None:
-                return there
+                current = self.step(start + x * (goal - start), current) if current is not None else None
+            if current is not None:
+                return current
         return None
 
     def crossings(self, rows: Rows, start: Array, goal: Array, ends: tuple[Array, Array]) -> Iterator[Crossing]:
@@ -93,8 +93,8 @@ class BranchTracker(ABC):
         def path(x: float) -> Array:
             if x in (0.0, 1.0):
                 return ends[int(x)]
-            found = self.near(start + x * (goal - start), self.mechanism.interpolate(*ends, x))
-            return found if found is not None else ends[x >= 0.5]
+            middle = self.near(start + x * (goal - start), self.mechanism.interpolate(*ends, x))
+            return middle if middle is not None else ends[x >= 0.5]
 
         return crossings(rows, path)
 
@@ -115,8 +115,8 @@ def flood(starts: Iterable[int], neighbours: Sequence[Iterable[int]], reach: Cal
     """
     waiting = deque(starts)
     while waiting:
-        here = waiting.popleft()
-        waiting += [there for there in neighbours[here] if there >= 0 and reach(here, there)]
+        point = waiting.popleft()
+        waiting += [neighbour for neighbour in neighbours[point] if neighbour >= 0 and reach(point, neighbour)]
 
 
 def neighbours(shape: Sequence[int]) -> Indices:

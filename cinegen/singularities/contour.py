@@ -79,7 +79,7 @@ class SingularityGrid:
         kinds = [(SingularityType.TYPE_1, on.end), (SingularityType.TYPE_2, on.passive)]
         self._rows = {kind: rows for kind, rows in kinds if rows is not None}
         # where two branches meet the grid's own coordinates are singular
-        self._own = SingularityType.TYPE_2 if on.over_joints else SingularityType.TYPE_1
+        self._kind = SingularityType.TYPE_2 if on.over_joints else SingularityType.TYPE_1
         self._sigma = {kind: np.full(len(self.points), np.nan) for kind, _ in kinds}
 
     def values(self) -> tuple[Array, Array]:
@@ -182,7 +182,7 @@ class SingularityGrid:
         yield kind, True, SingularPoint(border, q)
         if (border == self.points[inside]).all():
             return
-        for other in self._rows.keys() - {self._own}:
+        for other in self._rows.keys() - {self._kind}:
             for x, point in self._singular(other, (self.points[inside], border), (self.q[inside], q)):
                 if x < _BEFORE:
                     yield other, False, point
@@ -205,7 +205,7 @@ class SingularityGrid:
 
     def _end(self, q: Array) -> SingularityType:
         """Return the singularity by which a branch ends at q (nq,): that of the surface's coordinates first."""
-        for kind in sorted(self._rows, key=lambda kind: kind is not self._own):
+        for kind in sorted(self._rows, key=lambda kind: kind is not self._kind):
             if self._rows[kind].sigma(self._rows[kind].of(q)[None])[0] < _END:
                 return kind
         return SingularityType.NONE

@@ -60,9 +60,9 @@ def of_end(mechanism: Mechanism) -> Rows:
 
     Its rotations count if they don't follow from its translations, as in a mechanism that only translates.
     """
-    found = [of_node(mechanism, mechanism.end, count) for count in (3, 6)]
-    ranks = [max(rank(of(q)) for q in mechanism.structure.samples) for of in found]
-    return Rows(found[ranks[1] > ranks[0]], max(ranks))
+    candidates = [of_node(mechanism, mechanism.end, count) for count in (3, 6)]
+    ranks = [max(rank(of(q)) for q in mechanism.structure.samples) for of in candidates]
+    return Rows(candidates[ranks[1] > ranks[0]], max(ranks))
 
 
 def of_node(mechanism: Mechanism, node: str, count: int) -> Callable[[Array], Array]:
@@ -117,14 +117,14 @@ def crossings(rows: Rows, path: Callable[[float], Array]) -> Iterator[Crossing]:
     for low, at_low, high in brackets(0.0, matrix(0.0), 1.0, matrix(1.0), _DEPTH):
         for _ in range(_HALVES):
             middle = 0.5 * (low + high)
-            there = matrix(middle)
-            if rows.sigma(there[None])[0] <= _ZERO * np.linalg.norm(there):
+            at_middle = matrix(middle)
+            if rows.sigma(at_middle[None])[0] <= _ZERO * np.linalg.norm(at_middle):
                 low = middle
                 break
-            if _alignment(at_low, there, rows.rank)[0] < 0.0:
+            if _alignment(at_low, at_middle, rows.rank)[0] < 0.0:
                 high = middle
             else:
-                low, at_low = middle, there
+                low, at_low = middle, at_middle
         yield Crossing(low, path(low))
 
 

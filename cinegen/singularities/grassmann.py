@@ -220,8 +220,8 @@ def near(
     Raises:
         PlueckerError: see `classify`.
     """
-    found = classify(lines, length, within)
-    return None if found is None or found.sigma <= tolerance else replace(found, nearly=True)
+    dependence = classify(lines, length, within)
+    return None if dependence is None or dependence.sigma <= tolerance else replace(dependence, nearly=True)
 
 
 # --- dependent sets ---------------------------------------------------------------------------------------------------
@@ -231,7 +231,7 @@ def _reasons(vectors: Array, rank: int, tolerance: float) -> list[list[Circuit]]
     """Return the circuits, sets of lines that are dependent while no fewer of them are: all of the smallest size, then
     larger ones until every dependence of the lines is a sum of theirs; those that span the same together."""
     count = len(vectors)
-    found: list[list[Circuit]] = []
+    reasons: list[list[Circuit]] = []
     known: list[Circuit] = []
     dependences = np.zeros((0, count))
     for size in range(2, count + 1):
@@ -239,12 +239,12 @@ def _reasons(vectors: Array, rank: int, tolerance: float) -> list[list[Circuit]]
         for together in _merged(circuits):
             grown = np.vstack([dependences, *(_dependence(vectors, circuit) for circuit in together)])
             if not known or np.linalg.matrix_rank(grown, tol=_NEW) > np.linalg.matrix_rank(dependences, tol=_NEW):
-                found.append(together)
+                reasons.append(together)
                 dependences = grown
         known += circuits
         if np.linalg.matrix_rank(dependences, tol=_NEW) >= count - rank:
             break
-    return found or [[tuple(range(count))]]  # rounding parts the tests of all lines only
+    return reasons or [[tuple(range(count))]]  # rounding parts the tests of all lines only
 
 
 def _circuits(vectors: Array, size: int, smaller: list[Circuit], tolerance: float) -> list[Circuit]:
@@ -285,18 +285,18 @@ def _named(frame: LineFrame, vectors: Array, circuits: list[Circuit], tolerance:
     some, first = vectors[list(lines)], list(circuits[0])
     spanned = span(some, rank)
     accuracy = max(tolerance, MARGIN * spanned.vanishing)
-    known, found = spanned.known(accuracy), variety(some, rank, accuracy)
-    special = found.grassmann_class is GrassmannClass.SPECIAL_COMPLEX
+    known, geometry = spanned.known(accuracy), variety(some, rank, accuracy)
+    special = geometry.grassmann_class is GrassmannClass.SPECIAL_COMPLEX
     return DependentSet(
         lines=lines,
         smallest=tuple(circuits),
-        grassmann_class=found.grassmann_class,
+        grassmann_class=geometry.grassmann_class,
         sigma=float(np.linalg.svd(vectors[first], compute_uv=False)[-1]),
         coefficients=_dependence(vectors, circuits[0])[first],
-        points=tuple(frame.point(point, accuracy) for point in found.points),
-        planes=tuple(frame.plane(plane) for plane in found.planes),
-        directors=tuple(frame.line(director, known) for director in found.directors),
-        groups=tuple(tuple(lines[i] for i in group) for group in found.groups),
+        points=tuple(frame.point(point, accuracy) for point in geometry.points),
+        planes=tuple(frame.plane(plane) for plane in geometry.planes),
+        directors=tuple(frame.line(director, known) for director in geometry.directors),
+        groups=tuple(tuple(lines[i] for i in group) for group in geometry.groups),
         screw=frame.screw(spanned.reciprocal[0], known, special) if rank == 5 else None,
         directions=int((np.linalg.svd(some[:, :3], compute_uv=False) > accuracy).sum()),
     )

@@ -101,8 +101,8 @@ class KleinSpan(NamedTuple):
         if values.prod() > 0.0:
             return np.zeros((0, 6))
         e, f = np.sqrt(np.abs(values[::-1]))[:, None] * screws
-        found = np.array([e + f, e - f])
-        return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
+        directors = np.array([e + f, e - f])
+        return np.asarray(directors / np.linalg.norm(directors, axis=1, keepdims=True))
 
 
 def span(vectors: Array, rank: int) -> KleinSpan:
@@ -212,10 +212,10 @@ def _of_four(lines: Array, accuracy: float) -> LineVariety:
     if fits:
         return min(fits, key=lambda fit: fit[0])[1]
     spanned = span(lines, 4)
-    found = spanned.directors(accuracy)
-    if found is None:  # W is next to a flat pencil, but no three lines show it
-        found = spanned.directors(0.0)
-    directors = () if found is None else tuple(found)
+    real = spanned.directors(accuracy)
+    if real is None:  # W is next to a flat pencil, but no three lines show it
+        real = spanned.directors(0.0)
+    directors = () if real is None else tuple(real)
     return LineVariety(_CONGRUENCES[len(directors)], directors=directors)
 
 
@@ -228,8 +228,8 @@ def _degenerate(lines: Array) -> Iterator[tuple[float, LineVariety]]:
             point, plane = fit_point(lines[list(through)]), fit_plane(lines[list(inside)])
             x, n = point.homogeneous, plane.homogeneous
             off = abs(float(x[:3] @ n[:3] - x[3] * n[3]))  # of the point from the plane
-            found = LineVariety(GrassmannClass.DEGENERATE_CONGRUENCE, (x,), (n,), groups=(through, inside))
-            yield max(point.residual, plane.residual, off), found
+            congruence = LineVariety(GrassmannClass.DEGENERATE_CONGRUENCE, (x,), (n,), groups=(through, inside))
+            yield max(point.residual, plane.residual, off), congruence
 
 
 def _others(count: int, some: tuple[int, ...]) -> tuple[int, ...]:

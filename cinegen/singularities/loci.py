@@ -94,11 +94,11 @@ def _fill(grid: SingularityGrid, of: Slice, report: Callable[[float], None]) -> 
     """Solve all points that can be reached from neighbour to neighbour."""
     points, q, done = grid.points, grid.q, counter(1)
 
-    def reach(here: int, near: int) -> bool:
-        found = None if np.isfinite(q[near]).all() else of.onward(points[here], points[near], q[here])
-        if found is None:
+    def reach(point: int, near: int) -> bool:
+        end = None if np.isfinite(q[near]).all() else of.onward(points[point], points[near], q[point])
+        if end is None:
             return False
-        q[near] = found
+        q[near] = end
         if (number := next(done)) % 64 == 0:
             report(number / len(q))
         return True
@@ -109,14 +109,14 @@ def _fill(grid: SingularityGrid, of: Slice, report: Callable[[float], None]) -> 
 def _first(grid: SingularityGrid, of: Slice) -> int:
     """Solve the grid's point nearest to home, or another one around it; return its number."""
     start, home = np.array(of.start()), of.mechanism.q_home
-    here = of.configuration(start, home)
-    if here is None:
-        here = of.from_home(of.given(*of.start()))
+    q_start = of.configuration(start, home)
+    if q_start is None:
+        q_start = of.from_home(of.given(*of.start()))
     away = ((grid.points - start) ** 2).sum(axis=1)
     for node in np.argsort(away, kind="stable")[:9].tolist():
-        found = None if here is None else of.near(grid.points[node], here)
-        if found is not None:
-            grid.q[node] = found
+        end = None if q_start is None else of.near(grid.points[node], q_start)
+        if end is not None:
+            grid.q[node] = end
             return int(node)
     axes = " and ".join(axis.name for axis in of.axes)
     at = ", ".join(f"{name} {value:.4g}" for name, value in of.coordinates(home).items())

@@ -268,8 +268,8 @@ def _shown(vector: Array) -> str:
     return f"({', '.join(f'{value:.4g}' for value in vector + 0.0)})"
 
 
-def _vector(name: str, given: ArrayLike) -> Array:
-    vector = np.asarray(given, dtype=float)
+def _vector(name: str, components: ArrayLike) -> Array:
+    vector = np.asarray(components, dtype=float)
     if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise PlueckerError(f"{name} of a line is {given!r}; give three finite numbers")
+        raise PlueckerError(f"{name} of a line is {components!r}; give three finite numbers")
     return vector

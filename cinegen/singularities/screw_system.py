@@ -70,8 +70,8 @@ class ScrewSystem:
     @cached_property
     def screws(self) -> tuple[Screw, ...]:
         """A basis in the world, m: principal screws, which have perpendicular axes, then translations."""
-        found = [self._screw(row, pitch) for row, pitch in zip(self._axes, self._pitches, strict=True)]
-        return (*found, *(Screw(LineAtInfinity(t), np.inf) for t in self._translations))
+        principal = [self._screw(row, pitch) for row, pitch in zip(self._axes, self._pitches, strict=True)]
+        return (*principal, *(Screw(LineAtInfinity(t), np.inf) for t in self._translations))
 
     @property
     def coordinates(self) -> Array:
@@ -103,8 +103,8 @@ class ScrewSystem:
         return bool(np.ptp(self._pitches) <= self._slack) if len(self._pitches) else True
 
     def _screw(self, row: Array, pitch: float) -> Screw:
-        found = self.frame.screw(row, 0.0, rotates=True)
-        return Screw(found.axis, self.frame.length * float(pitch))
+        screw = self.frame.screw(row, 0.0, rotates=True)
+        return Screw(screw.axis, self.frame.length * float(pitch))
 
     def as_dict(self) -> dict[str, Any]:
         """Return what JSON shows: m and rad."""
@@ -125,11 +125,11 @@ class ScrewSystem:
         twists: couples about the directions of rotation, forces along the translations. Of wrenches, return one of
         twists on which they do work."""
         write, words = GeometryWriter("m", self.frame.length), _TWIST if self.wrenches else _WRENCH
-        found = []
+        parts = []
         for vectors, phrases in ((self._axes[:, :3], words.infinite), (self._translations, words.straight)):
             if len(vectors):
-                found.append(phrases[len(vectors) - 1].format(write.along(_sole(vectors)) if len(vectors) < 3 else ""))
-        return " and ".join(found)
+                parts.append(phrases[len(vectors) - 1].format(write.along(_sole(vectors)) if len(vectors) < 3 else ""))
+        return " and ".join(parts)
 
     def _simple(self) -> str | None:
         """Return the description of a system that has a short one; None for the others."""
@@ -182,10 +182,10 @@ class ScrewSystem:
             rows = [parts @ self._axes, parts * [1.0, -1.0] @ self._axes]
             screws = tuple(self.frame.screw(row, 0.0, rotates=True) for row in rows)
         texts = [screw_text(screw, length, self.wrenches) for screw in screws]
-        for one in (0, 1) if len(self._axes) == 3 else ():
-            if abs(self._pitches[one + 1] - self._pitches[one]) <= self._slack:  # no two axes of a pencil are principal
-                pencil = ScrewSystem(self._axes[one : one + 2], self.frame, self.known, self.wrenches)
-                texts[one : one + 2] = [pencil.text().replace("any", "a", 1)]
+        for k in (0, 1) if len(self._axes) == 3 else ():
+            if abs(self._pitches[k + 1] - self._pitches[k]) <= self._slack:  # no two axes of a pencil are principal
+                pencil = ScrewSystem(self._axes[k : k + 2], self.frame, self.known, self.wrenches)
+                texts[k : k + 2] = [pencil.text().replace("any", "a", 1)]
         return f"any combination of {', '.join(texts[:-1])} and {texts[-1]}"
 
 
@@ -253,8 +253,8 @@ def _oriented(rows: Array) -> Array:
 
 def _sole(vectors: Array) -> Array:
     """Return the one direction (3,), or the normal of two; its largest component is positive."""
-    found = vectors[0] if len(vectors) == 1 else np.cross(vectors[0], vectors[1])
-    return np.asarray(sense(found) * found)
+    direction = vectors[0] if len(vectors) == 1 else np.cross(vectors[0], vectors[1])
+    return np.asarray(sense(direction) * direction)
 
 
 def _centre(rows: Array) -> Array:

@@ -192,7 +192,7 @@ class Singularity:
             **{name: system.as_dict() for name, system in systems.items()},
             "grassmann_class": self.grassmann_class and self.grassmann_class.title,
             "class": None if reason is None else reason.grassmann_class.title,
-            "legs": None if reason is None else [[i + 1 for i in one.lines] for one in reason.sets],
+            "legs": None if reason is None else [[i + 1 for i in group.lines] for group in reason.sets],
             "dependence": None if reason is None else reason.as_dict(),
             "message": self.message,
         }
@@ -223,12 +223,12 @@ def singularity(
         ConfigurationError: q is no configuration.
         UnknownNameError: no such node.
     """
-    here, name = mechanism.structure.checked(q), mechanism.end if node is None else node
-    gap = mechanism.closure(here)
+    checked, name = mechanism.structure.checked(q), mechanism.end if node is None else node
+    gap = mechanism.closure(checked)
     if gap > _OPEN:
         raise ClosureError(f"{mechanism.name}: loops are open by {gap:.2g} (rad or lengths): close(q) first")
-    frame = LineFrame(mechanism.placement(here, name).translation, mechanism.length)
-    jacobians = counted(mechanism, here, name)
+    frame = LineFrame(mechanism.placement(checked, name).translation, mechanism.length)
+    jacobians = counted(mechanism, checked, name)
     first, lost, known = _first(mechanism, jacobians, name, tolerance, within)
     lost_twists, supported = _systems(frame, lost, known)
     second, motions, known = _second(mechanism, jacobians, name, tolerance, within)
@@ -240,7 +240,7 @@ def singularity(
         motions = np.roll(uncontrolled.vectors, 3, axis=1) @ np.linalg.pinv(images, rcond=accuracy) @ motions
         motions /= np.linalg.norm(motions, axis=1, keepdims=True)
     motions = motions @ jacobians.joints.T * mechanism.scale
-    legs, dependence = leg_lines(mechanism, here), None
+    legs, dependence = leg_lines(mechanism, checked), None
     if legs:
         exact = classify(legs, mechanism.length, tolerance)
         dependence = exact or near(legs, mechanism.length, within, tolerance)
@@ -268,14 +268,14 @@ def _first(
     Rotations count if they don't follow from the translations. A direction that the node never has is not lost.
     """
     everywhere = [_images(mechanism, counted(mechanism, q, node)) for q in mechanism.structure.samples]
-    here = _images(mechanism, jacobians)
+    current = _images(mechanism, jacobians)
     ranks = [max(rank(images[:count]) for images in everywhere) for count in (3, 6)]
     count = 6 if ranks[1] > ranks[0] else 3
     if max(ranks) == 0:
         return np.zeros(0), np.zeros((0, 6)), _EVER
-    u, sigma, _ = np.linalg.svd(np.hstack([*everywhere, here])[:count], full_matrices=False)
+    u, sigma, _ = np.linalg.svd(np.hstack([*everywhere, current])[:count], full_matrices=False)
     ever = u[:, sigma > _EVER * sigma[0]]
-    directions, values, _ = np.linalg.svd(ever.T @ here[:count], full_matrices=False)
+    directions, values, _ = np.linalg.svd(ever.T @ current[:count], full_matrices=False)
     values = values[: max(ranks)]
     weakest, known = _weakest(values, tolerance, within)
     lost = np.zeros((len(values) - weakest, 6))
@@ -309,12 +309,12 @@ def controlled_nowhere(mechanism: Mechanism, node: str) -> int:
     columns, count = mechanism.structure.passive_columns, mechanism.structure.passive_rank
     if len(columns) == count:
         return 0
-    found = []
+    ranks = []
     for q in mechanism.structure.samples:
         jacobians = counted(mechanism, q, node)
         motions = np.linalg.svd(jacobians.loops[:, columns])[2][count:].T
-        found.append(rank(jacobians.node[:, columns] @ motions))
-    return max(found)
+        ranks.append(rank(jacobians.node[:, columns] @ motions))
+    return max(ranks)
 
 
 def _weakest(values: Array, tolerance: float, within: float) -> tuple[int, float]:

@@ -110,34 +110,34 @@ class Coordinates:
         values = (*placement.translation, *pin.rpy.matrixToRpy(placement.rotation))
         return dict(zip(POSE, map(float, values), strict=True))
 
-    def at(self, given: Mapping[str, float], q: Array) -> Array | None:
+    def at(self, values: Mapping[str, float], q: Array) -> Array | None:
         """Return the configuration (nq,) for values of all independent coordinates, from q; None if none is found."""
         if not self.over_joints:
-            return self._newton(given, q)
+            return self._newton(values, q)
         try:
-            return self.mechanism.close(self.mechanism.configuration(given, q), self.mechanism.actuated)
+            return self.mechanism.close(self.mechanism.configuration(values, q), self.mechanism.actuated)
         except ClosureError:
             return None
 
-    def from_home(self, given: Mapping[str, float], steps: int = 40) -> Array | None:
+    def from_home(self, coordinates: Mapping[str, float], steps: int = 40) -> Array | None:
         """Return the configuration (nq,) for some values, the others as at home, reached from home in small steps; None
         if the branch ends before.
 
         Raises:
             SliceError: a coordinate that doesn't exist.
         """
-        self._check(given)
-        goal = {**{name: self.home[name] for name in self.independent}, **given}
+        self._check(coordinates)
+        goal = {**{name: self.home[name] for name in self.independent}, **coordinates}
         q: Array | None = self.mechanism.q_home
         for part in np.linspace(0.0, 1.0, steps + 1)[1:]:
             values = {name: self.home[name] + part * (value - self.home[name]) for name, value in goal.items()}
             q = self.at(values, q) if q is not None else None
         return q
 
-    def _newton(self, given: Mapping[str, float], q: Array) -> Array | None:
+    def _newton(self, values: Mapping[str, float], q: Array) -> Array | None:
         system = self.mechanism.structure.system
-        rotation = pin.rpy.rpyToMatrix(*(given.get(name, self.home[name]) for name in POSE[3:]))
-        target = pin.SE3(rotation, np.array([given.get(name, self.home[name]) for name in POSE[:3]]))
+        rotation = pin.rpy.rpyToMatrix(*(values.get(name, self.home[name]) for name in POSE[3:]))
+        target = pin.SE3(rotation, np.array([values.get(name, self.home[name]) for name in POSE[:3]]))
         chosen = [POSE.index(name) for name in self.independent]
         best = np.inf
         for _ in range(_ITERATIONS):
@@ -204,8 +204,8 @@ class Slice(Coordinates, BranchTracker):
 
     def start(self) -> tuple[float, float]:
         """Return home's two coordinates; if it is not on the slice, those of the nearest point."""
-        here = [min(max(self.home[axis.name], axis.low), axis.high) for axis in self.axes]
-        return here[0], here[1]
+        nearest = [min(max(self.home[axis.name], axis.low), axis.high) for axis in self.axes]
+        return nearest[0], nearest[1]
 
     def given(self, u: float, v: float) -> dict[str, float]:
         """Return all independent coordinates at a point of the slice."""

@@ -255,18 +255,18 @@ class Seam(TimedSensor):
         before = self._straight(first * away, first, same, 0.0, 0.0)
         return [*before, *segments, *self._straight(last, last * away, same, self.length, self.length)]
 
-    def _straight(self, here: pin.SE3, there: pin.SE3, tool: pin.SE3, begin: float, end: float) -> list[_Segment]:
+    def _straight(self, start: pin.SE3, goal: pin.SE3, tool: pin.SE3, begin: float, end: float) -> list[_Segment]:
         """Return the motion between two poses that carry the tool, none if they are the same: the origin on a straight
         line, a rotation about one axis at the same time.
 
         Args:
-            here: where it begins.
-            there: where it ends.
+            start: where it begins.
+            goal: where it ends.
             tool: pose of the tool in these.
             begin: m of the seam before the motion.
             end: m of the seam after it.
         """
-        rotation, step = pin.log3(here.rotation.T @ there.rotation), there.translation - here.translation
+        rotation, step = pin.log3(start.rotation.T @ goal.rotation), goal.translation - start.translation
         # neither the speed nor the angular speed is exceeded
         length = float(max(np.linalg.norm(step), np.linalg.norm(rotation) * self._speed / self._turning))
         if length < _NONE:
@@ -274,7 +274,7 @@ class Seam(TimedSensor):
 
         def pose(far: float) -> pin.SE3:
             part = far / length
-            return pin.SE3(here.rotation @ pin.exp3(part * rotation), here.translation + part * step) * tool
+            return pin.SE3(start.rotation @ pin.exp3(part * rotation), start.translation + part * step) * tool
 
         profile = SpeedProfile(length, self._speed, self._ramp)
         return [_Segment(profile, pose, begin, (end - begin) / length)]
@@ -283,19 +283,19 @@ class Seam(TimedSensor):
 def _checked(points: ArrayLike, normals: ArrayLike) -> tuple[Array, Array]:
     """Return points (n, 3) and unit normals (n, 3)."""
     try:
-        found, given = np.array(points, dtype=float), np.array(normals, dtype=float)
+        xyz, axes = np.array(points, dtype=float), np.array(normals, dtype=float)
     except (TypeError, ValueError):
         raise SensorError("a seam's points and normals must be numbers, three for each") from None
-    if found.ndim != 2 or found.shape[1] != 3 or found.shape != given.shape:
-        raise SensorError(f"a seam needs as many normals as points, three numbers each: {found.shape}, {given.shape}")
-    if len(found) > _MOST:
+    if xyz.ndim != 2 or xyz.shape[1] != 3 or xyz.shape != axes.shape:
+        raise SensorError(f"a seam needs as many normals as points, three numbers each: {xyz.shape}, {axes.shape}")
+    if len(xyz) > _MOST:
         raise SensorError(f"a seam of more than {_MOST} points")
-    _raise_where(~np.isfinite(found).all(axis=1) | ~np.isfinite(given).all(axis=1), "its numbers must be finite")
-    _raise_where(np.abs(found).max(axis=1) > _FAR, f"it is more than {_FAR:.0e} m away")
-    largest = np.abs(given).max(axis=1)
+    _raise_where(~np.isfinite(xyz).all(axis=1) | ~np.isfinite(axes).all(axis=1), "its numbers must be finite")
+    _raise_where(np.abs(xyz).max(axis=1) > _FAR, f"it is more than {_FAR:.0e} m away")
+    largest = np.abs(axes).max(axis=1)
     _raise_where(largest == 0.0, "its normal is 0 0 0: give a direction")
-    given /= largest[:, None]  # or squares overflow
-    return found, given / np.linalg.norm(given, axis=1)[:, None]
+    axes /= largest[:, None]  # or squares overflow
+    return xyz, axes / np.linalg.norm(axes, axis=1)[:, None]
 
 
 def _raise_where(wrong: Bools, message: str) -> None:

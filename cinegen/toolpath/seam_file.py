@@ -141,7 +141,7 @@ def _header(cells: list[str]) -> tuple[list[int], list[str]]:
         SensorError: a column is missing, named twice, or has an unknown unit.
     """
     split = [re.fullmatch(r"(\w+)\s*[\[(]\s*(\S+?)\s*[\])]", cell) for cell in cells]
-    names = [cell.lower() if found is None else found[1].lower() for cell, found in zip(cells, split, strict=True)]
+    names = [cell.lower() if named is None else named[1].lower() for cell, named in zip(cells, split, strict=True)]
 
     def check(name: str) -> None:
         if name not in names:
@@ -151,8 +151,8 @@ def _header(cells: list[str]) -> tuple[list[int], list[str]]:
 
     read_all({name: partial(check, name) for name in _COLUMNS}, SensorError)
     where = [names.index(name) for name in _COLUMNS]
-    given = [split[i] for i in where]
-    units = ["m" if found is None else found[2] for found in given[:3]]
+    chosen = [split[i] for i in where]
+    units = ["m" if named is None else named[2] for named in chosen[:3]]
     for name, unit in zip(_COLUMNS, units, strict=False):
         if unit not in LENGTH.units:
             raise SensorError(f"column '{name}': '{unit}' is not a unit of length ({LENGTH.shown})")
@@ -166,16 +166,16 @@ def _number(text: str, name: str, dimension: Dimension, unit: str = "") -> float
 
 def _options(query: str) -> dict[str, Any]:
     """Return the options of a URL, in SI."""
-    found: dict[str, Any] = {}
+    options: dict[str, Any] = {}
     for name, _, value in (text.partition("=") for text in query.split("&") if text):
-        if name in found:
+        if name in options:
             raise SensorError(f"{name} is given twice")
         if name in OPTIONS:
-            found[name] = _number(value, name, OPTIONS[name])
+            options[name] = _number(value, name, OPTIONS[name])
         elif name != "again":
             raise SensorError(f"unknown option '{name}'{did_you_mean(name, (*OPTIONS, 'again'))}")
         elif value not in AGAIN:
             raise SensorError(f"unknown value '{value}' of again{did_you_mean(value, AGAIN)}")
         else:
-            found[name] = value
-    return found
+            options[name] = value
+    return options

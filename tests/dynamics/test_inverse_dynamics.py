@@ -72,7 +72,7 @@ def test_virtual_work(heavy, name):
             needed = np.array(pin.rnea(model, data, q, *rates)) - work_of_wrenches(mechanism, q, payloads)
             given = np.zeros(model.nv)
             torques = dynamics.torques(q, *rates)
-            assert dynamics._single["found"][0] == HELD  # by the kernel
+            assert dynamics._single["statuses"][0] == HELD  # by the kernel
             given[columns] = torques
             free = free_motions(mechanism, q)
             assert free.T @ given == pytest.approx(free.T @ needed, abs=1e-9 * max(1.0, np.abs(needed).max()))
@@ -141,7 +141,7 @@ def test_kernel_and_plain_form_agree(heavy, name, monkeypatch):
             cases.append(tuple({name: float(rng.normal()) for name in mechanism.actuated} for _ in range(2)))
         for v, a in cases:
             fast = dynamics.torques(q, v, a)
-            assert dynamics._single["found"][0] == HELD
+            assert dynamics._single["statuses"][0] == HELD
             with monkeypatch.context() as context:
                 context.setattr(dynamics, "_is_compiled", False)
                 assert fast == pytest.approx(dynamics.torques(q, v, a), rel=1e-9, abs=1e-8)
@@ -157,7 +157,7 @@ def test_couplings_bear_torques(seed):
         v, a = random_motion(mechanism, q, rng)
         given = np.zeros(mechanism.model.nv)
         given[[mechanism.v_index(joint) for joint in mechanism.actuated]] = dynamics.torques(q, v, a)
-        assert dynamics._single["found"][0] == HELD
+        assert dynamics._single["statuses"][0] == HELD
         free, needed = free_motions(mechanism, q), np.array(pin.rnea(mechanism.model, data, q, v, a))
         assert free.T @ given == pytest.approx(free.T @ needed, abs=1e-9 * np.abs(needed).max())
         found = forces(mechanism, q, v, a)
@@ -229,7 +229,7 @@ def test_spherical_joints_and_a_base_that_floats(raff, floats):
             free = free @ scipy.linalg.null_space(free[:6])
         given = np.zeros(mechanism.model.nv)
         given[mechanism.v_index("joint1")] = dynamics.torques(q, v, a)[0]
-        assert dynamics._single["found"][0] == HELD
+        assert dynamics._single["statuses"][0] == HELD
         assert free.T @ given == pytest.approx(free.T @ np.array(pin.rnea(mechanism.model, data, q, v, a)))
         many.append((q, v, a))
         torques.append(dynamics.torques(q, v, a))

@@ -63,7 +63,7 @@ def _place(tables: LinkageTables, x: Complex, algebraic: bool, scratch: LinkageS
     bodies[0] = 0.0
     bodies[0, 0, 0] = bodies[0, 1, 1] = bodies[0, 2, 2] = 1.0
     for k in range(len(joints)):
-        parent, here, column = bodies[joints[k, PARENT]], bodies[k + 1], joints[k, COLUMN]
+        parent, out, column = bodies[joints[k, PARENT]], bodies[k + 1], joints[k, COLUMN]
         locked = column - last - 1
         value = line[locked, 0] + line[locked, 1] * x[last] if locked >= 0 else x[column]
         prismatic = joints[k, IS_PRISMATIC] == 1
@@ -74,13 +74,13 @@ def _place(tables: LinkageTables, x: Complex, algebraic: bool, scratch: LinkageS
             c, s = half * (1.0 - value * value), half * 2.0 * value
         else:
             c, s = np.cos(value), np.sin(value)
-        _rotate(constants[k, 12:15], c, s, constants[k, :9], parent[:3], here[:3])
+        _rotate(constants[k, 12:15], c, s, constants[k, :9], parent[:3], out[:3])
         for i in range(3):
             x0, x1, x2 = constants[k, 9], constants[k, 10], constants[k, 11]
-            here[3, i] = parent[3, i] + parent[i, 0] * x0 + parent[i, 1] * x1 + parent[i, 2] * x2
-            here[4, i] = here[i, 0] * constants[k, 12] + here[i, 1] * constants[k, 13] + here[i, 2] * constants[k, 14]
+            out[3, i] = parent[3, i] + parent[i, 0] * x0 + parent[i, 1] * x1 + parent[i, 2] * x2
+            out[4, i] = out[i, 0] * constants[k, 12] + out[i, 1] * constants[k, 13] + out[i, 2] * constants[k, 14]
         if prismatic:
-            add_multiple(value, here[4], here[3], 3)
+            add_multiple(value, out[4], out[3], 3)
     for v in range(len(tables.vectors)):
         body, local = bodies[tables.vectors[v, BODY]], tables.local[v]
         for i in range(3):
@@ -121,20 +121,20 @@ def write_equations(tables: LinkageTables, x: Complex, algebraic: bool, scratch:
     row, last = 0, len(x) - 1
     matrix[:] = 0.0
     for d in range(len(tables.differences)):
-        one, two = tables.differences[d, 0], tables.differences[d, 1]
+        first, second = tables.differences[d, 0], tables.differences[d, 1]
         for i in range(3):
-            residual[row + i] = at[one, i] - at[two, i]
-        _add(tables, scratch, one, (1.0 + 0.0j, 1.0 + 0.0j, 1.0 + 0.0j), row, 1)
-        _add(tables, scratch, two, (-1.0 + 0.0j, -1.0 + 0.0j, -1.0 + 0.0j), row, 1)
+            residual[row + i] = at[first, i] - at[second, i]
+        _add(tables, scratch, first, (1.0 + 0.0j, 1.0 + 0.0j, 1.0 + 0.0j), row, 1)
+        _add(tables, scratch, second, (-1.0 + 0.0j, -1.0 + 0.0j, -1.0 + 0.0j), row, 1)
         row += 3
     for p in range(len(tables.products)):
-        axis, one, two = tables.products[p, 0], tables.products[p, 1], tables.products[p, 2]
+        axis, first, second = tables.products[p, 0], tables.products[p, 1], tables.products[p, 2]
         normal = (at[axis, 0], at[axis, 1], at[axis, 2])
-        gap = (at[one, 0] - at[two, 0], at[one, 1] - at[two, 1], at[one, 2] - at[two, 2])
+        gap = (at[first, 0] - at[second, 0], at[first, 1] - at[second, 1], at[first, 2] - at[second, 2])
         residual[row] = normal[0] * gap[0] + normal[1] * gap[1] + normal[2] * gap[2]
         _add(tables, scratch, axis, gap, row, 0)
-        _add(tables, scratch, one, normal, row, 0)
-        _add(tables, scratch, two, (-normal[0], -normal[1], -normal[2]), row, 0)
+        _add(tables, scratch, first, normal, row, 0)
+        _add(tables, scratch, second, (-normal[0], -normal[1], -normal[2]), row, 0)
         row += 1
     count = 3 * tables.features
     residual[row] = cut[count] * x[last] - cut[count + 1]

@@ -182,7 +182,7 @@ def _track(tables: LinkageTables, path: ParameterPath, x: Complex, scratch: Link
     length is chosen.
     """
     stages = scratch.stages
-    slope, other, total, there = stages[0], stages[1], stages[2], stages[3]
+    slope, other, total, point = stages[0], stages[1], stages[2], stages[3]
     s, h, n, steps, fresh = 0.0, 0.05, len(x), 0, False
     while s < 1.0:
         steps += 1
@@ -192,23 +192,23 @@ def _track(tables: LinkageTables, path: ParameterPath, x: Complex, scratch: Link
         h = min(h, 1.0 - s)
         for i in range(n):
             total[i] = slope[i]
-            there[i] = x[i] + 0.5 * h * slope[i]
+            point[i] = x[i] + 0.5 * h * slope[i]
         for stage in range(3):
-            _tangent(tables, path, s + (h if stage == 2 else 0.5 * h), there, scratch, other)
+            _tangent(tables, path, s + (h if stage == 2 else 0.5 * h), point, scratch, other)
             for i in range(n):
                 total[i] += other[i] * (1.0 if stage == 2 else 2.0)
-                there[i] = x[i] + (h if stage == 1 else 0.5 * h) * other[i]
+                point[i] = x[i] + (h if stage == 1 else 0.5 * h) * other[i]
         for i in range(n):
             total[i] *= h / 6.0
-            there[i] = x[i] + total[i]
+            point[i] = x[i] + total[i]
         error, pivot, reached = np.inf, 0.0, 1.0 if h >= 1.0 - s else s + h
         if _size(tables, total, x) < 1.0:
             enough = _CLOSE if reached < 1.0 else 1e-2 * _ROUNDED
-            error, pivot = _newton(tables, path.algebraic, 5, enough, there, scratch)
+            error, pivot = _newton(tables, path.algebraic, 5, enough, point, scratch)
         better = min(max(0.9 * (path.accuracy / max(error, 1e-14)) ** 0.2, 0.3), 2.0) if error < 1e3 else 0.3
         if error <= 10.0 * path.accuracy:
             s = reached
-            copy(there, x, n)
+            copy(point, x, n)
             record[0] = pivot
             fresh = False
         else:

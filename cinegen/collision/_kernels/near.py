@@ -18,16 +18,16 @@ def speed_along(screw: Array, normal: Array, at: Array) -> float:
 
 
 @compiled
-def in_world(frame: Array, point: Array, found: Array) -> None:
+def in_world(frame: Array, point: Array, out: Array) -> None:
     """Write the position in the world of a point (3,) in a joint's frame."""
-    combine(point, frame, found)
+    combine(point, frame, out)
     for i in range(3):
-        found[i] += frame[3, i]
+        out[i] += frame[3, i]
 
 
 @compiled
 def _write_row(
-    memory: ClearanceMemory, row: int, pair: int, distance: float, normal: Array, one: Array, other: Array
+    memory: ClearanceMemory, row: int, pair: int, distance: float, normal: Array, point: Array, other: Array
 ) -> None:
     """Write a distance, and the rate at which each column shortens it: a point of the first body moves towards the
     second, one of the second towards the first."""
@@ -36,7 +36,7 @@ def _write_row(
     for j in range(memory.nv):
         memory.rows[row, j] = 0.0
         if memory.moved_by[first, j] != 0.0:
-            memory.rows[row, j] += speed_along(memory.screws[j], normal, one)
+            memory.rows[row, j] += speed_along(memory.screws[j], normal, point)
         if memory.moved_by[second, j] != 0.0:
             memory.rows[row, j] -= speed_along(memory.screws[j], normal, other)
 
@@ -64,8 +64,8 @@ def approach(memory: ClearanceMemory, within: float) -> int:
         if count == memory.most:
             break
         normal = result[NORMAL : NORMAL + 3]
-        one, other = result[FIRST_POINT : FIRST_POINT + 3], result[SECOND_POINT : SECOND_POINT + 3]
-        _write_row(memory, count, p, result[DISTANCE], normal, one, other)
+        point, other = result[FIRST_POINT : FIRST_POINT + 3], result[SECOND_POINT : SECOND_POINT + 3]
+        _write_row(memory, count, p, result[DISTANCE], normal, point, other)
         count += 1
         for side in range(2):
             body = memory.pair[p, side]
@@ -79,15 +79,15 @@ def approach(memory: ClearanceMemory, within: float) -> int:
                 gap, off = memory.excess[p] - radius, 0.0
                 for i in range(3):
                     towards = normal[i] if side == 0 else -normal[i]
-                    met = one[i] if side else other[i]
+                    met = point[i] if side else other[i]
                     gap += (met - centre[i]) * towards
                     at = centre[i] + radius * towards
-                    off += abs(at - (other[i] if side else one[i]))
+                    off += abs(at - (other[i] if side else point[i]))
                 if off < 1e-9 or not gap < within:  # the nearest point itself
                     continue
                 if side == 0:
                     _write_row(memory, count, p, gap, normal, centre, other)
                 else:
-                    _write_row(memory, count, p, gap, normal, one, centre)
+                    _write_row(memory, count, p, gap, normal, point, centre)
                 count += 1
     return count

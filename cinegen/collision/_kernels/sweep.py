@@ -64,11 +64,11 @@ def _sweep_bodies(memory: ClearanceMemory) -> None:
 def _change(memory: ClearanceMemory, pair: int) -> float:
     """Return a bound of the change of a pair's distance along `motion`."""
     first, second = memory.pair[pair, 0], memory.pair[pair, 1]
-    one, other = memory.joint[first], memory.joint[second]
-    if one == 0 or other == 0:
+    joint, other = memory.joint[first], memory.joint[second]
+    if joint == 0 or other == 0:
         return float(memory.swept[first] + memory.swept[second])
-    bound = _swept(memory, one, other, memory.placed[first, 3], memory.ball[first])
-    return bound + _swept(memory, other, one, memory.placed[second, 3], memory.ball[second])
+    bound = _swept(memory, joint, other, memory.placed[first, 3], memory.ball[first])
+    return bound + _swept(memory, other, joint, memory.placed[second, 3], memory.ball[second])
 
 
 @entry
@@ -96,18 +96,18 @@ def _from_box(memory: ClearanceMemory, body: int, other: int) -> float:
 
 
 @compiled
-def _see(memory: ClearanceMemory, pair: int, found: Array) -> float:
+def _see(memory: ClearanceMemory, pair: int, box: Array) -> float:
     """Write the box (4, 3) of the smaller body of a pair in that of the other; return the radius of its sphere."""
     inner, outer = memory.pair[pair, 0], memory.pair[pair, 1]
     if memory.ball[inner] > memory.ball[outer]:
         inner, outer = outer, inner
-    one, other = memory.placed[inner], memory.placed[outer]
+    frame, other = memory.placed[inner], memory.placed[outer]
     for i in range(3):
         for k in range(3):
-            found[i, k] = dot(one[i], other[k])
-        found[3, i] = 0.0
+            box[i, k] = dot(frame[i], other[k])
+        box[3, i] = 0.0
         for k in range(3):
-            found[3, i] += (one[3, k] - other[3, k]) * other[i, k]
+            box[3, i] += (frame[3, k] - other[3, k]) * other[i, k]
     return float(memory.ball[inner])
 
 

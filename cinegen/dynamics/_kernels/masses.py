@@ -21,9 +21,9 @@ from cinegen.loops.thresholds import CLOSURE
 
 @entry
 def find_masses(memory: DynamicsMemory) -> None:
-    """Find the inertia at all given configurations; results where `found` is not HELD are not written."""
+    """Find the inertia at all given configurations; results where the status is not HELD are not written."""
     for i in range(memory.count):
-        memory.found[i] = _find(memory, i)
+        memory.statuses[i] = _find(memory, i)
 
 
 @compiled
@@ -65,7 +65,7 @@ def _find(memory: DynamicsMemory, i: int) -> int:
 def _add_body(memory: DynamicsMemory, j: int, masses: Array) -> None:
     """Add a body to the lower triangle, and compute its twists for the joints that it carries."""
     w, frame, parent, dof = memory.vectors, memory.frames[j], memory.joint_parent[j], memory.joint_dof[j]
-    centre, own, spin = w[0], memory.relative[0], w[1]
+    centre, relative, spin = w[0], memory.relative[0], w[1]
     combine(memory.centre[j], frame, centre)
     for i in range(3):
         centre[i] += frame[3, i]
@@ -73,9 +73,9 @@ def _add_body(memory: DynamicsMemory, j: int, masses: Array) -> None:
         twist, moved, spun = memory.twists[j, k], memory.moved[k], memory.spun[k]
         copy(memory.twists[parent, k], twist, 6)
         if dof >= 0:
-            sum_screws(memory, j, memory.motions[k], own)
+            sum_screws(memory, j, memory.motions[k], relative)
             for i in range(6):
-                twist[i] += own[i]
+                twist[i] += relative[i]
         cross(twist[3:], centre, moved)
         for i in range(3):
             moved[i] += twist[i]

@@ -34,7 +34,7 @@ class DynamicsMemory(LoopMemory):
 
     # results
     torques: Array = foreign("count", "actuated")
-    found: Table = foreign("count", dtype=int)  # HELD, OPEN, ...
+    statuses: Table = foreign("count", dtype=int)  # HELD, OPEN, ...
     gaps: Array = foreign("count", 3)  # dimensionless: of the loops, of their velocities, of their accelerations
     now: int = state(0)  # index of the configuration
 

@@ -114,11 +114,11 @@ def find_drift(memory: DynamicsMemory) -> None:
     end, w, residual, first = memory.ends[0], memory.vectors, memory.residual, memory.rows - memory.couplings
     find_accelerations(memory, False)
     for loop in range(memory.loops):
-        one, two = memory.loop_joints[loop, 0], memory.loop_joints[loop, 1]
-        compose(memory.frames[two], memory.loop_offsets[loop, 1], end)
+        j1, j2 = memory.loop_joints[loop, 0], memory.loop_joints[loop, 1]
+        compose(memory.frames[j2], memory.loop_offsets[loop, 1], end)
         copy(end[3], w[4], 3)
-        compose(memory.frames[one], memory.loop_offsets[loop, 0], end)
-        v, v2, a, a2 = memory.velocity[one], memory.velocity[two], memory.acceleration[one], memory.acceleration[two]
+        compose(memory.frames[j1], memory.loop_offsets[loop, 0], end)
+        v, v2, a, a2 = memory.velocity[j1], memory.velocity[j2], memory.acceleration[j1], memory.acceleration[j2]
         for i in range(3):
             w[0, i], w[1, i] = v2[i] - v[i], v2[3 + i] - v[3 + i]
         _cross_twists(v, w[0], w[1], w[2], w[3], w[5])
@@ -169,11 +169,11 @@ def _cross_twists(v: Array, linear: Array, angular: Array, out: Array, out_angul
 
 
 @compiled
-def _from_base(memory: DynamicsMemory, given: Array, out: Array) -> None:
+def _from_base(memory: DynamicsMemory, twist: Array, out: Array) -> None:
     """Write a twist (6,) at the world's origin, given in the axes of the joint 1, the base, at its origin."""
     frame, w = memory.frames[1], memory.vectors
-    combine(given[3:], frame, w[0])
-    combine(given, frame, w[1])
+    combine(twist[3:], frame, w[0])
+    combine(twist, frame, w[1])
     cross(frame[3], w[0], w[2])
     for i in range(3):
         out[i], out[3 + i] = w[1, i] + w[2, i], w[0, i]
@@ -183,15 +183,15 @@ def _from_base(memory: DynamicsMemory, given: Array, out: Array) -> None:
 def find_velocities(memory: DynamicsMemory) -> None:
     """Compute the twists of all bodies, and what they add to accelerations, from `v`."""
     for j in range(1, memory.joints):
-        own, twist, bias, parent = memory.relative[j], memory.velocity[j], memory.bias[j], memory.joint_parent[j]
+        relative, twist, bias, parent = memory.relative[j], memory.velocity[j], memory.bias[j], memory.joint_parent[j]
         dof = memory.joint_dof[j]
         if dof < 0:
-            _from_base(memory, memory.given_v[memory.now], own)
+            _from_base(memory, memory.given_v[memory.now], relative)
         else:
-            sum_screws(memory, j, memory.v, own)
+            sum_screws(memory, j, memory.v, relative)
         for i in range(6):
-            twist[i] = memory.velocity[parent, i] + own[i]
-        _cross_twists(twist, own, own[3:], bias, bias[3:], memory.vectors[0])
+            twist[i] = memory.velocity[parent, i] + relative[i]
+        _cross_twists(twist, relative, relative[3:], bias, bias[3:], memory.vectors[0])
 
 
 @compiled

@@ -42,13 +42,13 @@ that should be 0 are rounding errors. Its Coulomb friction is undetermined, and 
 
 @entry
 def find_torques(memory: DynamicsMemory) -> None:
-    """Find the torques at all given configurations; results where `found` is not HELD are not written."""
+    """Find the torques at all given configurations; results where the status is not HELD are not written."""
     if memory.moves == 0:
         memory.velocity[:] = 0.0
         memory.acceleration[:] = 0.0
     for i in range(memory.count):
         memory.now = i
-        memory.found[i] = _find(memory, i)
+        memory.statuses[i] = _find(memory, i)
 
 
 @compiled
@@ -240,13 +240,13 @@ def _find_tau(memory: DynamicsMemory) -> None:
 @compiled
 def _subtract_load(memory: DynamicsMemory, load: int) -> None:
     """Subtract a wrench that acts on a node from what its joint must transmit."""
-    frame, w, given, wrench = memory.ends[0], memory.vectors, memory.load[load], memory.wrench[memory.load_joint[load]]
+    frame, w, local, wrench = memory.ends[0], memory.vectors, memory.load[load], memory.wrench[memory.load_joint[load]]
     compose(memory.frames[memory.load_joint[load]], memory.load_offset[load], frame)
-    copy(given, w[0], 3)
-    copy(given[3:], w[1], 3)
+    copy(local, w[0], 3)
+    copy(local[3:], w[1], 3)
     if memory.load_turns[load] != 0:
-        combine(given, frame, w[0])
-        combine(given[3:], frame, w[1])
+        combine(local, frame, w[0])
+        combine(local[3:], frame, w[1])
     cross(frame[3], w[0], w[2])
     for i in range(3):
         wrench[i] -= w[0, i]

@@ -17,7 +17,7 @@ Vector = tuple[float, float, float]
 @entry
 def write_placements(
     w: NDArray[np.complex128], of: Table, circles: Any, lengths: Array, base: Array, platform: Array, legs: Table,
-    own: Array, points: Array, placements: Array, errors: Array,
+    axes: Array, points: Array, placements: Array, errors: Array,
 ) -> None:  # fmt: skip
     """Write the placements that put platform points at angles on their circles.
 
@@ -29,7 +29,7 @@ def write_placements(
         base: (6, 3) base points.
         platform: (3, 3) platform points.
         legs: (6,) which platform point each leg leads to.
-        own: (3, 3) axes of the platform: along its first side, across it, normal.
+        axes: (3, 3) of the platform: along its first side, across it, normal.
         points: (n, 3, 3) the platform points in the base frame are written.
         placements: (n, 4, 4) are written.
         errors: (n,) the largest length error, relative to the longest leg, is written.
@@ -49,7 +49,7 @@ def write_placements(
         for i in range(3):
             placement[3, i], placement[i, 3] = 0.0, 0.0
             for j in range(3):
-                placement[i, j] = x[i] * own[0, j] + y[i] * own[1, j] + z[i] * own[2, j]
+                placement[i, j] = x[i] * axes[0, j] + y[i] * axes[1, j] + z[i] * axes[2, j]
             for point in range(3):  # their middles coincide
                 off = p[point, i] - inner(placement[i], platform[point], 3)
                 placement[i, 3] += off / 3.0

@@ -253,11 +253,11 @@ def _form(q: Array, c: Any, s: Any) -> tuple[Any, Any, Any]:
 def _distance(q: Array, c: Any, s: Any, d: Any, t: Any) -> tuple[Any, Any, Any]:
     """Return the residual of a distance at cosine c and sine s of its first angle, d and t of its second; its
     derivative by the first angle; and the sum of its terms' sizes."""
-    one, by_c, by_s = _form(q, d, t)
+    constant, by_c, by_s = _form(q, d, t)
     large, far = _size(c) + _size(s), _size(d) + _size(t)
     terms = abs(q[0, 0]) + max(abs(q[1, 0]), abs(q[2, 0])) * large + max(abs(q[0, 1]), abs(q[0, 2])) * far
     terms += max(abs(q[1, 1]), abs(q[1, 2]), abs(q[2, 1]), abs(q[2, 2])) * large * far
-    return one + by_c * c + by_s * s, by_s * c - by_c * s, terms
+    return constant + by_c * c + by_s * s, by_s * c - by_c * s, terms
 
 
 @compiled

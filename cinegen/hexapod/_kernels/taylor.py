@@ -43,7 +43,7 @@ class TrackingScratch(NamedTuple):
         series: (ORDER + 1, 8) Taylor coefficients of x.
         products: (ORDER + 1, 18) of the products.
         coefficients: (3, 6, 16) Taylor coefficients of the equations' coefficients, at the path's parameter.
-        there: (6, 16) the same at the end of the step.
+        at_end: (6, 16) the same at the end of the step.
         matrix: (8, 8) factors.
         rows: (8,) row permutation.
         x: (4, 8) vectors.
@@ -52,7 +52,7 @@ class TrackingScratch(NamedTuple):
     series: Complex
     products: Complex
     coefficients: Complex
-    there: Complex
+    at_end: Complex
     matrix: Complex
     rows: Table
     x: Complex
@@ -61,8 +61,8 @@ class TrackingScratch(NamedTuple):
 def tracking_scratch() -> TrackingScratch:
     """Allocate working memory."""
     shapes = (ORDER + 1, 8), (ORDER + 1, PRODUCTS), (3, 6, LEGS), (6, LEGS), (8, 8), (4, 8)
-    series, products, coefficients, there, matrix, x = (np.zeros(shape, dtype=complex) for shape in shapes)
-    return TrackingScratch(series, products, coefficients, there, matrix, np.zeros(8, dtype=np.int64), x)
+    series, products, coefficients, at_end, matrix, x = (np.zeros(shape, dtype=complex) for shape in shapes)
+    return TrackingScratch(series, products, coefficients, at_end, matrix, np.zeros(8, dtype=np.int64), x)
 
 
 def prepare_tracking() -> None:
@@ -197,7 +197,7 @@ def _step(
     family: Complex, begin: complex, span: complex, part: float, x: Complex, tolerance: float, work: TrackingScratch
 ) -> float:
     """Take a step along the series; return the part of the path behind x then, `part` if no step succeeds."""
-    series, there, y, dx, more = work.series, work.there, work.x[0], work.x[1], work.x[2]
+    series, at_end, y, dx, more = work.series, work.at_end, work.x[0], work.x[1], work.x[2]
     h: float = min(
         (tolerance / _norm(series[ORDER])) ** (1.0 / ORDER),
         (tolerance / _norm(series[ORDER - 1])) ** (1.0 / (ORDER - 1)),
@@ -215,13 +215,13 @@ def _step(
         parameter = begin + onward * span
         for e in range(6):
             for m in range(LEGS):
-                there[e, m] = family[0, e, m] + parameter * (family[1, e, m] + parameter * family[2, e, m])
-        _jacobian(there, y, x, work)
+                at_end[e, m] = family[0, e, m] + parameter * (family[1, e, m] + parameter * family[2, e, m])
+        _jacobian(at_end, y, x, work)
         if _factor(work.matrix, work.rows):
-            _correction(there, y, dx, work)
+            _correction(at_end, y, dx, work)
             for i in range(8):
                 y[i] += dx[i]
-            _correction(there, y, more, work)
+            _correction(at_end, y, more, work)
             first, second = _norm(dx), _norm(more)
             if first < _SURE or (first <= 0.1 and second <= min(_CONTRACTION * first, 1e-6)):
                 for i in range(8):

@@ -19,8 +19,8 @@ def count_balls(memory: LoopMemory, rows: Array) -> bool:
     """
     right, inverse = True, memory.vectors
     for b in range(memory.balls):
-        one, two, three = memory.ball_dof[b, 0], memory.ball_dof[b, 1], memory.ball_dof[b, 2]
-        u, v, w = memory.screws[one, 3:], memory.screws[two, 3:], memory.screws[three, 3:]
+        first, second, third = memory.ball_dof[b, 0], memory.ball_dof[b, 1], memory.ball_dof[b, 2]
+        u, v, w = memory.screws[first, 3:], memory.screws[second, 3:], memory.screws[third, 3:]
         cross(v, w, inverse[0])  # rows of the inverse of (u v w), times its volume
         cross(w, u, inverse[1])
         cross(u, v, inverse[2])
@@ -28,23 +28,23 @@ def count_balls(memory: LoopMemory, rows: Array) -> bool:
         if abs(volume) < _GIMBAL:
             right = False
             continue
-        _turn_columns(memory.jacobian, one, two, three, inverse, volume)
-        _turn_columns(memory.screw_matrix, one, two, three, inverse, volume)
-        _turn_columns(rows, one, two, three, inverse, volume)
+        _turn_columns(memory.jacobian, first, second, third, inverse, volume)
+        _turn_columns(memory.screw_matrix, first, second, third, inverse, volume)
+        _turn_columns(rows, first, second, third, inverse, volume)
         rates = memory.cut_rates
         for i in range(memory.cut):
-            c0, c1, c2 = rates[one, i] / volume, rates[two, i] / volume, rates[three, i] / volume
-            rates[one, i] = c0 * inverse[0, 0] + c1 * inverse[1, 0] + c2 * inverse[2, 0]
-            rates[two, i] = c0 * inverse[0, 1] + c1 * inverse[1, 1] + c2 * inverse[2, 1]
-            rates[three, i] = c0 * inverse[0, 2] + c1 * inverse[1, 2] + c2 * inverse[2, 2]
+            c0, c1, c2 = rates[first, i] / volume, rates[second, i] / volume, rates[third, i] / volume
+            rates[first, i] = c0 * inverse[0, 0] + c1 * inverse[1, 0] + c2 * inverse[2, 0]
+            rates[second, i] = c0 * inverse[0, 1] + c1 * inverse[1, 1] + c2 * inverse[2, 1]
+            rates[third, i] = c0 * inverse[0, 2] + c1 * inverse[1, 2] + c2 * inverse[2, 2]
     return right
 
 
 @compiled
-def _turn_columns(a: Array, one: int, two: int, three: int, inverse: Array, volume: float) -> None:
+def _turn_columns(a: Array, first: int, second: int, third: int, inverse: Array, volume: float) -> None:
     """Replace three columns of a by their products with `inverse` / `volume`."""
     for i in range(a.shape[0]):
-        c0, c1, c2 = a[i, one] / volume, a[i, two] / volume, a[i, three] / volume
-        a[i, one] = c0 * inverse[0, 0] + c1 * inverse[1, 0] + c2 * inverse[2, 0]
-        a[i, two] = c0 * inverse[0, 1] + c1 * inverse[1, 1] + c2 * inverse[2, 1]
-        a[i, three] = c0 * inverse[0, 2] + c1 * inverse[1, 2] + c2 * inverse[2, 2]
+        c0, c1, c2 = a[i, first] / volume, a[i, second] / volume, a[i, third] / volume
+        a[i, first] = c0 * inverse[0, 0] + c1 * inverse[1, 0] + c2 * inverse[2, 0]
+        a[i, second] = c0 * inverse[0, 1] + c1 * inverse[1, 1] + c2 * inverse[2, 1]
+        a[i, third] = c0 * inverse[0, 2] + c1 * inverse[1, 2] + c2 * inverse[2, 2]

@@ -202,19 +202,19 @@ def difference(memory: LoopMemory, q: Array, to: Array, out: Array) -> None:
             out[dof] = to[at] - q[at]
             continue
         turned = at + 3 if kind == FREE_FLYER else at
-        here, there, seen, by = vectors[0:3], vectors[3:6], vectors[6:9], vectors[9:12]
-        _axes_of(q[turned:], here)
-        _axes_of(to[turned:], there)
+        begin, end, seen, by = vectors[0:3], vectors[3:6], vectors[6:9], vectors[9:12]
+        _axes_of(q[turned:], begin)
+        _axes_of(to[turned:], end)
         for i in range(3):
             for k in range(3):
-                seen[i, k] = dot(here[i], there[k])
+                seen[i, k] = dot(begin[i], end[k])
         log(seen, out[dof + turned - at :])
         if kind == FREE_FLYER:
             log_derivative(out[dof + 3 :], by)
             for i in range(3):
                 seen[0, i] = to[at + i] - q[at + i]
             for i in range(3):
-                seen[1, i] = dot(here[i], seen[0])
+                seen[1, i] = dot(begin[i], seen[0])
             for i in range(3):
                 out[dof + i] = dot(by[i], seen[1])
 

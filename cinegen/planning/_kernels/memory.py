@@ -23,7 +23,7 @@ class VortexMemory(Memory):
     null_space: Array = array("free", "nv")  # orthonormal dimensionless motions that keep loops closed
     motion: Array = array("nv")  # undeflected, rad and m
 
-    found: Array = array("nv")  # the motion with all vortices
+    deflected: Array = array("nv")  # the motion with all vortices
     candidates: Table = array("vortices", dtype=int)  # nearest pair that moves toward what an inactive one surrounds
     jacobian: Array = array(3, "nv")  # scratch
     vectors: Array = array(3, 3)  # scratch

@@ -19,18 +19,18 @@ _LEAST = 1e-4  # damping, relative to the mean square by which free motions move
 
 
 @compiled
-def _point_velocity(clearance: ClearanceMemory, pair: int, j: int, found: Array) -> None:
+def _point_velocity(clearance: ClearanceMemory, pair: int, j: int, out: Array) -> None:
     """Write the velocity (3,) by column j of a pair's nearest point on the first body relative to the second."""
     screw = clearance.screws[j]
-    found[:3] = 0.0
+    out[:3] = 0.0
     for side in range(2):
         if clearance.moved_by[clearance.joint[clearance.pair[pair, side]], j] == 0.0:
             continue
         first = SECOND_POINT if side else FIRST_POINT
         at, sign = clearance.results[pair, first : first + 3], -1.0 if side else 1.0
-        found[0] += sign * (screw[0] + screw[4] * at[2] - screw[5] * at[1])
-        found[1] += sign * (screw[1] + screw[5] * at[0] - screw[3] * at[2])
-        found[2] += sign * (screw[2] + screw[3] * at[1] - screw[4] * at[0])
+        out[0] += sign * (screw[0] + screw[4] * at[2] - screw[5] * at[1])
+        out[1] += sign * (screw[1] + screw[5] * at[0] - screw[3] * at[2])
+        out[2] += sign * (screw[2] + screw[3] * at[1] - screw[4] * at[0])
 
 
 @compiled
@@ -72,14 +72,14 @@ def deflect(memory: VortexMemory, clearance: ClearanceMemory) -> None:
     reach. The joints make the smallest motion that does so (damped).
 
     Args:
-        memory: `found` becomes the motion with all vortices; `candidates` -1, or the nearest pair that moves toward the
-            obstacle of an inactive vortex; a vortex that no link moves toward is deactivated.
+        memory: `deflected` becomes the motion with all vortices; `candidates` -1, or the nearest pair that moves toward
+            the obstacle of an inactive vortex; a vortex that no link moves toward is deactivated.
         clearance: distances and Jacobians where the mechanism is.
     """
     a, t, velocity, states = memory.vectors[0], memory.vectors[1], memory.vectors[2], memory.states
     for g in range(memory.vortices):
         memory.candidates[g] = -1
-    copy(memory.motion, memory.found, memory.nv)
+    copy(memory.motion, memory.deflected, memory.nv)
     for p in range(memory.pairs):
         d = clearance.results[p, DISTANCE]
         if not d < memory.reach:
@@ -116,9 +116,9 @@ def deflect(memory: VortexMemory, clearance: ClearanceMemory) -> None:
         for f in range(count):
             s = _along(memory.jacobian, f, t) / length * target / along
             if memory.free == 0:
-                memory.found[f] += s * memory.scale[f]
+                memory.deflected[f] += s * memory.scale[f]
             else:
                 for j in range(memory.nv):
-                    memory.found[j] += s * memory.null_space[f, j] * memory.scale[j]
+                    memory.deflected[j] += s * memory.null_space[f, j] * memory.scale[j]
     for g in range(memory.vortices):  # what was not needed is deactivated
         states[g, ACTIVE] = 1.0 if states[g, ACTIVE] == 2.0 else 0.0

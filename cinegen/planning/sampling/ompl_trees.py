@@ -126,10 +126,10 @@ class Trees:
             self._planner.solve(ob.PlannerTerminationCondition(is_over))
             if not self._problem.hasExactSolution():
                 return None
-            found = _points(self._problem.getSolutionPath(), self._count)
+            path = _points(self._problem.getSolutionPath(), self._count)
             self._problem.clearSolutionPaths()
             self._planner.clear()
-            return found
+            return path
 
 
 @contextmanager

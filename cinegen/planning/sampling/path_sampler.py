@@ -90,9 +90,9 @@ class PathSampler:
             return clear_motion(clearance, space.at(begin), space.at(end), scene.safety, project=project) is not None
 
         def close(point: Array) -> Array | None:
-            given = space.at(point)
+            guess = space.at(point)
             try:
-                q = mechanism.close(given, locked=scene.locked) if project is None else project(given)
+                q = mechanism.close(guess, locked=scene.locked) if project is None else project(guess)
             except ClosureError:
                 return None
             return None if q is None else space.point(q)
@@ -119,13 +119,13 @@ class PathSampler:
     def _motion(self, points: Array) -> Array | None:
         """Return the path along points of the space; None if it is not clear by rounding, at the edge of what is."""
         scene, clearance = self._scene, self._clearance
-        found = np.array([scene.start, *map(self._space.at, points[1:])])
+        path = np.array([scene.start, *map(self._space.at, points[1:])])
         if not self._is_curved:
-            return found
-        motions = [clear_motion(clearance, *ends, scene.safety, project=self._project) for ends in pairwise(found)]
+            return path
+        motions = [clear_motion(clearance, *ends, scene.safety, project=self._project) for ends in pairwise(path)]
         if any(motion is None for motion in motions):
             return None
-        return np.vstack([found[:1], *(motion[1:] for motion in motions if motion is not None)])
+        return np.vstack([path[:1], *(motion[1:] for motion in motions if motion is not None)])
 
 
 # --- the space that is sampled -----------------------------------------------------------------------------------
@@ -186,22 +186,22 @@ class SamplingSpace:
         angles = np.remainder(x[unlimited] * scale + np.pi, _REVOLUTION) - np.pi
         x[unlimited] = angles / scale
         wound = np.column_stack([angles, angles - np.copysign(_REVOLUTION, angles)]) / scale[:, None]
-        found = []
+        points = []
         for values in itertools.islice(itertools.product(*wound), _MOST_WINDINGS):
             point = x.copy()
             point[unlimited] = values
-            found.append(np.clip(point, self.low, self.high))
-        return sorted(found, key=lambda point: float(np.linalg.norm(point)))
+            points.append(np.clip(point, self.low, self.high))
+        return sorted(points, key=lambda point: float(np.linalg.norm(point)))
 
 
 def _room(scene: Scene, clearance: Clearance) -> tuple[Array, Array]:
     """Return how far translations may go down and up from the start, m: (2,) along x and y for a mobile robot, else
     (1,)."""
-    here = np.array(scene.mechanism.placement(scene.start, scene.node).translation)
-    points = [np.array(scene.goal.translation)[None], here[None]]
+    start = np.array(scene.mechanism.placement(scene.start, scene.node).translation)
+    points = [np.array(scene.goal.translation)[None], start[None]]
     for body in (body for obstacle in scene.obstacles for body in obstacle.bodies if np.isfinite(body.radius)):
         points.append(bounding_box_corners(body.shape, body.placement))
-    offsets = np.vstack(points) - here
+    offsets = np.vstack(points) - start
     widest = max((body.radius for body in clearance.bodies if body.joint), default=0.0)
     margin = _MARGIN * float(np.ptp(offsets, axis=0).max()) + 2.0 * (widest + scene.safety)
     if scene.mobile is not None:

@@ -60,12 +60,12 @@ def shortened(
         motion = clear_motion(clearance, begin, end, safety, project=project)
         return motion if motion is None or is_curved else motion[[0, -1]]
 
-    found = _pruned(clear, path, deadline)
-    if found is None:
+    shorter = _pruned(clear, path, deadline)
+    if shorter is None:
         return None
     rng, totals = np.random.default_rng(seed), list[float]()
-    for trial in range(_TRIALS if len(found) > 1 else 0):
-        lengths = np.array([_distance(mechanism, *ends, metric) for ends in pairwise(found)])
+    for trial in range(_TRIALS if len(shorter) > 1 else 0):
+        lengths = np.array([_distance(mechanism, *ends, metric) for ends in pairwise(shorter)])
         bounds = np.concatenate([[0.0], np.cumsum(lengths)])
         totals.append(float(bounds[-1]))
         if trial >= _WINDOW and totals[-1 - _WINDOW] - totals[-1] < _STAGNANT * totals[-1]:
@@ -76,15 +76,15 @@ def shortened(
         if trial % 2:  # about a corner
             width = bounds[-1] * rng.random(2) * 10.0 ** rng.uniform(-_DECADES, 0.0)
             parts = np.clip(bounds[rng.integers(len(bounds))] + width * [-1.0, 1.0], 0.0, bounds[-1])
-        (first, begin), (last, end) = (_at(mechanism, found, bounds, part, is_curved) for part in parts)
+        (first, begin), (last, end) = (_at(mechanism, shorter, bounds, part, is_curved) for part in parts)
         longest = (1.0 - _GAIN) * (parts[1] - parts[0])
         if first == last or _distance(mechanism, begin, end, metric) > longest:
             continue
         motion = clear(begin, end)
         if motion is None or path_length(mechanism, motion, metric) > longest:
             continue
-        found = _distinct(mechanism, np.vstack([found[: first + 1], motion, found[last + 1 :]]))
-    return found
+        shorter = _distinct(mechanism, np.vstack([shorter[: first + 1], motion, shorter[last + 1 :]]))
+    return shorter
 
 
 def _pruned(clear: Callable[[Array, Array], Array | None], path: Array, deadline: float) -> Array | None:

@@ -70,7 +70,7 @@ def branch(robot: Robot, root: Any, boxes: Sequence[Box], findings: Mapping[int,
         boxes: all boxes.
         findings: by the number of the box.
     """
-    links = {i: Link(robot, boxes[i], one.link) for i, one in findings.items() if one.link}
+    links = {i: Link(robot, boxes[i], result.link) for i, result in findings.items() if result.link}
     meeting, apart = ({i: list[int]() for i in links} for _ in range(2))
     for first, second, axis in _faces(root, links):  # all of them: a branch may not close on itself
         a, b = links[first], links[second]

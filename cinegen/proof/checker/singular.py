@@ -96,14 +96,14 @@ def _by_opening(tube: Tube, second: Mapping[str, Any], count: int) -> tuple[arb_
         away = sum((a.rad() ** 2 for a in about), arb(0)).sqrt() / length / 2
         stretch = max(stretch, (away + (1 + away**2).sqrt()).upper())
         x, y, z = (a.mid() for a in about)
-        one = identity(6)
+        block = identity(6)
         for k in range(3):
-            one[k, k] = length
-        one[0, 4], one[0, 5], one[1, 3], one[1, 5], one[2, 3], one[2, 4] = -z, y, z, -x, -y, x
+            block[k, k] = length
+        block[0, 4], block[0, 5], block[1, 3], block[1, 5], block[2, 3], block[2, 4] = -z, y, z, -x, -y, x
         for a, row in enumerate(cluster["unmix"]):
             for b, factor in enumerate(row):
                 for i in range(6):
                     for j in range(6):
-                        by[start + 6 * a + i, start + 6 * b + j] = one[i, j] * arb(factor, tube.robot.data["radius"])
+                        by[start + 6 * a + i, start + 6 * b + j] = block[i, j] * arb(factor, tube.robot.data["radius"])
         start += 6 * len(cluster["unmix"])
     return by, stretch
