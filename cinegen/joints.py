@@ -56,9 +56,9 @@ def supporting_columns(model: pin.Model, joint: int) -> Array:
 
 def scalar_joints(model: pin.Model) -> tuple[Indices, Indices]:
     """Return where in q and in v the joints are whose configuration is one number, which adds to its velocity."""
-    found = [(j.idx_q, j.idx_v) for j in model.joints if j.nq == 1 and j.nv == 1 and j.idx_v >= 0]
-    at = np.array(found, dtype=np.intp).reshape(-1, 2)
-    return at[:, 0], at[:, 1]
+    pairs = [(j.idx_q, j.idx_v) for j in model.joints if j.nq == 1 and j.nv == 1 and j.idx_v >= 0]
+    indices, columns = np.array(pairs, dtype=np.intp).reshape(-1, 2).T
+    return indices, columns
 
 
 def joint_data(model: pin.Model) -> pin.Data:

@@ -115,8 +115,8 @@ def certify(
         for radius in sorted({*_RADII, min(_MARGIN * length, _LARGEST)}, reverse=True):
             if not radius > length:
                 break
-            there = equations(moved([arb(0, radius)] * rank), True)
-            derivative = arb_mat([[there.jacobian[i][j] * steps[j] for j in columns] for i in rows.tolist()])
+            values = equations(moved([arb(0, radius)] * rank), True)
+            derivative = arb_mat([[values.jacobian[i][j] * steps[j] for j in columns] for i in rows.tolist()])
             spread = (identity - newton * derivative) * arb_mat(rank, 1, [arb(0, radius)] * rank)
             image = [offset + wide for offset, wide in zip(step, spread.entries(), strict=True)]
             error = max((_bound(entry) for entry in image), default=0.0)
@@ -134,21 +134,21 @@ def certify(
     return None
 
 
-def distinct(found: Iterable[tuple[Certificate, Sequence[arb]] | None]) -> tuple[Certificate | None, ...]:
+def distinct(certified: Iterable[tuple[Certificate, Sequence[arb]] | None]) -> tuple[Certificate | None, ...]:
     """Return the certificate of each solution, if there is one and if the solution differs from those before it.
 
     Args:
-        found: certificates, each with numbers that differ between solutions, computed over the solution's box.
+        certified: certificates, each with numbers that differ between solutions, computed over the solution's box.
     """
     certificates, boxes = list[Certificate | None](), list[Array]()
-    for one in found:
+    for pair in certified:
         certificate = None
-        if one is not None:
-            lower = [np.nextafter(float(number.lower()), -np.inf) for number in one[1]]
-            upper = [np.nextafter(float(number.upper()), np.inf) for number in one[1]]
+        if pair is not None:
+            lower = [np.nextafter(float(number.lower()), -np.inf) for number in pair[1]]
+            upper = [np.nextafter(float(number.upper()), np.inf) for number in pair[1]]
             if all((lower > other[1]).any() or (other[0] > upper).any() for other in boxes):
                 boxes.append(np.array([lower, upper]))
-                certificate = one[0]
+                certificate = pair[0]
         certificates.append(certificate)
     return tuple(certificates)
 

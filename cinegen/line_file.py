@@ -105,14 +105,14 @@ def read_lines(
         header = decode_header(first)
     except CinegenError as error:
         raise failure("\n".join(f"{path}: {why}" for why in str(error).split("\n"))) from None
-    found: list[_L] = []
+    decoded: list[_L] = []
 
     def read(number: int, line: bytes) -> None:
         try:
-            found.append(decode(line, header, found[-1] if found else None))
+            decoded.append(decode(line, header, decoded[-1] if decoded else None))
         except CinegenError as error:
             raise failure("\n".join(f"{path}:{number}: {why}" for why in str(error).split("\n"))) from None
 
     # after the last line's end there is nothing, or a line that was cut
     read_all((("", partial(read, number, line)) for number, line in enumerate(lines[:-1], 2) if line.strip()), failure)
-    return header, found
+    return header, decoded

@@ -79,7 +79,7 @@ def _wrong_fields(value: Any, kind: Any) -> list[str]:
 
 def _parts(value: Any, kind: Any) -> Iterator[tuple[Any, Any, str]]:
     """Yield the parts of a value with their types and names: fields of structs, elements of lists and mappings."""
-    origin, inner = get_origin(kind), [one for one in get_args(kind) if one not in (type(None), UnsetType)]
+    origin, inner = get_origin(kind), [part for part in get_args(kind) if part not in (type(None), UnsetType)]
     if origin in (Union, UnionType) and len(inner) == 1:
         yield value, inner[0], ""
     elif isinstance(kind, type) and issubclass(kind, Struct) and isinstance(value, dict):
@@ -111,9 +111,9 @@ def _plain(value: Any) -> Any:
     if is_dataclass(value) and not isinstance(value, type):
         return _plain(asdict(value))
     if isinstance(value, dict):
-        return {name: _plain(one) for name, one in value.items()}
+        return {name: _plain(part) for name, part in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
+        return [_plain(part) for part in value]
     if isinstance(value, np.ndarray | np.generic):
         return _plain(value.tolist())
     if isinstance(value, Enum):

@@ -54,12 +54,12 @@ def check_outputs(*paths: Path | None, force: bool = False, json: bool = False, 
         UsageError: two outputs go to standard output.
         raff2urdf.RaffError: a file exists.
     """
-    given = [path for path in paths if path is not None]
-    if STANDARD in given:
-        if json or given.count(STANDARD) > 1 or sys.stdout is sys.stderr:
+    outputs = [path for path in paths if path is not None]
+    if STANDARD in outputs:
+        if json or outputs.count(STANDARD) > 1 or sys.stdout is sys.stderr:
             raise UsageError("only one output can go to standard output (-): name a file for the other")
         sys.stdout = sys.stderr  # `raff2urdf.command.output.run` restores it
-    for path in given if not force else ():
+    for path in outputs if not force else ():
         check_new(path, remakeable)
 
 

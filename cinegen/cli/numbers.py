@@ -49,13 +49,13 @@ def dimension_of(mechanism: Mechanism, name: str) -> Dimension | None:
 def parts(text: str) -> list[str]:
     """Return what commas or blanks separate; a blank before a unit separates nothing."""
     joined = re.sub(r"\s*=\s*", "=", text).replace(",", " ").split()
-    found: list[str] = []
+    texts: list[str] = []
     for part in joined:
-        if found and re.fullmatch(r"[A-Za-zµ°]+", part) and is_quantity(f"{found[-1].rpartition('=')[2]} {part}"):
-            found[-1] += part
+        if texts and re.fullmatch(r"[A-Za-zµ°]+", part) and is_quantity(f"{texts[-1].rpartition('=')[2]} {part}"):
+            texts[-1] += part
         else:
-            found.append(part)
-    return found
+            texts.append(part)
+    return texts
 
 
 def named(text: str, option: str, example: str) -> dict[str, str]:
@@ -64,15 +64,15 @@ def named(text: str, option: str, example: str) -> dict[str, str]:
     Raises:
         UsageError: a part has no name, or a name is given twice.
     """
-    found: dict[str, str] = {}
+    texts: dict[str, str] = {}
     for part in parts(text):
         name, equals, value = part.partition("=")
         if not equals:
             raise UsageError(f"{option}: '{part}': write NAME=VALUE, such as {example}")
-        if name in found:
+        if name in texts:
             raise UsageError(f"{option}: {name} is given twice")
-        found[name] = value
-    return found
+        texts[name] = value
+    return texts
 
 
 def quantity(text: str, option: str, dimension: Dimension) -> float:
@@ -99,15 +99,15 @@ def values(text: str, option: str, example: str, mechanism: Mechanism) -> dict[s
     """
     from cinegen.model.plausible import check_joint, check_lengths
 
-    found = {}
+    numbers = {}
     for name, value in named(text, option, example).items():
         dimension = dimension_of(mechanism, name)
-        found[name] = 0.0 if dimension is None else quantity(value, f"{option}: {name}", dimension)
+        numbers[name] = 0.0 if dimension is None else quantity(value, f"{option}: {name}", dimension)
         if name in mechanism.joints:
-            check_joint(mechanism, name, [found[name]])
+            check_joint(mechanism, name, [numbers[name]])
         elif dimension is LENGTH:
-            check_lengths(mechanism, f"{option} {name}", [found[name]])
-    return found
+            check_lengths(mechanism, f"{option} {name}", [numbers[name]])
+    return numbers
 
 
 def locked_joints(text: str | None, mechanism: Mechanism) -> tuple[tuple[str, ...], dict[str, float]]:
@@ -119,9 +119,9 @@ def locked_joints(text: str | None, mechanism: Mechanism) -> tuple[tuple[str, ..
     """
     from cinegen.ik.joints import checked_names
 
-    given = parts(text or "")
-    found = values(",".join(part for part in given if "=" in part), "--lock", "joint3=0.7 (m and degrees)", mechanism)
-    return checked_names(mechanism, [part.partition("=")[0] for part in given]), found
+    names = parts(text or "")
+    fixed = values(",".join(part for part in names if "=" in part), "--lock", "joint3=0.7 (m and degrees)", mechanism)
+    return checked_names(mechanism, [part.partition("=")[0] for part in names]), fixed
 
 
 def configuration_at(mechanism: Mechanism, at: str, node: str | None) -> Any:
@@ -130,13 +130,13 @@ def configuration_at(mechanism: Mechanism, at: str, node: str | None) -> Any:
     Raises:
         CinegenError: it can't be reached along a straight line from home.
     """
-    given = values(at, "--at", POSE_EXAMPLE, mechanism)
-    if not given:
+    coordinates = values(at, "--at", POSE_EXAMPLE, mechanism)
+    if not coordinates:
         return mechanism.q_home
     from cinegen.singularities.slice import POSE, Coordinates
 
-    names = mechanism.actuated if all(name in mechanism.actuated for name in given) else POSE
-    q = Coordinates(mechanism, [name for name in names if name in given], node).from_home(given)
+    names = mechanism.actuated if all(name in mechanism.actuated for name in coordinates) else POSE
+    q = Coordinates(mechanism, [name for name in names if name in coordinates], node).from_home(coordinates)
     if q is None:
         raise CinegenError(
             f"{mechanism.name}: --at {at} can't be reached along a straight line from home on its branch"
@@ -190,8 +190,8 @@ def point(text: str, option: str, dimension: Dimension = LENGTH) -> tuple[float,
     Raises:
         UsageError: they are not three quantities of that dimension.
     """
-    given = parts(text)
-    if len(given) != 3:
+    texts = parts(text)
+    if len(texts) != 3:
         what = (
             "an acceleration, such as 0,0,-9.81,"
             if dimension is ACCELERATION
@@ -199,9 +199,9 @@ def point(text: str, option: str, dimension: Dimension = LENGTH) -> tuple[float,
             if dimension is LENGTH
             else "a direction"
         )
-        raise UsageError(f"{option}: '{text}': {what} is x,y,z, not {len(given)} number{'s' * (len(given) != 1)}")
+        raise UsageError(f"{option}: '{text}': {what} is x,y,z, not {len(texts)} number{'s' * (len(texts) != 1)}")
     with refused_as(UsageError, option):
-        x, y, z = parse_list(given, dimension)
+        x, y, z = parse_list(texts, dimension)
     return x, y, z
 
 

@@ -196,6 +196,6 @@ def exclude(**options: object) -> None:
     Raises:
         UsageError: more than one value is neither None, False nor empty.
     """
-    given = [f"--{name.replace('_', '-')}" for name, value in options.items() if value]
-    if len(given) > 1:
-        raise UsageError(f"{given[0]} and {given[1]} exclude each other: leave one out")
+    names = [f"--{name.replace('_', '-')}" for name, value in options.items() if value]
+    if len(names) > 1:
+        raise UsageError(f"{names[0]} and {names[1]} exclude each other: leave one out")

@@ -42,45 +42,45 @@ def region(
     from cinegen.model.plausible import check_lengths
     from cinegen.workspace import Region, line_region
 
-    given = values(at, "--at", "z=-0.9, z=-900mm or rz=15", mechanism)
+    others = values(at, "--at", "z=-0.9, z=-900mm or rz=15", mechanism)
     fixed = "fixed" if orientation == "home" else orientation
     if line is not None:
         both, _, cells = line.partition(":")
         ends = segment(both, "--line")
         check_lengths(mechanism, "--line", [*ends[0], *ends[1]])
         count = _count("--line", line, cells) if cells else grid or CELLS[1]
-        return line_region(*ends, count, at=given, orientation=fixed)
+        return line_region(*ends, count, at=others, orientation=fixed)
     names = [
         name for part in parts(over)
         for name in (part if re.fullmatch("[xyz]{2,3}", part) and part not in mechanism.joints else [part])
-    ] or _translations(mechanism, node, given)  # fmt: skip
+    ] or _translations(mechanism, node, others)  # fmt: skip
     count = grid or CELLS.get(len(names), _CELLS_OF_MANY)
     origin = None if centre is None else point(centre, "--centre")
     check_lengths(mechanism, "--centre", origin or ())
     return Region(
-        tuple(_axis(mechanism, name, node, count, origin or (0.0, 0.0, 0.0)) for name in names), given, fixed, origin
+        tuple(_axis(mechanism, name, node, count, origin or (0.0, 0.0, 0.0)) for name in names), others, fixed, origin
     )
 
 
-def _translations(mechanism: Mechanism, node: str | None, given: dict[str, float]) -> list[str]:
+def _translations(mechanism: Mechanism, node: str | None, fixed: dict[str, float]) -> list[str]:
     """Return the translations that the node can make, without those whose value is given; the actuated joints of a
     robot that has fewer degrees of freedom, whose node moves along a curve or on a surface."""
     from cinegen.workspace import MapError
 
-    if mechanism.mobility == 1 and len(mechanism.actuated) == 1 and not given:
+    if mechanism.mobility == 1 and len(mechanism.actuated) == 1 and not fixed:
         return list(mechanism.actuated)
     from cinegen.workspace.default_range import default_range
 
-    found = []
+    names = []
     for name in ("x", "y", "z"):
-        if name not in given:
+        if name not in fixed:
             try:
                 default_range(mechanism, name, node)
             except MapError:
                 continue
-            found.append(name)
-    is_thin = len(found) > mechanism.mobility == len(mechanism.actuated)
-    return list(mechanism.actuated) if is_thin and not given else found
+            names.append(name)
+    is_thin = len(names) > mechanism.mobility == len(mechanism.actuated)
+    return list(mechanism.actuated) if is_thin and not fixed else names
 
 
 def _axis(

@@ -120,7 +120,7 @@ class PageOptions:
     def _announce(self, cockpit: Cockpit, seconds: float | None) -> None:
         from cinegen.devices.reading_json import encode_token
 
-        scripts = {one.name: one.robot for one in cockpit.setup.devices if one.robot is not None}
+        scripts = {script.name: script.robot for script in cockpit.setup.devices if script.robot is not None}
         for sensor in cockpit.state.sensors:
             if sensor.id in scripts:
                 print(f"{scripts[sensor.id]}: {sensor.message}")

@@ -57,8 +57,8 @@ def hello_message(
         client=client,
         title=title,
         robots=tuple(_robot(setup, name, mechanism) for name, mechanism in setup.robots.items()),
-        obstacles=tuple(ObstacleDescription(name, length, one.dof) for name, one in setup.obstacles.items()),
-        sensors=tuple(SensorDescription(one.name, one.url, what_is(one.url)) for one in setup.devices),
+        obstacles=tuple(ObstacleDescription(name, length, obstacle.dof) for name, obstacle in setup.obstacles.items()),
+        sensors=tuple(SensorDescription(device.name, device.url, what_is(device.url)) for device in setup.devices),
         switches=setup.switches,
         frames=get_args(CommandFrame),
         playback=playback,
@@ -143,8 +143,8 @@ class NodePoses:
 
     def __init__(self, robots: Mapping[str, Mechanism]) -> None:
         self._robots = {
-            name: (one.model, kinematic_data(one.model), {node: one.frame_id(node) for node in one.nodes})
-            for name, one in robots.items()
+            name: (robot.model, kinematic_data(robot.model), {node: robot.frame_id(node) for node in robot.nodes})
+            for name, robot in robots.items()
         }
 
     def of(self, name: str, q: Array) -> dict[str, pin.SE3]:
@@ -166,12 +166,12 @@ def state_message(state: SessionState, poses: NodePoses, reports: Mapping[str, R
     tasks: list[TaskMessage] = []
     for name, robot in state.robots.items():
         nodes = poses.of(name, robot.q)
-        every = np.concatenate([pin.SE3ToXYZQUAT(one) for one in (robot.base, *nodes.values())])
+        every = np.concatenate([pin.SE3ToXYZQUAT(pose) for pose in (robot.base, *nodes.values())])
         placed[name] = np.round(every, _DIGITS).tolist()
         tasks += [_task(name, task, robot.base * nodes[task.node], robot.base * task.target) for task in robot.tasks]
     for name, obstacle in state.obstacles.items():
         tasks += [_task(name, task, obstacle.pose, task.target) for task in obstacle.tasks]
-    obstacles = {name: _rounded(one.pose) for name, one in state.obstacles.items()}
+    obstacles = {name: _rounded(drawn.pose) for name, drawn in state.obstacles.items()}
     statuses = {name: agreed_status(robot.status, reports.get(name)) for name, robot in state.robots.items()}
     statuses |= {name: obstacle.status for name, obstacle in state.obstacles.items()}
     stopped = {name: robot.obstruction for name, robot in state.robots.items() if robot.obstruction is not None}
@@ -181,9 +181,9 @@ def state_message(state: SessionState, poses: NodePoses, reports: Mapping[str, R
         if robot.torques is not None
     }
     described = tuple(
-        DescribedMessage(robot=name, **_fields(DescribedState, one))
+        DescribedMessage(robot=name, **_fields(DescribedState, task))
         for name, robot in state.robots.items()
-        for one in robot.described
+        for task in robot.described
     )
     return StateMessage(
         round(state.time, 3), placed, obstacles, tuple(tasks), statuses, stopped, torques, described=described

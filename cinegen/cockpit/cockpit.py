@@ -254,7 +254,7 @@ class Cockpit:
             if state is not None and drawn is not None and (self.hub.clients or not self._reports[1]):
                 if state.edition != edition:
                     edition, rested = state.edition, False
-                    reporters = {name: Reporter(one) for name, one in drawn.setup.robots.items()}
+                    reporters = {name: Reporter(robot) for name, robot in drawn.setup.robots.items()}
                     self._reports = edition, {}
                 wanted = self.hub.wants_reactions
                 if not (rested and state.at_rest and wanted == with_reactions):
@@ -289,7 +289,7 @@ class Cockpit:
         drawn = self._drawn[edition]
         self._edition, self.scene = edition, drawn.scene
         self._unreported.set()
-        for old in [one for one in tuple(self._drawn) if one < edition]:
+        for old in [number for number in tuple(self._drawn) if number < edition]:
             del self._drawn[old]
         self.server.call(self._meet, drawn.setup)
         self.page.replace(ROOT, drawn.page)  # browsers know its robots by then

@@ -146,14 +146,14 @@ def _messages(
 ) -> Iterator[tuple[StateMessage, ReportMessage | None]]:
     """Yield the state of each frame, and the report of some."""
     poses = NodePoses(setup.robots)
-    reporters = {name: Reporter(one) for name, one in setup.robots.items()}
-    found: dict[str, RobotReport] = {}
+    reporters = {name: Reporter(robot) for name, robot in setup.robots.items()}
+    reports: dict[str, RobotReport] = {}
     for number, state in enumerate(states):
         report = None
         if aids and number % _REPORTED == 0:
-            found = {name: one.report(state.robots[name], state.time) for name, one in reporters.items()}
-            report = report_message(state, found, TickRate(setup.rate, 0, 0, 0.0, False), 1)
-        yield state_message(state, poses, found), report
+            reports = {name: reporter.report(state.robots[name], state.time) for name, reporter in reporters.items()}
+            report = report_message(state, reports, TickRate(setup.rate, 0, 0, 0.0, False), 1)
+        yield state_message(state, poses, reports), report
 
 
 def _frames_of(folder: Path) -> list[str]:
@@ -189,12 +189,12 @@ def _ffmpeg() -> str:
     Raises:
         FilmError: there is none.
     """
-    found = shutil.which("ffmpeg")
-    if found is None:
+    program = shutil.which("ffmpeg")
+    if program is None:
         try:
             import imageio_ffmpeg
 
-            found = imageio_ffmpeg.get_ffmpeg_exe()
+            program = imageio_ffmpeg.get_ffmpeg_exe()
         except (ImportError, RuntimeError):
             raise FilmError(f"films need ffmpeg: {install('film')}; or name a folder for the frames") from None
-    return str(found)
+    return str(program)

@@ -141,8 +141,8 @@ class _Guarded(tornado.web.RequestHandler):
         return self.server.token is None or self._has("token", self.server.token)
 
     def _has(self, key: str, token: str | None) -> bool:
-        given = self.get_query_argument(key, "")
-        return hmac.compare_digest(given.encode(), str(token).encode())
+        text = self.get_query_argument(key, "")
+        return hmac.compare_digest(text.encode(), str(token).encode())
 
     def log_exception(self, kind: Any, error: Any, trace: Any) -> None:
         """Log errors of this program; those of a request are sent to the browser."""
@@ -212,7 +212,7 @@ class _Index(_Guarded):
 def _index() -> str:
     """Return the page; it asks for all its modules at once, not for each when it has read the one that needs it."""
     folder = Path(str(files("cinegen.cockpit").joinpath("static")))
-    modules = sorted(one.relative_to(folder.parent).as_posix() for one in folder.rglob("*.js"))
+    modules = sorted(path.relative_to(folder.parent).as_posix() for path in folder.rglob("*.js"))
     links = "\n".join(f'<link rel="modulepreload" href="{module}">' for module in modules)
     return (folder / "index.html").read_text(encoding="utf-8").replace("</head>", f"{links}\n</head>")
 

@@ -299,7 +299,7 @@ class Hub:
 
     def _list_users(self, now: float) -> None:
         """List the users anew if they have changed, and were not listed recently."""
-        users = tuple(one.user for one in tuple(self.clients.values()) if one.user is not None)
+        users = tuple(client.user for client in tuple(self.clients.values()) if client.user is not None)
         if now - self._listed >= USERS and users != self._users[1]:
             self._users, self._listed = (self._users[0] + 1, users), now
 

@@ -107,7 +107,7 @@ class Page:
         message = _drawn(lowered)
         with self.lock:
             if kind == "delete":
-                for below in [one for one in self._kept if one == path or one.startswith(path + "/")]:
+                for below in [kept for kept in self._kept if kept == path or kept.startswith(path + "/")]:
                     del self._kept[below]
             elif kind == "set_object":  # forgets the properties of the one before
                 self._kept[path] = {key: message}
@@ -157,16 +157,15 @@ class Page:
         return dict(zip(drawn, _messages(drawn.values()), strict=True))
 
     def _in_order(self) -> dict[Key, _Drawn]:
-        every = [item for one in self._kept.values() for item in one.items()]
-        return dict(sorted(every, key=lambda item: _ORDER.index(item[0][1])))
+        every = [entry for kept in self._kept.values() for entry in kept.items()]
+        return dict(sorted(every, key=lambda entry: _ORDER.index(entry[0][1])))
 
 
 def _drawn(command: dict[str, Any]) -> _Drawn:
     """Return a command as a message; a geometry that is a list of triangles is called by its digest."""
     described = command.get("object", {})
-    geometries = [
-        one for one in described.get("geometries", ()) if one["type"] == "BufferGeometry" and one["data"]["attributes"]
-    ]
+    parts = described.get("geometries", ())
+    geometries = [part for part in parts if part["type"] == "BufferGeometry" and part["data"]["attributes"]]
     if len(geometries) != 1:
         return _Drawn(umsgpack.packb(command))
     (geometry,) = geometries
@@ -180,8 +179,8 @@ def _drawn(command: dict[str, Any]) -> _Drawn:
 def _messages(drawn: Iterable[_Drawn]) -> list[bytes]:
     """Return messages in which each geometry is sent once."""
     drawn = list(drawn)
-    first = {one.geometry: i for i, one in reversed(list(enumerate(drawn)))}
-    return [one.again if one.geometry and first[one.geometry] != i else one.message for i, one in enumerate(drawn)]
+    first = {part.geometry: i for i, part in reversed(list(enumerate(drawn)))}
+    return [part.again if part.geometry and first[part.geometry] != i else part.message for i, part in enumerate(drawn)]
 
 
 @cache

@@ -82,10 +82,10 @@ class RobotScene:
         self._root = Visualizer(window=window)["cinegen"]
         self._targets: set[str] = set()
         drawn = {
-            name: (one, _geometry(one.shapes, _OBSTACLE if one.dof else _WALL))
-            for name, one in (obstacles or {}).items()
+            name: (solid, _geometry(solid.shapes, _OBSTACLE if solid.dof else _WALL))
+            for name, solid in (obstacles or {}).items()
         }
-        held = [(one, _geometry(one.shapes, _HELD)) for one in attached]
+        held = [(body, _geometry(body.shapes, _HELD)) for body in attached]
         self._fit(drawn.values(), held, scaled, before)
         for name, (obstacle, objects) in drawn.items():
             self._put(_below(self._root, name, name), objects)
@@ -93,8 +93,8 @@ class RobotScene:
         for name, mechanism in self.mechanisms.items():
             self._draw(name, mechanism)
             self.show(name, mechanism.q_home, self.bases[name])
-        for one, objects in held:
-            self._put(_below(self._root, one.robot, one.node)[path_segment(one.name, "attached ")], objects)
+        for body, objects in held:
+            self._put(_below(self._root, body.robot, body.node)[path_segment(body.name, "attached ")], objects)
 
     def show(self, name: str, q: ArrayLike, base: pin.SE3 | None = None) -> None:
         """Move a mechanism to q (nq,), and its base if it is given."""
@@ -149,14 +149,14 @@ class RobotScene:
         ]
         for obstacle, objects in obstacles:
             parts += [
-                bounding_box_corners(one.geometry, obstacle.placement * one.placement)
-                for one in objects
+                bounding_box_corners(shape.geometry, obstacle.placement * shape.placement)
+                for shape in objects
                 if obstacle.dof
             ]
         for held, objects in attached:
             mechanism = self.mechanisms[held.robot]
             pose = self.bases[held.robot] * mechanism.placement(mechanism.q_home, held.node)
-            parts += [bounding_box_corners(one.geometry, pose * one.placement) for one in objects]
+            parts += [bounding_box_corners(shape.geometry, pose * shape.placement) for shape in objects]
         points = np.vstack(parts)
         eye = self._eye()
         centre, away = _framed(points, eye)
@@ -189,7 +189,7 @@ class RobotScene:
     def _eye(self) -> Array:
         """Return the direction (3,) from which the camera looks: facing the plane in which all robots move, if any."""
         eye = _EYE
-        planes = [(self.bases[name].rotation, motion_plane(one)) for name, one in self.mechanisms.items()]
+        planes = [(self.bases[name].rotation, motion_plane(mechanism)) for name, mechanism in self.mechanisms.items()]
         normals = [rotation @ normal for rotation, normal in planes if normal is not None]
         if len(normals) == len(planes) and all(abs(normal @ normals[0]) > 1.0 - 1e-9 for normal in normals):
             eye = np.copysign(1.0, normals[0] @ eye) * normals[0] + [0.0, -_TILT, 0.0]
@@ -236,11 +236,11 @@ def _below(node: Visualizer, *names: str) -> Visualizer:
 
 def _geometry(shapes: Iterable[DrawnShape], colour: Array) -> list[pin.GeometryObject]:
     """Return shapes in a colour (4,)."""
-    found = []
-    for i, (placement, shape_) in enumerate(one.placed() for one in shapes):
-        found.append(pin.GeometryObject(f"{i}", 0, placement, shape_))
-        found[-1].meshColor = colour
-    return found
+    objects = []
+    for i, (placement, shape_) in enumerate(shape.placed() for shape in shapes):
+        objects.append(pin.GeometryObject(f"{i}", 0, placement, shape_))
+        objects[-1].meshColor = colour
+    return objects
 
 
 def _framed(points: Array, eye: Array) -> tuple[Array, float]:
@@ -261,7 +261,7 @@ def _framed(points: Array, eye: Array) -> tuple[Array, float]:
 def _extent(mechanism: Mechanism) -> Iterator[Array]:
     """Yield points (n, 3) that bound a mechanism at home: the corners of what is drawn, or its nodes if nothing is."""
     placements = [mechanism.placement(mechanism.q_home, node) for node in mechanism.nodes]
-    frames = {mechanism.frame_id(node): one for node, one in zip(mechanism.nodes, placements, strict=True)}
+    frames = {mechanism.frame_id(node): placement for node, placement in zip(mechanism.nodes, placements, strict=True)}
     solids = [solid for solid in mechanism.drawn if solid.parentFrame in frames]
     for solid in solids:
         in_node = mechanism.model.frames[solid.parentFrame].placement.actInv(solid.placement)

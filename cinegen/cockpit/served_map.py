@@ -122,14 +122,14 @@ class ServedMap:
             points = self._on_ball(at, first + np.argwhere(np.full(reached.shape, True)) * widths)
         values = {name: self._values(name, every)[reached].astype(np.float32) for name in spec.quantities}
         axes = zip(region.names, first.tolist(), widths.tolist(), reached.shape, every, translates, strict=True)
-        own = indices * every + np.array(every) // 2
+        cells = indices * every + np.array(every) // 2
         edges = self._edges(at, widths, translates)
         arrays = {
-            "numbers": np.ravel_multi_index(tuple(own.T), region.shape),
+            "numbers": np.ravel_multi_index(tuple(cells.T), region.shape),
             "indices": indices,
             "points": points,
             **({} if edges is None else {"edges": edges}),
-            **{f"value {name}": one for name, one in values.items()},
+            **{f"value {name}": array for name, array in values.items()},
         }
         starts = np.cumsum([0, *(4 * array.size for array in arrays.values())]).tolist()
         description = MapDescription(

@@ -244,10 +244,10 @@ def _listening_sockets(port: int, host: str) -> list[socket.socket]:
     Raises:
         OSError: the port is in use, or the host has no address on this machine.
     """
-    found = socket.getaddrinfo(host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+    entries = socket.getaddrinfo(host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
     with contextlib.ExitStack() as opened:
         sockets: list[socket.socket] = []
-        for family, address in dict.fromkeys((one[0], one[4][:2]) for one in found):
+        for family, address in dict.fromkeys((entry[0], entry[4][:2]) for entry in entries):
             try:
                 listening = socket.create_server(address, family=family, backlog=128)
             except OSError as error:

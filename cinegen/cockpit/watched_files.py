@@ -103,18 +103,18 @@ class WatchedFiles(Generic[T]):
             known = isinstance(error, RaffError | CinegenError)
             return FileReading(None, str(error) if known else f"{type(error).__name__}: {error}")
         self._known, self._digest = noted, _digest(noted)
-        texts = [text for text in dict.fromkeys(str(one.message) for one in caught) if text not in self._warned]
+        texts = [text for text in dict.fromkeys(str(warning.message) for warning in caught) if text not in self._warned]
         self._warned |= set(texts)
         return FileReading(made, warnings=tuple(texts))
 
 
 def _digest(paths: Iterable[Path]) -> bytes:
     """Return a digest of the contents of files."""
-    found = hashlib.blake2b()
+    digest = hashlib.blake2b()
     for path in sorted(paths):
         try:
             content = read_bytes(path)
         except RaffError:
             content = b""
-        found.update(f"{path}\0{len(content)}\0".encode(errors="surrogateescape") + content)
-    return found.digest()
+        digest.update(f"{path}\0{len(content)}\0".encode(errors="surrogateescape") + content)
+    return digest.digest()

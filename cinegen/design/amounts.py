@@ -47,13 +47,13 @@ def matching(parameters: Parameters, pattern: str, amount: float | str) -> list[
     Raises:
         DesignError: none; or lengths and angles, and the amount has no unit.
     """
-    found = parameters.matching([pattern])
-    found = [i for i in found if parameters.all[i].node or pattern.strip().startswith("base")] or found
+    indices = parameters.matching([pattern])
+    indices = [i for i in indices if parameters.all[i].node or pattern.strip().startswith("base")] or indices
     if isinstance(amount, str) and has_unit(amount):
-        fitting = [i for i in found if fits(amount, parameters.all[i].dimension)]
+        fitting = [i for i in indices if fits(amount, parameters.all[i].dimension)]
         if not fitting:
-            amount_in(pattern, amount, parameters.all[found[0]].dimension)
+            amount_in(pattern, amount, parameters.all[indices[0]].dimension)
         return fitting
-    if len({parameters.all[i].dimension for i in found}) > 1:
+    if len({parameters.all[i].dimension for i in indices}) > 1:
         raise DesignError(f"'{pattern}={amount}' matches lengths and angles: write a unit, such as {pattern}=0.05mm")
-    return found
+    return indices

@@ -71,12 +71,12 @@ class Design(OneThread):
         if mechanism.floating:
             self.moving = self.moving[self.moving >= 6]
         self._chains = chains = chains_of(parameters, self.play)
-        motions, own = len(chains.values), np.array([bool(one.joint) for one in parameters.all])
+        motions = len(chains.values)
         self._matrix = np.zeros((motions, len(self.names)))  # of all motions by the columns
         self._matrix[: len(parameters.all), : len(parameters)] = parameters.ties.matrix
         self._matrix[len(parameters.all) :, len(parameters) :] = np.eye(len(self.play))
-        written = np.array([one.value for one in parameters.all])
-        self._constant = np.append(parameters.ties.constant - np.where(own, written, 0.0), np.zeros(len(self.play)))
+        variables = np.array([parameter.value if parameter.joint else 0.0 for parameter in parameters.all])
+        self._constant = np.append(parameters.ties.constant - variables, np.zeros(len(self.play)))
         self._memory = self._set_up(chains)
         self._run = start(evaluate_designs, DesignMemory, install=partial(setattr, self, "_run"))
         system = mechanism.structure.system
@@ -139,13 +139,13 @@ class Design(OneThread):
         Raises:
             ClosureError: the loops can't be closed there.
         """
-        found = self.evaluate(p, q, derivatives=False)
-        if not found.gap[0] <= closure.CLOSED:
+        evaluation = self.evaluate(p, q, derivatives=False)
+        if not evaluation.gap[0] <= closure.CLOSED:
             raise ClosureError(
                 f"{self.mechanism.name} can't be closed at these values of its parameters: its loops remain open by "
-                f"{found.gap[0]:.2g} (rad or lengths)"
+                f"{evaluation.gap[0]:.2g} (rad or lengths)"
             )
-        return np.array(found.q[0])
+        return np.array(evaluation.q[0])
 
     def without_effect(self, nodes: Iterable[str] | None = None, count: int = 5) -> tuple[str, ...]:
         """Return the names of the columns that change neither the pose of a node nor the closed configuration, at
@@ -157,12 +157,12 @@ class Design(OneThread):
         """
         mechanism = self.mechanism
         wanted = [mechanism.end] if nodes is None else list(nodes)
-        here = self.evaluate(q=np.array([mechanism.q_home, *mechanism.random_closed(count)]))
+        evaluation = self.evaluate(q=np.array([mechanism.q_home, *mechanism.random_closed(count)]))
         largest = np.zeros(len(self.names))
         for node in wanted:
-            moved = here.pose_derivative(node) / np.repeat([mechanism.length, 1.0], 3)[:, None]
+            moved = evaluation.pose_derivative(node) / np.repeat([mechanism.length, 1.0], 3)[:, None]
             largest = np.maximum(largest, np.abs(moved).max(axis=(0, 1)))
-        largest = np.maximum(largest, np.abs(here.opens).max(axis=(0, 1), initial=0.0)) * self._sizes
+        largest = np.maximum(largest, np.abs(evaluation.opens).max(axis=(0, 1), initial=0.0)) * self._sizes
         return tuple(name for name, size in zip(self.names, largest, strict=True) if size <= DEPENDENT)
 
     @cached_property
@@ -243,9 +243,9 @@ class Design(OneThread):
         self._joint_of = np.repeat(np.arange(model.njoints), list(model.nvs))
 
     def _on_path(self, chain: Chain) -> Array:
-        found = self._before[chain.joint].copy()
-        found[_motions(chain)] = 1.0
-        return np.asarray(found)
+        on_path = self._before[chain.joint].copy()
+        on_path[_motions(chain)] = 1.0
+        return np.asarray(on_path)
 
     def _rank_of(self, columns: Indices) -> int:
         mechanism = self.mechanism

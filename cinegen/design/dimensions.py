@@ -77,8 +77,8 @@ class DimensionedMasses:
         self._bars = [name for name, node in nodes.items() if node.inertial and node.inertial.radius is not None]
         drawing = SkeletonDrawing(parameters.document, robot)
         masses = RaffMasses(parameters.document, Graphics(robot, parameters.folder), drawing)
-        found = {name: masses.of(node) for name, node in nodes.items()}
-        self._constant = {name: one for name, one in found.items() if one is not None and name not in self._bars}
+        by_node = {name: masses.of(node) for name, node in nodes.items()}
+        self._constant = {name: mass for name, mass in by_node.items() if mass is not None and name not in self._bars}
 
     @property
     def vary(self) -> bool:
@@ -87,29 +87,27 @@ class DimensionedMasses:
 
     def at(self, p: ArrayLike) -> dict[str, LinkMass]:
         """Return the links' masses, by node, with derivatives by the free parameters, at their values (count,)."""
-        n = len(self.parameters)
-        found = {
-            name: LinkMass(one.mass, one.centre, np.zeros(n), np.zeros((3, n))) for name, one in self._constant.items()
-        }
+        constant = np.zeros(len(self.parameters)), np.zeros((3, len(self.parameters)))
+        masses = {name: LinkMass(mass.mass, mass.centre, *constant) for name, mass in self._constant.items()}
         if self._bars:
             values, slopes = by_dimensions(self.parameters, p, self._of_bars)
             for name, value, slope in zip(self._bars, values, slopes, strict=True):
-                found[name] = LinkMass(float(value[0]), value[1:], slope[0], slope[1:])
-        return found
+                masses[name] = LinkMass(float(value[0]), value[1:], slope[0], slope[1:])
+        return masses
 
     def _of_bars(self, document: Document) -> Array:
         """Return the mass and centre (bars, 4) of the links that are bars. `RaffMasses` has them rounded to nine
         digits, too few for differences."""
         robot = document.robot(self.parameters.robot.name)
-        drawing, found = SkeletonDrawing(document, robot), []
+        drawing, rows = SkeletonDrawing(document, robot), []
         for node in robot.nodes.values():
             if node.node in self._bars and node.inertial is not None and node.inertial.density is not None:
                 paths = [drawing.corners(child) for child in robot.children.get(node.number, [])]
                 ends = np.array([pair for path in paths for pair in pairwise(path)])
                 area = np.pi * document.metres(node.inertial.radius or 0.0) ** 2
                 mass = node.inertial.density * area * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-                found.append([mass.sum(), *(mass @ ends.mean(axis=1) / mass.sum())])
-        return np.array(found)
+                rows.append([mass.sum(), *(mass @ ends.mean(axis=1) / mass.sum())])
+        return np.array(rows)
 
 
 class Bar(NamedTuple):

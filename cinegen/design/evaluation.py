@@ -61,9 +61,9 @@ class DesignEvaluation:
     def placements(self, node: str) -> Array:
         """Return the poses (count, 4, 4) of a node in the world, m."""
         frames = self.poses[:, self._node(node)]
-        found = np.zeros((len(self), 4, 4))
-        found[:, :3], found[:, 3, 3] = np.swapaxes(frames, 1, 2), 1.0
-        return found
+        placements = np.zeros((len(self), 4, 4))
+        placements[:, :3], placements[:, 3, 3] = np.swapaxes(frames, 1, 2), 1.0
+        return placements
 
     # --- loops ---------------------------------------------------------------------------------------------------
 
@@ -76,15 +76,15 @@ class DesignEvaluation:
     def loop_parameters(self) -> Array:
         """(count, rows, columns) derivative of the loops' residual, dimensionless, by the parameters, m and rad."""
         design = self.design
-        found = np.zeros((len(self), design.mechanism.structure.system.rows, len(design.names)))
+        derivative = np.zeros((len(self), design.mechanism.structure.system.rows, len(design.names)))
         for i in range(len(design._before_ends)):
             first, second = design._before_ends[i]
             rows = np.flatnonzero(design._loop_of_row == i)
             used = np.flatnonzero(second - first)
             twists = self.motion_screws[:, used] * (second - first)[used, None]
             by_motion = self.maps[:, rows] @ np.swapaxes(twists, 1, 2)
-            found[:, rows] = by_motion @ design._matrix[used]
-        return found
+            derivative[:, rows] = by_motion @ design._matrix[used]
+        return derivative
 
     @cached_property
     def _decomposed(self) -> tuple[Array, Array, Array]:
@@ -99,12 +99,12 @@ class DesignEvaluation:
         """Return the motion (count, nv, .) of the joints that move, rad and m, which removes changes (count, rows, .)
         of the loops' residual, as far as they can be removed."""
         design = self.design
-        found = np.zeros((len(self), design.mechanism.model.nv, rows.shape[2]))
+        motion = np.zeros((len(self), design.mechanism.model.nv, rows.shape[2]))
         if design.rank:
             u, inverse, vt = self._decomposed
             motions = np.swapaxes(vt, 1, 2) @ (inverse[:, :, None] * (np.swapaxes(u, 1, 2) @ rows))
-            found[:, design.moving] = -motions * design.mechanism.scale[design.moving, None]
-        return found
+            motion[:, design.moving] = -motions * design.mechanism.scale[design.moving, None]
+        return motion
 
     @cached_property
     def joint_derivative(self) -> Array:
@@ -163,8 +163,8 @@ class DesignEvaluation:
             return np.swapaxes(np.concatenate([linear, screws[..., 3:]], axis=2), 1, 2)
         if axes != "node":
             raise DesignError(f"axes are 'node' or 'world', not {axes!r}")
-        own = frame[:, :3]  # rows are the node's axes
-        return np.concatenate([own @ np.swapaxes(linear, 1, 2), own @ np.swapaxes(screws[..., 3:], 1, 2)], axis=1)
+        turn = frame[:, :3]  # rows are the node's axes
+        return np.concatenate([turn @ np.swapaxes(linear, 1, 2), turn @ np.swapaxes(screws[..., 3:], 1, 2)], axis=1)
 
     def _name(self, node: str) -> str:
         if node not in self.design.mechanism.nodes:
@@ -179,9 +179,9 @@ class DesignEvaluation:
     def amplification(self, node: str) -> Array:
         """Return the Jacobian (count, 6, fixed) of a node in its own axes by the fixed joints, those of `Design.fixed`
         in their order, with closed loops."""
-        own = self._fixed_columns
+        fixed = self._fixed_columns
         jacobian = self.node_joints(node)
-        return np.asarray(jacobian[:, :, own] + jacobian @ self.follow)
+        return np.asarray(jacobian[:, :, fixed] + jacobian @ self.follow)
 
     @cached_property
     def _fixed_columns(self) -> list[int]:
@@ -247,21 +247,21 @@ class DesignEvaluation:
             np.swapaxes(self.joint_derivative, 1, 2),
         )
         screws = self.all_screws[:, None]
-        found = np.zeros((len(self), len(design.names), system.rows, screws.shape[2]))
+        derivative = np.zeros((len(self), len(design.names), system.rows, screws.shape[2]))
         if len(system.loops):
             first = self._twists(design._joints_before_ends[:, 0], design._before_ends[:, 0])
         for i in range(len(system.loops)):
             rows = np.flatnonzero(design._loop_of_row == i)
             moved = bracket(self._bodies - first[:, :, i, None], screws) * system.signs[i][:, None]
-            found[:, :, rows] = self.maps[:, None, rows] @ np.swapaxes(moved, 2, 3)
+            derivative[:, :, rows] = self.maps[:, None, rows] @ np.swapaxes(moved, 2, 3)
         row = system.rows - len(system.couplings)
         for coupling, size in zip(system.couplings, system.coupling_sizes, strict=True):
             for name, coefficients in coupling.terms.items():
                 v, x = design.mechanism.v_index(name), self.q[:, design.mechanism.q_index(name)]
                 second = sum(k * (k - 1) * c * x ** (k - 2) for k, c in enumerate(coefficients, 1) if k > 1)
-                found[:, :, row, v] = np.broadcast_to(second, len(self))[:, None] / size * motion[:, :, v]
+                derivative[:, :, row, v] = np.broadcast_to(second, len(self))[:, None] / size * motion[:, :, v]
             row += 1
-        return found
+        return derivative
 
     def singular_values(
         self, node: str, rows: slice | Sequence[int] = slice(None), length: float | None = None

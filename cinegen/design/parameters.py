@@ -369,10 +369,10 @@ def _parameters(document: Document, robot: RaffRobot) -> Iterable[Parameter]:
         keyword = f"{node.keyword}{node.number}" if node.number else "base"
         for word in WORDS:
             value = float(getattr(written, word))
-            yield Parameter(f"{keyword}.{word}", node.number, word, value, _own(node, word), f"{node.node}.{word}")
+            yield Parameter(f"{keyword}.{word}", node.number, word, value, _joint_of(node, word), f"{node.node}.{word}")
 
 
-def _own(node: RaffNode, word: str) -> str:
+def _joint_of(node: RaffNode, word: str) -> str:
     """Return the joint whose variable a parameter is, or ""."""
     if not isinstance(node, RaffLink):
         return ""

@@ -38,7 +38,7 @@ def random_poses(design: Design, count: int, seed: int = 0, part: float = 1.0) -
     at = [mechanism.q_index(joint) for joint in design.fixed]
     home = mechanism.q_home
     low, high = (np.array([_range(mechanism, joint)[end] for joint in design.fixed]) for end in (0, 1))
-    found: list[Array] = []
+    poses: list[Array] = []
     for _ in range(20):
         targets = home[at] + part * (rng.uniform(low, high, (2 * count, len(at))) - home[at])
         q, far = np.tile(home, (len(targets), 1)), np.zeros(len(targets))
@@ -46,14 +46,14 @@ def random_poses(design: Design, count: int, seed: int = 0, part: float = 1.0) -
         for step in range(1, _STEPS + 1):
             trial = q.copy()
             trial[:, at] += (targets - home[at]) / _STEPS
-            here = design.evaluate(q=trial)
-            alive &= (here.gap <= closure.CLOSED) & _allowed(mechanism, here.q) & _regular(design, here.jacobians)
-            alive &= np.abs(here.q - q).max(axis=1) < _JUMP * max(1.0, mechanism.length)
-            q[alive], far[alive] = here.q[alive], step / _STEPS
-        found += list(q[far > 0.2])
-        if len(found) >= count:
-            return np.array(found[:count])
-    raise CinegenError(f"{mechanism.name}: only {len(found)} of {count} poses were found within the joints' limits")
+            closed = design.evaluate(q=trial)
+            alive &= (closed.gap <= closure.CLOSED) & _allowed(mechanism, closed.q) & _regular(design, closed.jacobians)
+            alive &= np.abs(closed.q - q).max(axis=1) < _JUMP * max(1.0, mechanism.length)
+            q[alive], far[alive] = closed.q[alive], step / _STEPS
+        poses += list(q[far > 0.2])
+        if len(poses) >= count:
+            return np.array(poses[:count])
+    raise CinegenError(f"{mechanism.name}: only {len(poses)} of {count} poses were found within the joints' limits")
 
 
 def _range(mechanism: Mechanism, joint: str) -> tuple[float, float]:
@@ -66,12 +66,12 @@ def _range(mechanism: Mechanism, joint: str) -> tuple[float, float]:
 
 def _allowed(mechanism: Mechanism, q: Array) -> Bools:
     """Return which configurations (count, nq) are within the limits of all joints."""
-    found = np.ones(len(q), dtype=bool)
+    allowed = np.ones(len(q), dtype=bool)
     for joint in mechanism.joints:
         low, high = mechanism.limits[joint][:2]
         value, home = q[:, mechanism.q_index(joint)], mechanism.q_home[mechanism.q_index(joint)]
-        found &= (value >= min(low, home)) & (value <= max(high, home))
-    return found
+        allowed &= (value >= min(low, home)) & (value <= max(high, home))
+    return allowed
 
 
 def _regular(design: Design, jacobians: Array) -> Bools:

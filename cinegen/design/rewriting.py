@@ -27,12 +27,12 @@ def rewritten(document: Document, wanted: Document, robot: str) -> str:
     lines = document.source.lines
     if not lines:
         return dumps(wanted)
-    found = list(lines)
+    changed = list(lines)
     edits = sorted(_edits(lines, document.robot(robot), wanted.robot(robot)), reverse=True)
     for line, column, length, text in edits:
-        row = found[line - 1]
-        found[line - 1] = row[: column - 1] + text + row[column - 1 + length :]
-    text = "\n".join(found)
+        row = changed[line - 1]
+        changed[line - 1] = row[: column - 1] + text + row[column - 1 + length :]
+    text = "\n".join(changed)
     try:
         if parse(text) == wanted:
             return text

@@ -49,11 +49,11 @@ def expression(text: str, find: Callable[[str], int], dimensions: Sequence[Dimen
     coefficients, constants, position = dict[int, float](), list[str](), 0
     stripped = text.strip()
     while position < len(stripped):
-        found = _TERM.match(stripped, position)
-        body = found[2].strip() if found else ""
-        if found is None or not body or (position and not found[1]):
+        term = _TERM.match(stripped, position)
+        body = term[2].strip() if term else ""
+        if term is None or not body or (position and not term[1]):
             raise DesignError(f"'{stripped}': expected a term such as 2*link2.d or 10mm at '{stripped[position:]}'")
-        position, sign = found.end(), "-" if found[1].count("-") % 2 else ""
+        position, sign = term.end(), "-" if term[1].count("-") % 2 else ""
         words = [word.strip() for word in body.split("*")]
         names = [word for word in words if _NAME.fullmatch(word)]
         if not names:

@@ -268,10 +268,10 @@ class Tolerances:
                 starts = evaluation.q[0] + errors @ follow
             else:
                 starts = np.array([pin.integrate(model, evaluation.q[0], step) for step in errors @ follow])
-            there = design.evaluate(nominal + errors, starts, derivatives=False, near=True)
-            is_closed = there.gap <= CLOSURE
+            samples = design.evaluate(nominal + errors, starts, derivatives=False, near=True)
+            is_closed = samples.gap <= CLOSURE
             failed += int((~is_closed).sum())
-            away = deviations(pose, there.placements(node)[is_closed])
+            away = deviations(pose, samples.placements(node)[is_closed])
             sums += away.sum(axis=0)
             squares += away.T @ away
             largest = np.maximum(largest, np.abs(away).max(axis=0, initial=0.0))
@@ -283,20 +283,20 @@ class Tolerances:
     def _draw(self, rng: np.random.Generator, closing: Sequence[ToleranceSource], count: int) -> Array:
         """Return errors (count, columns): normal ones, cut at their intervals and scaled so that their standard
         deviations are as stated; play evenly distributed in its ball."""
-        found = np.zeros((count, len(self.design.names)))
+        errors = np.zeros((count, len(self.design.names)))
         cut, scale = _cut(self.interval)
         low = ndtr(-cut)
         play = len(self.design.parameters)
-        for one in closing:
-            if one.columns[0] < play:
+        for source in closing:
+            if source.columns[0] < play:
                 drawn = ndtri(low + (1.0 - 2.0 * low) * rng.random(count))
-                found[:, one.columns[0]] = one.sigma * scale * drawn
+                errors[:, source.columns[0]] = source.sigma * scale * drawn
                 continue
-            size = len(one.columns)
+            size = len(source.columns)
             along = rng.normal(size=(count, size))
-            radius = one.half_width * rng.random(count) ** (1.0 / size)
-            found[:, one.columns] = along * (radius / np.linalg.norm(along, axis=1))[:, None]
-        return found
+            radius = source.half_width * rng.random(count) ** (1.0 / size)
+            errors[:, source.columns] = along * (radius / np.linalg.norm(along, axis=1))[:, None]
+        return errors
 
 
 def tolerance(

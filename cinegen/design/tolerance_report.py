@@ -141,12 +141,12 @@ class ToleranceReport:
     @property
     def agreement(self) -> str:
         """The sentence that states how well the linear covariance and Monte Carlo agree; "" without samples."""
-        found = self.monte_carlo
-        if found is None:
+        drawn = self.monte_carlo
+        if drawn is None:
             return ""
-        counted, lost = found.count - found.failed, ""
-        if found.failed:
-            lost = f"; the loops of {found.failed} samples could not be closed"
+        counted, lost = drawn.count - drawn.failed, ""
+        if drawn.failed:
+            lost = f"; the loops of {drawn.failed} samples could not be closed"
         compared, ratio = self._ratios()
         if not len(ratio) or counted < 2:
             return f"{counted} samples with loops closed: nothing deviates to first order{lost}"
@@ -154,7 +154,7 @@ class ToleranceReport:
         return (
             f"Monte Carlo, {counted} samples with loops closed: standard deviations ({names}) are {ratio.min():.4f} to "
             f"{ratio.max():.4f} of the linear ones (sampling alone: 1 ± {1.0 / math.sqrt(2.0 * counted):.4f}), the "
-            f"covariance differs by {100.0 * self.covariance_error:.2g} %; {found.outside} samples are outside the "
+            f"covariance differs by {100.0 * self.covariance_error:.2g} %; {drawn.outside} samples are outside the "
             f"worst case, the largest deviation is {100.0 * self._used():.0f} % of it{lost}"
         )
 
@@ -194,20 +194,20 @@ class ToleranceReport:
 
     def as_dict(self) -> dict[str, Any]:
         """Return what JSON shows: m and rad."""
-        found, names = self.monte_carlo, ("node", "pose", "interval", "sigma", "position", "orientation", "covariance")
+        drawn, names = self.monte_carlo, ("node", "pose", "interval", "sigma", "position", "orientation", "covariance")
         return as_json(
             self,
             *names,
             worst_case=as_json(self, "linear", "second_order"),
             contributors=[
-                as_json(one, "name", "sigma", "half_width", position=share[0], orientation=share[1])
-                for one, share in zip(self.sources, self.shares, strict=True)
+                as_json(source, "name", "sigma", "half_width", position=share[0], orientation=share[1])
+                for source, share in zip(self.sources, self.shares, strict=True)
             ],
             idle=self.idle,
             forced=as_json(self.forced, "names", "position", "angle", "worst_position", "worst_angle"),
-            monte_carlo=found
+            monte_carlo=drawn
             and as_json(
-                found, "failed", "mean", "covariance", "largest", "outside", samples=found.count,
+                drawn, "failed", "mean", "covariance", "largest", "outside", samples=drawn.count,
                 covariance_error=self.covariance_error, message=self.agreement,
             ),
         )  # fmt: skip

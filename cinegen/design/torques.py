@@ -52,9 +52,9 @@ def holding_torques(
         UnknownNameError: no such node.
     """
     design, mechanism = found.design, found.design.mechanism
-    own = [mechanism.v_index(name) for name in design.fixed]
-    left = found.loop_joints @ found.follow + found.loop_joints[:, :, own]
-    if np.abs(left).max(initial=0.0) > _CONSISTENT * np.abs(found.loop_joints[:, :, own]).max(initial=1.0):
+    fixed = [mechanism.v_index(name) for name in design.fixed]
+    left = found.loop_joints @ found.follow + found.loop_joints[:, :, fixed]
+    if np.abs(left).max(initial=0.0) > _CONSISTENT * np.abs(found.loop_joints[:, :, fixed]).max(initial=1.0):
         raise DesignError(
             f"{mechanism.name} has more fixed joints than degrees of freedom: loads do not determine their torques"
         )
@@ -65,8 +65,8 @@ def holding_torques(
     count, columns, nv = len(found), len(design.names), mechanism.model.nv
     still, at_rest = np.zeros(columns), np.zeros((3, columns))
     loads = [
-        (node, one, np.append(one.mass * acceleration, np.zeros(3)), acceleration)
-        for node, one in bodies.items()
+        (node, link, np.append(link.mass * acceleration, np.zeros(3)), acceleration)
+        for node, link in bodies.items()
         if node in mechanism.nodes and acceleration.any()
     ]
     loads += [
@@ -87,16 +87,16 @@ def holding_torques(
         bent += np.cross(screws[:, None, :, 3:], moved[:, :, None])
         changed -= (bent @ force + bends[..., 3:] @ moment) * supports
         changed -= body.mass_by[:, None] * ((by_joint @ weight) * supports)[:, None]
-    torques = tree[:, own] + np.einsum("cvf,cv->cf", found.follow, tree)
-    by_parameters = changed[..., own] + np.einsum("cvf,ckv->ckf", found.follow, changed, optimize=True)
+    torques = tree[:, fixed] + np.einsum("cvf,cv->cf", found.follow, tree)
+    by_parameters = changed[..., fixed] + np.einsum("cvf,ckv->ckf", found.follow, changed, optimize=True)
     by_parameters += np.einsum("ckvf,cv->ckf", found.follow_derivative, tree, optimize=True)
     return torques, np.swapaxes(by_parameters, 1, 2)
 
 
-def _bodies(found: DesignEvaluation, masses: Mapping[str, LinkMass] | None) -> Mapping[str, LinkMass]:
+def _bodies(evaluation: DesignEvaluation, masses: Mapping[str, LinkMass] | None) -> Mapping[str, LinkMass]:
     """Return masses with derivatives by the design's columns; those of the file do not change."""
     if masses is not None:
         return masses
-    n = len(found.design.names)
-    bodies = stated(found.design.mechanism)
-    return {name: LinkMass(one.mass, one.centre, np.zeros(n), np.zeros((3, n))) for name, one in bodies.items()}
+    n = len(evaluation.design.names)
+    bodies = stated(evaluation.design.mechanism)
+    return {name: LinkMass(link.mass, link.centre, np.zeros(n), np.zeros((3, n))) for name, link in bodies.items()}

@@ -36,7 +36,7 @@ class WithinTolerances:
         self.errors: Sequence[DimensionError] = [
             DimensionError(i, dimensions[i].name, size, dimensions[i].dimension is LENGTH) for i, size in sizes.items()
         ]
-        self.length = sum(abs(one.value) for one in dimensions if one.dimension is LENGTH)
+        self.length = sum(abs(parameter.value) for parameter in dimensions if parameter.dimension is LENGTH)
 
     def extremes(self, error: DimensionError) -> Iterator[Mechanism]:
         """Yield the robots with one dimension at the ends of its tolerance, of a length at the upper end: it is linear.

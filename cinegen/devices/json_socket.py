@@ -118,7 +118,7 @@ class JsonSocket(ThreadedSensor):
 
     async def _serve_client(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         client = _Client(writer)
-        silent = [one for one in self._clients if not one.admitted]
+        silent = [other for other in self._clients if not other.admitted]
         if len(silent) >= SILENT:
             silent[0].answer(f"{SILENT} later connections have not sent their first line: disconnected")
             silent[0].writer.close()
@@ -183,7 +183,7 @@ class JsonSocket(ThreadedSensor):
             )
         if not self.token and not _is_json(line):
             raise _RejectedError("the first line is not JSON")
-        if sum(one.admitted for one in self._clients) >= CLIENTS:
+        if sum(other.admitted for other in self._clients) >= CLIENTS:
             raise _RejectedError(f"{CLIENTS} programs are connected already")
         client.admitted = True
         return token is not None

@@ -40,10 +40,10 @@ def split_axes(url: str) -> tuple[str, str | None]:
     Raises:
         SensorError: no such axes.
     """
-    own, mark, axes = url.partition(_AXES)
+    address, mark, axes = url.partition(_AXES)
     with raised_as(SensorError, RaffError, f"'{url}': "):
         parse_axes(axes if mark else UNCHANGED)
-    return own, axes if mark else None
+    return address, axes if mark else None
 
 
 _TOKEN = re.compile(r"(tcp://[^?]*)\?(?:no-token|token=(.+))", re.IGNORECASE | re.DOTALL)
@@ -59,14 +59,14 @@ def split_token(url: str) -> tuple[str, str]:
     """
     if scheme(url) != "tcp":
         return url, ""
-    found = _TOKEN.fullmatch(url)
-    if found is None:
+    match = _TOKEN.fullmatch(url)
+    if match is None:
         return url, os.environ.get("CINEGEN_TOKEN") or secrets.token_urlsafe(16)
-    if found[2] is None and _listens_for_others(url):
+    if match[2] is None and _listens_for_others(url):
         raise SensorError(
             f"'{url}': other machines reach this address: a port there needs a token; leave out ?no-token"
         )
-    return found[1], unquote(found[2] or "")
+    return match[1], unquote(match[2] or "")
 
 
 def join_token(url: str, token: str) -> str:
@@ -77,14 +77,14 @@ def join_token(url: str, token: str) -> str:
 
 
 def _tcp(url: str, *_: object) -> Sensor:
-    own, token = split_token(url)
-    found = re.fullmatch(r"tcp://(\[[0-9a-fA-F:.]+\]|[^:/?\[\]]*):(\d{1,5})/?", own, re.IGNORECASE)
-    if found is None or int(found[2]) > 65535:
+    address, token = split_token(url)
+    match = re.fullmatch(r"tcp://(\[[0-9a-fA-F:.]+\]|[^:/?\[\]]*):(\d{1,5})/?", address, re.IGNORECASE)
+    if match is None or int(match[2]) > 65535:
         raise SensorError(
-            f"'{own}': write tcp://127.0.0.1:7070, an address of this machine and a port; ?token=TEXT or ?no-token may "
-            "follow"
+            f"'{address}': write tcp://127.0.0.1:7070, an address of this machine and a port; ?token=TEXT or ?no-token "
+            "may follow"
         )
-    return JsonSocket(own, found[1].strip("[]") or "127.0.0.1", int(found[2]), token)
+    return JsonSocket(address, match[1].strip("[]") or "127.0.0.1", int(match[2]), token)
 
 
 def _path(url: str, mechanism: Mechanism | None, node: str | None, q: Array | None) -> Sensor:
@@ -124,8 +124,8 @@ KINDS: Mapping[str, tuple[Callable[[str, Mechanism | None, str | None, Array | N
 
 def scheme(url: str) -> str:
     """Return the scheme of a sensor's URL; empty for the name of a port."""
-    found = re.match(r"([A-Za-z][A-Za-z0-9+.]+):", url)  # two letters at least: C: is a drive
-    return found[1].lower() if found else ""
+    match = re.match(r"([A-Za-z][A-Za-z0-9+.]+):", url)  # two letters at least: C: is a drive
+    return match[1].lower() if match else ""
 
 
 def open_sensor(
@@ -220,8 +220,8 @@ _SERIAL_PORT = r"(?:/dev/(?:tty|cu\.|rfcomm|pts/|serial/)[\w.:/+-]*|(?:\\\\\.\\)
 
 def _listens_for_others(url: str) -> bool:
     """Return whether a sensor's URL opens a port that other machines reach."""
-    found = re.match(r"tcp://(\[[^\]]*\]|[^:/?]*)", url, re.IGNORECASE)
-    host = found[1].strip("[]") if found is not None else ""
+    match = re.match(r"tcp://(\[[^\]]*\]|[^:/?]*)", url, re.IGNORECASE)
+    host = match[1].strip("[]") if match is not None else ""
     try:
         return bool(host) and not ip_address(host).is_loopback
     except ValueError:  # a name
@@ -234,10 +234,10 @@ def overrides(texts: Iterable[str]) -> dict[int, str]:
     Raises:
         SensorError: a text has another form.
     """
-    found = {}
+    urls = {}
     for text in texts:
         number, _, url = text.partition("=")
         if not (number.isdecimal() and url):
             raise SensorError(f"--sensor {text}: write NUMBER=URL, for example --sensor 1=/dev/ttyUSB0")
-        found[int(number)] = url
-    return found
+        urls[int(number)] = url
+    return urls

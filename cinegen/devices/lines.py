@@ -73,16 +73,16 @@ class Lines:
             )
         return q
 
-    def serve(self, given: BinaryIO, write: Callable[[str], object]) -> None:
+    def serve(self, stream: BinaryIO, write: Callable[[str], object]) -> None:
         """Answer all lines until the input ends.
 
         Args:
-            given: input. All bytes that are there are read at once, so that a single line is answered at once and many
+            stream: input. All bytes that are there are read at once, so that a single line is answered at once and many
                 lines together.
             write: function that writes whole lines, and flushes them.
         """
         rest = b""
-        while chunk := given.read1(_CHUNK):  # type: ignore[attr-defined]
+        while chunk := stream.read1(_CHUNK):  # type: ignore[attr-defined]
             *lines, rest = (rest + chunk).split(b"\n")
             if lines:
                 write("".join([self._answer(line) for line in lines]))

@@ -53,16 +53,16 @@ def listing(
         raff2urdf.RaffError: a RAFF file is invalid, or an option has no effect.
         CinegenError: a file is invalid, or a port is given for an unknown sensor.
     """
-    given, options = overrides(ports), options or ReadOptions()
-    found = {file: named(file, given, ignore_loops, ignore, options) for file in files}
-    options.check(*found)
-    known = {sensor["number"] for sensors in found.values() for sensor in sensors}
-    for number in given:
+    urls, options = overrides(ports), options or ReadOptions()
+    sensors_of = {file: named(file, urls, ignore_loops, ignore, options) for file in files}
+    options.check(*sensors_of)
+    known = {sensor["number"] for sensors in sensors_of.values() for sensor in sensors}
+    for number in urls:
         if number not in known:
             raise UnknownNameError("sensor", number, tuple(map(str, sorted(known))))
     if as_json:
-        return json.dumps({"files": found, "here": here()}, indent=1, ensure_ascii=False)
-    return _listed(found, here())
+        return json.dumps({"files": sensors_of, "here": machine()}, indent=1, ensure_ascii=False)
+    return _listed(sensors_of, machine())
 
 
 def named(
@@ -89,22 +89,22 @@ def named(
     mechanisms = [
         load_with(options, path, robot=robot, ignore_loops=ignore_loops, ignore=ignore) for robot in robots(path)
     ]
-    found: dict[int, dict[str, Any]] = {}
+    entries: dict[int, dict[str, Any]] = {}
     for mechanism in mechanisms:
         for number, sensor in mechanism.sensors.items():
-            own, axes = split_axes(ports.get(number, ""))
-            url = own or sensor["port"]
+            address, axes = split_axes(ports.get(number, ""))
+            url = address or sensor["port"]
             changed = {"port": url, "axes": axes or sensor["axes"]}
-            entry = found.setdefault(number, {**sensor, **changed, "nodes": [], "kind": what_is(url)})
-            reason = "" if own else refusal(url)
+            entry = entries.setdefault(number, {**sensor, **changed, "nodes": [], "kind": what_is(url)})
+            reason = "" if address else refusal(url)
             entry["missing"] = f"sensor {number}: not opened: it {reason}" if reason else why_missing(url, number)
             for node, numbers in mechanism.sensor_constraints:
                 if number in numbers:
                     entry["nodes"].append(node if len(mechanisms) == 1 else f"{mechanism.name}.{node}")
-    return [found[number] for number in sorted(found)]
+    return [entries[number] for number in sorted(entries)]
 
 
-def here() -> dict[str, Any]:
+def machine() -> dict[str, Any]:
     """Return the serial ports of this machine, and the spacenav daemon's socket."""
     try:
         ports = [{"port": port.device, "is": port.description} for port in sorted(list_ports.comports())]
@@ -114,7 +114,7 @@ def here() -> dict[str, Any]:
     return {"ports": ports, "spacenav": {"socket": socket, "present": Path(socket).exists()}}
 
 
-def _listed(files: Mapping[str, list[dict[str, Any]]], found: Mapping[str, Any]) -> str:
+def _listed(files: Mapping[str, list[dict[str, Any]]], devices: Mapping[str, Any]) -> str:
     lines: list[str] = []
     for name, sensors in files.items():
         lines.append(f"{name}: {len(sensors) or 'no'} sensor{'s' * (len(sensors) != 1)}")
@@ -130,9 +130,9 @@ def _listed(files: Mapping[str, list[dict[str, Any]]], found: Mapping[str, Any])
             else:
                 lines.append(f"     {sensor['kind']}")
         lines.append("")
-    lines.append("serial ports here:" if found["ports"] else "serial ports here: none")
-    lines += [f"  {port['port']}  {port['is']}".rstrip() for port in found["ports"]]
-    daemon = found["spacenav"]
+    lines.append("serial ports here:" if devices["ports"] else "serial ports here: none")
+    lines += [f"  {port['port']}  {port['is']}".rstrip() for port in devices["ports"]]
+    daemon = devices["spacenav"]
     lines.append(f"spacenav daemon: {'at' if daemon['present'] else 'none at'} {daemon['socket']}")
     lines += ["", "a sensor may be:", *(f"  {what}" for _, what in KINDS.values())]
     return "\n".join(lines)

@@ -145,7 +145,7 @@ def _sweep(mechanism: Mechanism, node: str, period: float, start: Array) -> Join
     step = (2.0 * math.pi if revolute else mechanism.length) / _STEPS
 
     def walk(direction: int) -> list[pin.SE3]:
-        forward, found = ForwardKinematics(mechanism, start), list[pin.SE3]()
+        forward, passed = ForwardKinematics(mechanism, start), list[pin.SE3]()
         for k in range(1, _STEPS + 1):
             try:
                 q = forward.move({joint: float(start[at]) + direction * k * step})
@@ -153,13 +153,13 @@ def _sweep(mechanism: Mechanism, node: str, period: float, start: Array) -> Join
                 break
             if not ((mechanism.limits.lower <= q) & (q <= mechanism.limits.upper)).all():
                 break
-            found.append(mechanism.placement(q, node))
-        return found
+            passed.append(mechanism.placement(q, node))
+        return passed
 
-    here, upwards = mechanism.placement(start, node), walk(1)
-    closed = revolute and len(upwards) == _STEPS and upwards[-1].isApprox(here, 1e-9)
+    middle, upwards = mechanism.placement(start, node), walk(1)
+    closed = revolute and len(upwards) == _STEPS and upwards[-1].isApprox(middle, 1e-9)
     downwards = [] if closed else walk(-1)
-    poses = [*reversed(downwards), here, *upwards]
+    poses = [*reversed(downwards), middle, *upwards]
     if not closed:
         cut = round(_MARGIN * len(poses))
         first, last = min(cut, len(downwards)), min(cut, len(upwards))

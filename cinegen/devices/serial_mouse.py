@@ -54,10 +54,10 @@ class SerialMouse(ThreadedSensor):
         """
         port = serial.serial_for_url(self.url, baudrate=9600, timeout=_POLL, write_timeout=1.0, exclusive=True)
         try:
-            found = self._magellan(port) or self._spaceball(port)
-            if found is None:
+            mouse = self._magellan(port) or self._spaceball(port)
+            if mouse is None:
                 raise WrongDeviceError(f"{self.url}: no 3D mouse answers, neither a Magellan nor a Spaceball")
-            self._listen(port, found)
+            self._listen(port, mouse)
         finally:
             with contextlib.suppress(Exception):  # closing a lost port may raise anything
                 port.close()

@@ -105,11 +105,11 @@ class Spaceball:
             if self.model.keys != 12:  # a 4000FLX also sends its keys by '.'
                 return [keys(_bits(body) & (1 << self.model.keys) - 1)]
         elif kind == b"." and len(body) == 2:
-            found: list[MouseEvent] = []
+            events: list[MouseEvent] = []
             if self.model.keys != 12:
                 self.model = MouseModel("Spaceball 4000FLX", 12)
-                found = [self.model]
-            return [*found, keys(body[1] & 0x3F | (body[1] & 0x80) >> 1 | (body[0] & 0x1F) << 7)]
+                events = [self.model]
+            return [*events, keys(body[1] & 0x3F | (body[1] & 0x80) >> 1 | (body[0] & 0x1F) << 7)]
         elif kind == b"@" and body[:1].isdigit():
             return self._answer(body.decode("ascii", errors="replace"))
         elif kind == b"E":

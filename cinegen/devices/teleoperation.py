@@ -175,17 +175,17 @@ class Teleoperation:
         turn = pin.exp3(axes @ velocity[3:]) @ target.rotation
         task.target = pin.SE3(_orthonormal(turn), target.translation + axes @ velocity[:3])
 
-    def _set(self, given: pin.SE3) -> None:
+    def _set(self, pose: pin.SE3) -> None:
         """Set the target in the commanded directions."""
         free = np.array(self.mapping.commanded, dtype=float)
         if free.all():
-            self.task.target = given
+            self.task.target = pose
             return
         if not self.task.is_valid():
             return
         target, axes = self.task.target, self._axes()
-        step = axes @ (free[:3] * (axes.T @ (given.translation - target.translation)))
-        turn = axes @ (free[3:] * (axes.T @ pin.log3(given.rotation @ target.rotation.T)))
+        step = axes @ (free[:3] * (axes.T @ (pose.translation - target.translation)))
+        turn = axes @ (free[3:] * (axes.T @ pin.log3(pose.rotation @ target.rotation.T)))
         self.task.target = pin.SE3(_orthonormal(pin.exp3(turn) @ target.rotation), target.translation + step)
 
 

@@ -39,7 +39,7 @@ class ThreadedSensor(DeviceSensor, ABC):
         self.longest = _LONGEST
         self.exception_log = ExceptionLog()
         self._ending = threading.Event()
-        self._own = threading.local()  # a thread that hung while the sensor was closed still ends
+        self._thread_local = threading.local()  # a thread that hung while the sensor was closed still ends
         self._thread: threading.Thread | None = None
 
     @abstractmethod
@@ -87,13 +87,13 @@ class ThreadedSensor(DeviceSensor, ABC):
 
     @property
     def _own_ending(self) -> threading.Event:
-        own: threading.Event = getattr(self._own, "ending", self._ending)
-        return own
+        ending: threading.Event = getattr(self._thread_local, "ending", self._ending)
+        return ending
 
     # --- the thread ----------------------------------------------------------------------------------------------
 
     def _run(self, ending: threading.Event) -> None:
-        self._own.ending = ending
+        self._thread_local.ending = ending
         pause = _SHORTEST
         while not ending.is_set():
             try:
@@ -118,5 +118,5 @@ class ThreadedSensor(DeviceSensor, ABC):
 def _sentence(error: Exception) -> str:
     """Return the message of the operating system, without the text that pyserial adds."""
     text = str(error) or type(error).__name__
-    found = re.findall(r"\[Errno -?\d+\] ([^:\[\]]+)|\(\d+, '([^']+)'\)", text)
-    return "".join(found[-1]).strip().lower() if found else text
+    texts = re.findall(r"\[Errno -?\d+\] ([^:\[\]]+)|\(\d+, '([^']+)'\)", text)
+    return "".join(texts[-1]).strip().lower() if texts else text

@@ -195,8 +195,8 @@ class ForwardKinematics(OneThread):
                 joints are actuated than there are degrees of freedom, and contradict each other.
         """
         v, a = np.zeros((2, self._model.nv))
-        for given, vector in ((velocities, v), (accelerations, a)):
-            for name, value in given.items():
+        for rates, vector in ((velocities, v), (accelerations, a)):
+            for name, value in rates.items():
                 if name not in self._actuated:
                     raise self._not_actuated(name)
                 number = _number(name, value)
@@ -213,13 +213,13 @@ class ForwardKinematics(OneThread):
     def _complete(self, jacobian: Array, vector: Array, wanted: Array, passive: Indices) -> None:
         """Write the rates of the passive joints, whose rows of the loops are wanted (rows,)."""
         columns = jacobian[:, passive]
-        found = np.linalg.lstsq(columns, wanted, rcond=RANK)[0]
-        if np.abs(columns @ found - wanted).max(initial=0.0) > CLOSURE * np.abs(wanted).max(initial=0.0):
+        motion = np.linalg.lstsq(columns, wanted, rcond=RANK)[0]
+        if np.abs(columns @ motion - wanted).max(initial=0.0) > CLOSURE * np.abs(wanted).max(initial=0.0):
             raise ClosureError(
                 f"these rates of the actuated joints of {self.mechanism.name} open its loops: the configuration is "
                 "singular, or they contradict each other"
             )
-        vector[passive] = found * self.mechanism.scale[passive]
+        vector[passive] = motion * self.mechanism.scale[passive]
 
     def _follow(self) -> None:
         """Move the actuated joints to their goal."""

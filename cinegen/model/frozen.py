@@ -35,15 +35,15 @@ def blocking(system: ClosedLoops, q: Array, lower: Array, upper: Array) -> list[
         lower: (nq,) least values; -inf where there is none.
         upper: (nq,) greatest values; inf likewise.
     """
-    found = []
-    for own, at in subsystems(system):
-        here, jacobian = q[at], own.evaluate(q[at])[1]
+    blocked = []
+    for cluster, at in subsystems(system):
+        values, jacobian = q[at], cluster.evaluate(q[at])[1]
         motions = np.linalg.svd(jacobian)[2][closure.rank(jacobian) :].T
-        names = {int(joint.idx_v): name for name, joint in zip(own.model.names, own.model.joints, strict=True)}
+        names = {int(joint.idx_v): name for name, joint in zip(cluster.model.names, cluster.model.joints, strict=True)}
         rows, joints = [np.zeros((0, motions.shape[1]))], []
-        for i, column in zip(*map(np.ndarray.tolist, scalar_joints(own.model)), strict=True):
+        for i, column in zip(*map(np.ndarray.tolist, scalar_joints(cluster.model)), strict=True):
             least, greatest = lower[at][i] + AT_LIMIT, upper[at][i] - AT_LIMIT
-            for is_there, sign in ((here[i] <= least, 1.0), (here[i] >= greatest, -1.0)):
+            for is_there, sign in ((values[i] <= least, 1.0), (values[i] >= greatest, -1.0)):
                 if is_there and np.abs(motions[column]).max(initial=0.0) > _MOVES:
                     rows.append(sign * motions[column : column + 1])
                     joints.append(names[column])
@@ -52,10 +52,10 @@ def blocking(system: ClosedLoops, q: Array, lower: Array, upper: Array) -> list[
             continue
         kept = list(range(len(joints)))
         for row in range(len(joints)):
-            others = [one for one in kept if one != row]
+            others = [k for k in kept if k != row]
             kept = others if _is_blocked(signed[others]) else kept
-        found.append(list(dict.fromkeys(joints[row] for row in kept)))
-    return found
+        blocked.append(list(dict.fromkeys(joints[row] for row in kept)))
+    return blocked
 
 
 def _is_blocked(signed: Array) -> bool:

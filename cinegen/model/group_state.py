@@ -44,7 +44,7 @@ def with_home(
             held = float(np.clip(values[joint["name"]], *joint["limits"]))
             beyond += [joint["name"]] if abs(held - values[joint["name"]]) > _ROUNDING else []
             values[joint["name"]] = held
-    unknown = [one for one in values if one not in fixed and one not in {joint["name"] for joint in declared}]
+    unknown = [key for key in values if key not in fixed and key not in {joint["name"] for joint in declared}]
     if beyond:
         warn(f"{srdf}: {home.label} is outside the limits of {', '.join(beyond)}: held within them")
     if unknown:
@@ -54,7 +54,7 @@ def with_home(
     defaults = {joint["name"]: {"home": joint["home"]} if not constraints else {} for joint in declared}
     entries = (constraints or {}).get("joints", [{"name": joint["name"]} for joint in declared])
     moved = [
-        {**defaults[one["name"]], **one, **({"home": values[one["name"]]} if one["name"] in values else {})}
-        for one in entries
+        {**defaults[entry["name"]], **entry, **({"home": values[entry["name"]]} if entry["name"] in values else {})}
+        for entry in entries
     ]
     return {**(constraints or {"loops": []}), "joints": moved}, notes

@@ -71,19 +71,19 @@ def find_home(
     """
     closed, q, other, generic = (written.copy() for _ in range(4))
     ranks, problems, is_drawn, parts = list[int](), list[str](), True, subsystems(system)
-    for own, at in parts:
-        closing = closure.close_from_afar(own, written[at])
+    for cluster, at in parts:
+        closing = closure.close_from_afar(cluster, written[at])
         if not closing.closed:
-            names = [*(loop.name for loop in own.loops), *(coupling.name for coupling in own.couplings)]
-            problems.append(why_open(own, names, written[at], closing, syntax_of(Path(name)) == RAFF))
+            names = [*(loop.name for loop in cluster.loops), *(coupling.name for coupling in cluster.couplings)]
+            problems.append(why_open(cluster, names, written[at], closing, syntax_of(Path(name)) == RAFF))
             continue
-        closed[at], q[at] = closing.q, _within(own, written[at], closing.q, limits.lower[at], limits.upper[at])
-        rank, generic[at] = closure.generic_rank(own, q[at])
-        other[at] = next(closure.closed_walk(own, generic[at], 1), generic[at])
+        closed[at], q[at] = closing.q, _within(cluster, written[at], closing.q, limits.lower[at], limits.upper[at])
+        rank, generic[at] = closure.generic_rank(cluster, q[at])
+        other[at] = next(closure.closed_walk(cluster, generic[at], 1), generic[at])
         ranks.append(rank)
-        if drawn and closure.rank(own.evaluate(q[at])[1]) < rank:
-            closed[at] = _regular(own, q[at], rank)
-            q[at] = _within(own, written[at], closed[at], limits.lower[at], limits.upper[at])
+        if drawn and closure.rank(cluster.evaluate(q[at])[1]) < rank:
+            closed[at] = _regular(cluster, q[at], rank)
+            q[at] = _within(cluster, written[at], closed[at], limits.lower[at], limits.upper[at])
             is_drawn = False
     if problems:
         raise ClosureError(f"{name}: {robot}: " + "\n".join(problems))
@@ -132,17 +132,17 @@ def _determined(
         configurations: (nq,) closed: home, others, and one where the generic rank is reached.
         actuated: whether joints are, in file order; None: not stated.
     """
-    found: set[str] = set()
+    dependent: set[str] = set()
     spins = idle_spins(system, configurations, [name for name, has in actuated.items() if has])
     idle = [idle_motions(system, spins, q) for q in configurations]
     followers = {coupling.follower for coupling in system.couplings}
-    for own, at in parts:
-        model = own.model
+    for part, at in parts:
+        model = part.model
         starts = [system.model.joints[system.model.getJointId(name)].idx_v for name in model.names[1:]]
         parts_of = [start + np.arange(nv) for start, nv in zip(starts, model.nvs[1:], strict=True)]
         columns = np.concatenate([np.zeros(0, np.intp), *parts_of])
         jacobians = [
-            np.vstack([own.evaluate(q[at])[1], rows[:, columns]]) for q, rows in zip(configurations, idle, strict=True)
+            np.vstack([part.evaluate(q[at])[1], rows[:, columns]]) for q, rows in zip(configurations, idle, strict=True)
         ]
         joints = [(name, model.joints[model.getJointId(name)]) for name in actuated if model.existJointName(name)]
         turning = np.abs(idle[-1][:, columns]).max(axis=0, initial=0.0) > 0.0
@@ -160,8 +160,8 @@ def _determined(
             for name, joint in joints
         ]
         others = [column for joint in model.joints if joint.nv == 3 for column in range(joint.idx_v, joint.idx_v + 3)]
-        found.update(determined(jacobians, candidates, others))
-    return frozenset(found)
+        dependent.update(determined(jacobians, candidates, others))
+    return frozenset(dependent)
 
 
 def _is_driven(model: pin.Model, name: str) -> bool:
@@ -175,12 +175,12 @@ def near_successive(system: ClosedLoops, written: Array) -> Array | None:
     """Return the configuration (nq,) in which the loops are closed if ball joints are three revolute joints, as
     raff2urdf closes them for files in other formats; None if that fails."""
     q = follow(system, written)
-    for own, at in subsystems(system) if system.rows else ():
-        closing = closure.close_from_afar(own, q[at])
+    for cluster, at in subsystems(system) if system.rows else ():
+        closing = closure.close_from_afar(cluster, q[at])
         if not closing.closed:
             return None
         model = system.model
-        q[at] = _within(own, q[at], closing.q, model.lowerPositionLimit[at], model.upperPositionLimit[at])
+        q[at] = _within(cluster, q[at], closing.q, model.lowerPositionLimit[at], model.upperPositionLimit[at])
     return q
 
 
@@ -188,7 +188,7 @@ def follow(system: ClosedLoops, q: Array) -> Array:
     """Return q (nq,) with joints that follow others in couplings where these drive them."""
     joints = {name: joint.idx_q for name, joint in zip(system.model.names, system.model.joints, strict=True)}
     names = {name for coupling in system.couplings for name in coupling.terms}
-    moved, there = q.copy(), followed(system.couplings, {name: float(q[joints[name]]) for name in names})
-    for name, value in there.items():
+    moved, driven = q.copy(), followed(system.couplings, {name: float(q[joints[name]]) for name in names})
+    for name, value in driven.items():
         moved[joints[name]] = value
     return moved

@@ -47,10 +47,10 @@ class Limits(Mapping[str, JointLimits]):
     def __init__(self, model: pin.Model, joints: Sequence[str]) -> None:
         self.lower, self.upper = _fixed(model.lowerPositionLimit), _fixed(model.upperPositionLimit)
         self.velocity, self.effort = _fixed(model.upperVelocityLimit), _fixed(model.upperEffortLimit)
-        found = {name: model.joints[model.getJointId(name)] for name in joints}
-        self._index = {name: (int(joint.idx_q), int(joint.idx_v)) for name, joint in found.items()}
+        by_name = {name: model.joints[model.getJointId(name)] for name in joints}
+        self._index = {name: (int(joint.idx_q), int(joint.idx_v)) for name, joint in by_name.items()}
         limited = np.isfinite(self.lower) & np.isfinite(self.upper)
-        revolute = [j.idx_q for j in found.values() if not translations(j) and limited[j.idx_q]]
+        revolute = [j.idx_q for j in by_name.values() if not translations(j) and limited[j.idx_q]]
         self._revolute = np.array(revolute, dtype=np.intp)  # with two limits
         self._middle = (self.lower[self._revolute] + self.upper[self._revolute]) / 2.0
 
@@ -83,9 +83,9 @@ class Limits(Mapping[str, JointLimits]):
     def unwound(self, q: Array) -> Array:
         """Return q (nq,) with whole revolutions taken from each revolute joint that has two limits, so that it is as
         near to the middle between them as it can be."""
-        found = np.array(q, dtype=float)
-        found[self._revolute] -= 2.0 * np.pi * np.rint((found[self._revolute] - self._middle) / (2.0 * np.pi))
-        return found
+        unwound = np.array(q, dtype=float)
+        unwound[self._revolute] -= 2.0 * np.pi * np.rint((unwound[self._revolute] - self._middle) / (2.0 * np.pi))
+        return unwound
 
     def outside(self, q: Array) -> dict[str, float]:
         """Return the joints of q (nq,) that no whole revolutions bring within their limits, as `exceeded` does."""

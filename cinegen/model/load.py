@@ -366,19 +366,19 @@ def _check_hinge(mechanism: Mechanism, name: str, path: Path) -> None:
     Raises:
         LoadError: as a hinge about z the loop takes DoF that it leaves as a ball joint, and about x or y none.
     """
-    for own, at in subsystems(mechanism.structure.system):
-        index = next((i for i, loop in enumerate(own.loops) if loop.name == name), None)
+    for cluster, at in subsystems(mechanism.structure.system):
+        index = next((i for i, loop in enumerate(cluster.loops) if loop.name == name), None)
         if index is None:
             continue
-        q, kinds = mechanism.q_home[at], list(own.kinds)
+        q, kinds = mechanism.q_home[at], list(cluster.kinds)
         kinds[index] = LoopKind.BALL
-        free = closure.generic_rank(own.with_kinds(kinds), q)[0]
-        taken = closure.generic_rank(own, q)[0] - free
+        free = closure.generic_rank(cluster.with_kinds(kinds), q)[0]
+        taken = closure.generic_rank(cluster, q)[0] - free
         for axis, turn in _TURNS.items() if taken > 0 else ():
-            other = own.with_moved({index: (turn, turn)})
+            other = cluster.with_moved({index: (turn, turn)})
             closing = closure.close(other, q)
             if closing.closed and closure.generic_rank(other, closing.q)[0] == free:
-                first, second = own.ends[index]
+                first, second = cluster.ends[index]
                 rpy = "0 1.5707963267948966 0" if axis == "x" else "-1.5707963267948966 0 0"
                 raise LoadError(
                     f"{path}: loop '{name}' as a hinge about the z axes of {first} and {second} takes {taken} DoF of "

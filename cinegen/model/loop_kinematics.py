@@ -148,8 +148,8 @@ class LoopKinematics(MechanismModel):
             return closing.q
         self.structure.checked(start)
         gaps = (closure.gaps(self.structure.system, closing.q), shown_gaps(self.structure.system, closing.q))
-        found = zip(self.constraint_names, *gaps, strict=True)
-        listed = ", ".join(f"'{name}' by {shown}" for name, gap, shown in found if gap > closure.CLOSED)
+        rows = zip(self.constraint_names, *gaps, strict=True)
+        listed = ", ".join(f"'{name}' by {shown}" for name, gap, shown in rows if gap > closure.CLOSED)
         what = "loops and couplings" if self.couplings else "loops"
         condition = f" with {len(set(names))} joints locked" if names else ""
         raise ClosureError(f"{self.name} can't be closed from there{condition}: these {what} remain open: {listed}")
@@ -161,15 +161,15 @@ class LoopKinematics(MechanismModel):
         if not self.is_constrained:
             return [system.integrate(start, rng.normal(size=self.model.nv)) for _ in range(count)]
         parts = subsystems(system)
-        walks = [list(closure.closed_walk(own, start[at], count, seed + i)) for i, (own, at) in enumerate(parts)]
+        walks = [list(closure.closed_walk(part, start[at], count, seed + i)) for i, (part, at) in enumerate(parts)]
         idle = np.ones(self.model.nv)  # joints in no cluster; a single cluster has all joints
         idle[np.concatenate(system.columns)] = 0.0
         many = len(parts) > 1 or bool(self.held)
-        found, steps = list[Array](), count if many and idle.any() else max(map(len, walks))
+        configurations, steps = list[Array](), count if many and idle.any() else max(map(len, walks))
         for i in range(steps):
             q = system.integrate(start, idle * rng.normal(size=len(idle)))
             for (_, at), walk in zip(parts, walks, strict=True):
                 if walk:
                     q[at] = walk[min(i, len(walk) - 1)]
-            found.append(q)
-        return found
+            configurations.append(q)
+        return configurations

@@ -26,8 +26,8 @@ def massless(mechanism: Mechanism) -> tuple[str, ...]:
         if not model.existFrame(link, pin.FrameType.BODY):  # between the joints of a ball joint
             continue
         with_mass.add(model.frames[model.getFrameId(link, pin.FrameType.BODY)].parentJoint)
-    rigid = [loop for loop in mechanism.loops if loop.kind is LoopKind.RIGID]
-    welded = [{model.frames[mechanism.frame_id(end)].parentJoint for end in (one.first, one.second)} for one in rigid]
+    ends = [(loop.first, loop.second) for loop in mechanism.loops if loop.kind is LoopKind.RIGID]
+    welded = [{model.frames[mechanism.frame_id(end)].parentJoint for end in pair} for pair in ends]
     for _ in welded:  # a chain of loops is no longer than their number
         for pair in welded:
             with_mass |= pair if pair & with_mass else set()
@@ -47,5 +47,5 @@ def stated(mechanism: Mechanism) -> Mapping[str, Inertia]:
 
 def _stated(mechanism: Mechanism) -> Mapping[str, Inertia]:
     name = mechanism.source.name
-    found = {str(link.get("name")): inertia(link, name) for link in links(parse_xml(mechanism.source.urdf, name))}
-    return {link: body for link, body in found.items() if body is not None}
+    bodies = {str(link.get("name")): inertia(link, name) for link in links(parse_xml(mechanism.source.urdf, name))}
+    return {link: body for link, body in bodies.items() if body is not None}

@@ -160,10 +160,10 @@ class Mechanism(LoopKinematics):
         """
         held = tuple(dict.fromkeys(joints))
         columns = [column for joint in held for column in self.columns_of(joint)]
-        here = np.array(q, dtype=float)
-        system = HeldLoops(self.model, self.loops, self.length, self.couplings, columns, here)
-        ranks = [closure.generic_rank(own, here[at])[0] if own.model.nv else 0 for own, at in subsystems(system)]
-        return replace(self, held=held, held_q=here, cluster_ranks=tuple(ranks))
+        q = np.array(q, dtype=float)
+        system = HeldLoops(self.model, self.loops, self.length, self.couplings, columns, q)
+        ranks = [closure.generic_rank(part, q[at])[0] if part.model.nv else 0 for part, at in subsystems(system)]
+        return replace(self, held=held, held_q=q, cluster_ranks=tuple(ranks))
 
     @cached_property
     def drawn(self) -> tuple[pin.GeometryObject, ...]:

@@ -97,8 +97,8 @@ class MechanismModel:
         Raises:
             UnknownNameError: no such joint.
         """
-        found = self._joint(joint)
-        return list(range(found.idx_v, found.idx_v + found.nv))
+        model_joint = self._joint(joint)
+        return list(range(model_joint.idx_v, model_joint.idx_v + model_joint.nv))
 
     @cached_property
     def base(self) -> str | None:
@@ -206,10 +206,10 @@ class MechanismModel:
 
     def values(self, q: Array) -> dict[str, float | list[float]]:
         """Return the values of all joints in q (nq,) by name, rad or m; of ball joints the quaternion x y z w."""
-        found: dict[str, float | list[float]] = {name: float(q[self.q_index(name)]) for name in self.joints}
+        values: dict[str, float | list[float]] = {name: float(q[self.q_index(name)]) for name in self.joints}
         for name in self.balls:
-            found[name] = [float(x) for x in q[self.q_index(name) : self.q_index(name) + 4]]
-        return found
+            values[name] = [float(x) for x in q[self.q_index(name) : self.q_index(name) + 4]]
+        return values
 
     def difference(self, start: ArrayLike, end: ArrayLike) -> Array:
         """Return the velocity (nv,) that leads from one configuration (nq,) to another in 1 s; rad/s and m/s."""

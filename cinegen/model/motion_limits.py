@@ -38,15 +38,15 @@ class MotionLimits(NamedTuple):
 
     def __str__(self) -> str:
         """Return what is assumed; empty if all limits are known."""
-        found = []
+        sentences = []
         for names, what, (angular, linear), unit in zip(
             self.defaults, ("velocity", "acceleration"), (DEFAULT_VELOCITY, DEFAULT_ACCELERATION), ("s", "s^2"),
             strict=True,
         ):  # fmt: skip
             if names:
                 listed = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
-                found.append(f"{what} limit of {listed}: {angular:g} rad/{unit}, {linear:g} m/{unit}")
-        return "; ".join(found)
+                sentences.append(f"{what} limit of {listed}: {angular:g} rad/{unit}, {linear:g} m/{unit}")
+        return "; ".join(sentences)
 
 
 def motion_limits(
@@ -71,16 +71,16 @@ def motion_limits(
         free[mechanism.structure.passive_columns] = False
     known = np.isfinite(mechanism.limits.velocity)
     velocity = np.where(known, mechanism.limits.velocity, np.where(free, _default(mechanism, DEFAULT_VELOCITY), np.inf))
-    given = _given(mechanism, "acceleration", acceleration, free)
+    limits = _limits(mechanism, "acceleration", acceleration, free)
     accelerations = np.where(
-        np.isfinite(given), given, np.where(free, _default(mechanism, DEFAULT_ACCELERATION), np.inf)
+        np.isfinite(limits), limits, np.where(free, _default(mechanism, DEFAULT_ACCELERATION), np.inf)
     )
     columns = mechanism.columns
     defaults = (
         tuple(dict.fromkeys(columns[j] for j in np.flatnonzero(free & ~known))),
-        tuple(dict.fromkeys(columns[j] for j in np.flatnonzero(free & ~np.isfinite(given)))),
+        tuple(dict.fromkeys(columns[j] for j in np.flatnonzero(free & ~np.isfinite(limits)))),
     )
-    return MotionLimits(velocity, accelerations, _given(mechanism, "jerk", jerk, free), defaults)
+    return MotionLimits(velocity, accelerations, _limits(mechanism, "jerk", jerk, free), defaults)
 
 
 def _default(mechanism: Mechanism, values: tuple[float, float]) -> Array:
@@ -89,17 +89,17 @@ def _default(mechanism: Mechanism, values: tuple[float, float]) -> Array:
     return angular * step_scale(mechanism.model, linear / angular)
 
 
-def _given(mechanism: Mechanism, what: str, values: float | Mapping[str, float] | None, free: Bools) -> Array:
+def _limits(mechanism: Mechanism, what: str, values: float | Mapping[str, float] | None, free: Bools) -> Array:
     """Return limits (nv,) that are given; infinite elsewhere."""
-    found = np.full(mechanism.model.nv, np.inf)
+    limits = np.full(mechanism.model.nv, np.inf)
     if values is None:
-        return found
+        return limits
     if isinstance(values, Mapping):
         for joint, limit in values.items():
-            found[mechanism.v_index(joint)] = _positive(f"the {what} limit of '{joint}'", limit)
-        return found
-    found[free] = _positive(f"the {what} limit", values)
-    return found
+            limits[mechanism.v_index(joint)] = _positive(f"the {what} limit of '{joint}'", limit)
+        return limits
+    limits[free] = _positive(f"the {what} limit", values)
+    return limits
 
 
 def _positive(what: str, limit: float) -> float:

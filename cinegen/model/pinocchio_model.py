@@ -56,7 +56,7 @@ def describe_model(
             raise UnknownNameError("joint", name, tuple(names))
     robot = model.name or "robot"
     urdf = ExactUrdf(Robot(robot, links, joints)).text()
-    coupled = [coupling_entry(one.name, one.terms, one.constant) for one in couplings]
+    coupled = [coupling_entry(coupling.name, coupling.terms, coupling.constant) for coupling in couplings]
     closing = [_loop(constraint, f"loop{i + 1}", nodes) for i, constraint in enumerate(loops)]
     for kind, used in (("node", [link.name for link in links]), ("loop", [loop["name"] for loop in closing])):
         if twice := [name for name, count in Counter(used).items() if count > 1]:
@@ -77,13 +77,13 @@ def _joints(model: pin.Model) -> list[tuple[str, Any]]:
 
 def _rotors(model: pin.Model) -> list[tuple[str, float]]:
     """Return the joints of the URDF, each with its armature; none if there are no armatures."""
-    found: list[tuple[str, float]] = []
+    rotors: list[tuple[str, float]] = []
     for name, joint in _joints(model):
         if joint.nv == 1:
-            found.append((name, float(model.armature[joint.idx_v])))
+            rotors.append((name, float(model.armature[joint.idx_v])))
         elif joint.nv == 3:
-            found += [(f"{name}_{letter}", 0.0) for letter in ROTATIONS]
-    return found if any(armature for _, armature in found) else []
+            rotors += [(f"{name}_{letter}", 0.0) for letter in ROTATIONS]
+    return rotors if any(armature for _, armature in rotors) else []
 
 
 def _left_out(model: pin.Model) -> tuple[str, ...]:
@@ -155,7 +155,7 @@ def _frames(model: pin.Model, nodes: Sequence[str]) -> list[tuple[Any, Any]]:
     """Return the links of frames that are fixed to the bodies of joints, each with its joint."""
     from yourdfpy import Joint, Link
 
-    found, taken = [], {*model.names}
+    fixed, taken = [], {*model.names}
     for frame in model.frames:
         if frame.type not in _NODES or (frame.type == pin.FrameType.BODY and frame.name == nodes[frame.parentJoint]):
             continue
@@ -164,15 +164,15 @@ def _frames(model: pin.Model, nodes: Sequence[str]) -> list[tuple[Any, Any]]:
             name += "_"
         taken.add(name)
         placed = Joint(name, "fixed", nodes[frame.parentJoint], frame.name, frame.placement.homogeneous)
-        found.append((Link(frame.name), placed))
-    return found
+        fixed.append((Link(frame.name), placed))
+    return fixed
 
 
 def _loop(constraint: Any, name: str, nodes: Sequence[str]) -> dict[str, Any]:
     if not isinstance(constraint, pin.RigidConstraintModel) or constraint.type.name not in _KINDS:
-        given = getattr(getattr(constraint, "type", None), "name", type(constraint).__name__)
+        kind = getattr(getattr(constraint, "type", None), "name", type(constraint).__name__)
         raise LoadError(
-            f"loops: {given} closes no loop: give pinocchio.RigidConstraintModel of the type CONTACT_6D or CONTACT_3D"
+            f"loops: {kind} closes no loop: give pinocchio.RigidConstraintModel of the type CONTACT_6D or CONTACT_3D"
         )
     if not constraint.desired_contact_placement.isIdentity(0.0):
         raise LoadError(

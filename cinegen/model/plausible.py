@@ -169,8 +169,8 @@ def check_revolution(name: str, low: float, high: float) -> None:
 def doubts(mechanism: Mechanism) -> list[str]:
     """Return what a file in m, kg and rad probably means in another unit: limits of joints, lengths, moments of
     inertia. Each text names the first of its kind and what it would be."""
-    found = [list(kind(mechanism)) for kind in (_limits_in_degrees, _lengths_in_mm, _moments_in_mm)]
-    return [f"{kind[0]}{f' (and {len(kind) - 1} more)' * (len(kind) > 1)}" for kind in found if kind]
+    kinds = [list(kind(mechanism)) for kind in (_limits_in_degrees, _lengths_in_mm, _moments_in_mm)]
+    return [f"{kind[0]}{f' (and {len(kind) - 1} more)' * (len(kind) > 1)}" for kind in kinds if kind]
 
 
 def _limits_in_degrees(mechanism: Mechanism) -> Iterator[str]:

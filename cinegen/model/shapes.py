@@ -86,8 +86,8 @@ def collision_shapes(model: pin.Model, source: MechanismSource) -> Shapes:
 def geometry_model(objects: Iterable[pin.GeometryObject]) -> pin.GeometryModel:
     """Return shapes as Pinocchio takes them."""
     model = pin.GeometryModel()
-    for one in objects:
-        model.addGeometryObject(one)
+    for shape in objects:
+        model.addGeometryObject(shape)
     return model
 
 
@@ -111,15 +111,15 @@ def _with_sticks(model: pin.Model, source: MechanismSource, tree: Any, sticks: I
     _keep_shapes(tree)
     drawn = {link.get("name") for link in tree.iterchildren("link") if link.find("visual") is not None}
     meshes = _Meshes(tree, source)
-    found = meshes.read(model)
+    shapes = meshes.read(model)
     if sentence := _sentence(meshes.lost):
         warn(sentence)
-    if not found:
+    if not shapes:
         return Shapes(list(sticks), meshes.links, sentence)
     left = {link.get("name") for link in tree.iterchildren("link") if link.find("visual") is not None}
     joints = {model.frames[model.getFrameId(link, pin.FrameType.BODY)].parentJoint for link in drawn - left}
     needed = [stick for stick in sticks if stick.parentJoint in joints] if joints else []
-    return Shapes(found + needed, meshes.links, sentence)
+    return Shapes(shapes + needed, meshes.links, sentence)
 
 
 def _sentence(lost: Mapping[str, str]) -> str:
@@ -143,8 +143,8 @@ class _Meshes:
         self.links: dict[str, str] = {}
         self._files: list[tuple[Any, str, Path]] = []  # that Pinocchio reads: visual, name and file
         is_own = source.owner is None  # a recording or a map can't open folders
-        given = {name: Path(folder) for name, folder in source.packages if is_own}
-        packages = Packages(given, can_be_given=is_own)
+        folders = {name: Path(folder) for name, folder in source.packages if is_own}
+        packages = Packages(folders, can_be_given=is_own)
         for visual in list(tree.iter("visual")):
             for mesh in visual.iter("mesh"):
                 name = mesh.get("filename", "")
@@ -293,5 +293,5 @@ def _where(name: str, mesh: str) -> str:
     except (OSError, UnicodeDecodeError):
         return name
     words = (mesh, mesh.rpartition("/")[2])
-    found = next((i for word in words for i, line in enumerate(lines, 1) if word and word in line), None)
-    return name if found is None else f"{name}:{found}"
+    number = next((i for word in words for i, line in enumerate(lines, 1) if word and word in line), None)
+    return name if number is None else f"{name}:{number}"

@@ -76,7 +76,7 @@ class SphericalJoints:
 
     def merged(self, names: Iterable[str]) -> tuple[str, ...]:
         """Return names of joints of the successive model with the ball joints in place of those that they replace."""
-        ball = {self.successive.names[j]: name for name, one in self._balls.items() for j in one.joints}
+        ball = {self.successive.names[j]: name for name, triple in self._balls.items() for j in triple.joints}
         return tuple(dict.fromkeys(ball.get(name, name) for name in names))
 
     @property
@@ -101,29 +101,29 @@ class SphericalJoints:
 
     def from_successive(self, q: Array) -> Array:
         """Return the configuration (nq,) of the model for one of the successive model."""
-        found = np.array(pin.neutral(self.model))
+        configuration = np.array(pin.neutral(self.model))
         for new, old, count in self._scalar:
-            found[new : new + count] = q[old : old + count]
+            configuration[new : new + count] = q[old : old + count]
         pin.forwardKinematics(self.successive, self._data, np.asarray(q, dtype=float))
         for name, ball in self._balls.items():
             parent = self._data.oMi[self.successive.parents[ball.joints[0]]] * ball.placement
             rotation = parent.rotation.T @ self._data.oMi[ball.joints[2]].rotation
             at = self.model.joints[self.model.getJointId(name)].idx_q
-            found[at : at + 4] = pin.Quaternion(rotation).normalized().coeffs()
-        return found
+            configuration[at : at + 4] = pin.Quaternion(rotation).normalized().coeffs()
+        return configuration
 
     def to_successive(self, q: Array) -> Array:
         """Return a configuration of the successive model for one (nq,) of the model; at gimbal lock the third angle of
         a ball joint is 0."""
-        found = np.zeros(self.successive.nq)
+        configuration = np.zeros(self.successive.nq)
         for new, old, count in self._scalar:
-            found[old : old + count] = q[new : new + count]
+            configuration[old : old + count] = q[new : new + count]
         for name, ball in self._balls.items():
             at = self.model.joints[self.model.getJointId(name)].idx_q
             rotation = pin.Quaternion(np.array(q[at : at + 4])).normalized().matrix()
             for joint, angle in zip(ball.joints, ball.angles(rotation), strict=True):
-                found[self.successive.joints[joint].idx_q] = angle
-        return found
+                configuration[self.successive.joints[joint].idx_q] = angle
+        return configuration
 
 
 class _Ball:

@@ -63,11 +63,11 @@ def _is_body(frame: pin.Frame) -> bool:
 
 def _apart(points: list[Array], radius: float) -> list[Array]:
     """Return the points that are neither at the origin nor repeated."""
-    found: list[Array] = []
+    apart: list[Array] = []
     for point in points:
-        if np.linalg.norm(point) > radius and all(np.linalg.norm(point - other) > 0.1 * radius for other in found):
-            found.append(point)
-    return found
+        if np.linalg.norm(point) > radius and all(np.linalg.norm(point - other) > 0.1 * radius for other in apart):
+            apart.append(point)
+    return apart
 
 
 def _along(direction: Array, centre: Array) -> pin.SE3:

@@ -118,8 +118,8 @@ class Structure:
     def passive_rank(self) -> int:
         """The generic rank of these columns of the loops' Jacobian: their number, unless there are joints that neither
         actuated joints nor loops determine."""
-        found = (closure.rank(self.system.evaluate(q)[1][:, self.passive_columns]) for q in self.samples)
-        return max(found) if self.mechanism.is_constrained else 0
+        ranks = (closure.rank(self.system.evaluate(q)[1][:, self.passive_columns]) for q in self.samples)
+        return max(ranks) if self.mechanism.is_constrained else 0
 
     @cached_property
     def idle(self) -> tuple[Spin, ...]:
@@ -210,12 +210,12 @@ class Structure:
         groups = zip(linked(self.system.columns), whole.cluster_ranks, strict=True)
         left = [(members, rank) for (members, columns), rank in groups if not locked.issuperset(columns.tolist())]
         kept = {i for members, _ in left for i in members}
-        found = replace(
+        mechanism = replace(
             whole,
             model=model,
             loops=tuple(loop for i, loop in enumerate(whole.loops) if i in kept),
-            couplings=tuple(one for i, one in enumerate(whole.couplings, len(whole.loops)) if i in kept),
+            couplings=tuple(coupling for i, coupling in enumerate(whole.couplings, len(whole.loops)) if i in kept),
             cluster_ranks=tuple(rank for _, rank in left),
         )
-        found.structure._derived.update({compute: self.derived(compute) for compute in unaffected})
-        return found
+        mechanism.structure._derived.update({compute: self.derived(compute) for compute in unaffected})
+        return mechanism

@@ -130,9 +130,9 @@ def kinematics(tree: Any) -> str:
         kept = etree.SubElement(robot, "joint", name=joint.get("name"), type=joint.get("type"))
         moves = joint.get("type") in ("revolute", "continuous", "prismatic")
         for word in ("parent", "child", "origin", *(("axis", "limit") if moves else ())):
-            found = joint.find(word)
-            if found is not None:
-                kept.append(copy.deepcopy(found))
+            child = joint.find(word)
+            if child is not None:
+                kept.append(copy.deepcopy(child))
     for element in robot.iter("origin", "mass", "inertia", "axis", "limit"):
         for word, value in element.items():
             element.set(word, " ".join(value.split()))  # urdfdom refuses "3.3 "
@@ -180,10 +180,10 @@ def _completed(declared: Mapping[str, Any], entry: Mapping[str, Any], name: str)
         LoadError: the entry gives other limits.
     """
     for key in ("limits", "velocity"):
-        here, there = (None if one is None else np.atleast_1d(one).tolist() for one in (entry.get(key), declared[key]))
-        if key in entry and here != there:
+        value, urdf = (None if x is None else np.atleast_1d(x).tolist() for x in (entry.get(key), declared[key]))
+        if key in entry and value != urdf:
             what = (
-                f"{key} of joint '{entry['name']}' are {here or 'none'} in the constraints and {there or 'none'} in the"
+                f"{key} of joint '{entry['name']}' are {value or 'none'} in the constraints and {urdf or 'none'} in the"
             )
             raise LoadError(f"{name}: {what} URDF, where they belong: remove them from the constraints")
     return {**entry, **declared, "home": entry.get("home", declared["home"])}

@@ -74,26 +74,26 @@ def _compare(original: Any, ours: Mechanism, direct: Mechanism, imported: RaffIm
     """Return differences of Pinocchio's model and a mechanism made of RAFF; and of the latter's home and the URDF's."""
     pairs = [
         (
-            original.joints[original.getJointId(own)],
+            original.joints[original.getJointId(theirs)],
             ours.model.joints[ours.model.getJointId(name)],
             imported.offsets[name],
         )
-        for own, name in imported.joints.items()
+        for theirs, name in imported.joints.items()
     ]
     columns = [joint.idx_v for joint, _, _ in pairs], [joint.idx_v for _, joint, _ in pairs]
-    frames = {one.name: i for i, one in enumerate(original.frames) if one.type == pin.FrameType.BODY}
+    frames = {entry.name: i for i, entry in enumerate(original.frames) if entry.type == pin.FrameType.BODY}
     links = [(frames[link], ours.frame_id(node)) for link, node in imported.nodes.items() if link in frames]
     rng, worst = np.random.default_rng(0), np.zeros(3)
     for values in (np.zeros(len(pairs)), *rng.uniform(-math.pi, math.pi, (SAMPLES, len(pairs)))):
         q, p = pin.neutral(original), pin.neutral(ours.model)
-        for (own, our, offset), value in zip(pairs, values, strict=True):
-            q[own.idx_q : own.idx_q + own.nq] = value if own.nq == 1 else (math.cos(value), math.sin(value))
+        for (theirs, our, offset), value in zip(pairs, values, strict=True):
+            q[theirs.idx_q : theirs.idx_q + theirs.nq] = value if theirs.nq == 1 else (math.cos(value), math.sin(value))
             p[our.idx_q] = value + offset
-        there, here = _evaluate(original, q), _evaluate(ours.model, p)
-        found = [
+        known, made = _evaluate(original, q), _evaluate(ours.model, p)
+        errors = [
             (
-                np.abs(there.oMf[i].homogeneous - here.oMf[j].homogeneous).max(),
-                np.abs(_jacobian(original, there, i, columns[0]) - _jacobian(ours.model, here, j, columns[1])).max(
+                np.abs(known.oMf[i].homogeneous - made.oMf[j].homogeneous).max(),
+                np.abs(_jacobian(original, known, i, columns[0]) - _jacobian(ours.model, made, j, columns[1])).max(
                     initial=0.0
                 ),
             )
@@ -101,14 +101,14 @@ def _compare(original: Any, ours: Mechanism, direct: Mechanism, imported: RaffIm
         ]
         masses = [
             _masses(model, data, of)
-            for model, data, of in ((original, there, columns[0]), (ours.model, here, columns[1]))
+            for model, data, of in ((original, known, columns[0]), (ours.model, made, columns[1]))
         ]
         scale = np.abs(masses[0]).max(initial=0.0) or 1.0
-        worst = np.maximum(worst, [*np.max(found, axis=0), np.abs(masses[0] - masses[1]).max(initial=0.0) / scale])
+        worst = np.maximum(worst, [*np.max(errors, axis=0), np.abs(masses[0] - masses[1]).max(initial=0.0) / scale])
     q, p = ours.q_home, direct.q_home
     home = [
-        abs(q[ours.q_index(name)] - p[direct.q_index(own)] - imported.offsets[name])
-        for own, name in imported.joints.items()
+        abs(q[ours.q_index(name)] - p[direct.q_index(theirs)] - imported.offsets[name])
+        for theirs, name in imported.joints.items()
     ]
     frame, jacobian, mass = worst.tolist()
     return Validation(len(pairs), frame, jacobian, mass, max(home, default=0.0))

@@ -101,7 +101,7 @@ class _AnyBody(FunctionTranslation):
         if fixed is not None:
             return self._arithmetic.constant(fixed)
         if field.shape is not None:
-            shape = tuple(self._size(owner, one) for one in field.shape)
+            shape = tuple(self._size(owner, count) for count in field.shape)
             return View(table_of(field.dtype), self._integer_of(owner, name), shape)
         number = kind_of(table_of(field.dtype))
         if kind is PageMemory and is_parameter(field, name):
@@ -113,9 +113,9 @@ class _AnyBody(FunctionTranslation):
             size = MOST_TASKS
         if isinstance(size, int):
             return self._arithmetic.constant(size)
-        found = self._field(owner, size)
-        assert isinstance(found, Number)
-        return found
+        number = self._field(owner, size)
+        assert isinstance(number, Number)
+        return number
 
     def _integer_of(self, owner: Memories, name: str) -> Number:
         """Return the expression of an array's position."""
@@ -137,8 +137,8 @@ class _AnyBody(FunctionTranslation):
 @cache
 def _several(kind: type[Memory]) -> tuple[Memory, ...]:
     """Return what stands for several memories of a kind."""
-    one = kind()
-    return one, one
+    memory = kind()
+    return memory, memory
 
 
 def _symbol(kind: type[Memory], name: str) -> str:
@@ -172,7 +172,7 @@ def _translation() -> _Translation:
         f"const {{ {', '.join(names)} }} = symbols;",
         "const least = (a, b) => b < a ? b : a;",
         "const most = (a, b) => b > a ? b : a;",
-        *(line.lstrip() for one in translation.functions for line in one.lines if not line.startswith(("/*", " *"))),
+        *(line.lstrip() for code in translation.functions for line in code.lines if not line.startswith(("/*", " *"))),
         "return {",
         *(f"  {kernel.__name__}: {translation.name_of(kernel)}," for kernel in ENTRIES),
         "};",

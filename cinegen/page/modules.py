@@ -25,15 +25,15 @@ _COMMENT = re.compile(r"^[ \t]*(?:/\*\*(?:(?!\*/).)*\*/|//[^\n]*)[ \t]*\n", re.M
 """A comment that has its lines to itself. No text of several lines in the modules has such lines."""
 
 
-def import_map(given: Mapping[str, str]) -> dict[str, str]:
+def import_map(further: Mapping[str, str]) -> dict[str, str]:
     """Return the addresses of all modules of the page by name.
 
     Args:
-        given: texts of further modules, which import nothing, by name.
+        further: texts of further modules, which import nothing, by name.
     """
-    found = {_name(path): text for path, text in _modules()}
-    found["three"] = source("cinegen/cockpit/static/base/three.js")
-    return {name: _address(text) for name, text in (found | dict(given)).items()}
+    texts = {_name(path): text for path, text in _modules()}
+    texts["three"] = source("cinegen/cockpit/static/base/three.js")
+    return {name: _address(text) for name, text in (texts | dict(further)).items()}
 
 
 def _modules() -> Iterator[tuple[str, str]]:

@@ -45,7 +45,7 @@ def robot_tables(mechanism: Mechanism, rate: float) -> dict[str, Any]:
 
 def _values(memory: Memory) -> dict[str, Any]:
     """Return the fields of a memory that kernels use and that are not as they are without this."""
-    found, kind = dict[str, Any](), type(memory)
+    values, kind = dict[str, Any](), type(memory)
     for name, value in FOLDED[kind].items():
         assert getattr(memory, name) == value, name
     for name, field in used_fields()[kind].items():
@@ -53,10 +53,10 @@ def _values(memory: Memory) -> dict[str, Any]:
         if field.shape is not None:
             numbers = np.asarray(value).ravel().tolist()
             if any(numbers):
-                found[name] = [_number(one) for one in numbers]
+                values[name] = [_number(number) for number in numbers]
         elif value != field.default and not (math.isnan(value) and math.isnan(field.default)):
-            found[name] = _number(value)
-    return found
+            values[name] = _number(value)
+    return values
 
 
 def _number(value: float) -> float | str:

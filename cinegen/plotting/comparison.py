@@ -46,38 +46,38 @@ def draw_comparison(
     Raises:
         MapError: they are not maps; or can't be compared, see `compare`; or one does not have that quantity.
     """
-    one, other = (open_map(of) if isinstance(of, str | Path) else of for of in (first, second))
-    found, spec = compare(one, other), specification_of(one)
-    known = tuple(found.differences)
+    first, second = (open_map(of) if isinstance(of, str | Path) else of for of in (first, second))
+    compared, spec = compare(first, second), specification_of(first)
+    known = tuple(compared.differences)
     if quantity is None:
         quantity = "sigma_1" if "sigma_1" in known else next(iter(known), None)
     elif quantity not in known:
         raise MapError(f"the maps don't both have '{quantity}'{did_you_mean(quantity, known)}")
-    figure = (_over_one if len(found.region.axes) == 1 else _over_two)(found, spec, quantity, size)
+    figure = (_over_one if len(compared.region.axes) == 1 else _over_two)(compared, spec, quantity, size)
     return finish(figure)
 
 
-def _classes(found: Comparison) -> list[tuple[Bools, str, str]]:
+def _classes(compared: Comparison) -> list[tuple[Bools, str, str]]:
     """Return cells, their colour and their label."""
-    (one, other), names = found.cells, found.names
-    return [(~one & ~other, OUT, "neither"), (one & ~other, FIRST, f"only {names[0]}"),
-            (other & ~one, SECOND, f"only {names[1]}"), (one & other, BOTH, "both")]  # fmt: skip
+    (first, second), names = compared.cells, compared.names
+    return [(~first & ~second, OUT, "neither"), (first & ~second, FIRST, f"only {names[0]}"),
+            (second & ~first, SECOND, f"only {names[1]}"), (first & second, BOTH, "both")]  # fmt: skip
 
 
-def _extents(found: Comparison) -> str:
+def _extents(compared: Comparison) -> str:
     """Return the extents, in lines."""
-    texts = [f"{label} {extent_text(extent)}" for label, extent in found.extents.items()]
+    texts = [f"{label} {extent_text(extent)}" for label, extent in compared.extents.items()]
     return "\n".join("; ".join(part) for part in (texts[:2], texts[2:4], texts[4:]))
 
 
-def _over_one(found: Comparison, spec: MapSpecification, name: str | None, size: float) -> Figure:
-    line, tall, text = Line(replace(spec, region=found.region)), 0.3 * size, ""
-    figure, body = sheet(0.6 * size, tall, " and ".join(found.names), _extents(found))
+def _over_one(compared: Comparison, spec: MapSpecification, name: str | None, size: float) -> Figure:
+    line, tall, text = Line(replace(spec, region=compared.region)), 0.3 * size, ""
+    figure, body = sheet(0.6 * size, tall, " and ".join(compared.names), _extents(compared))
     axes = body.add_subplot()
-    for cells, colour, title in _classes(found):
+    for cells, colour, title in _classes(compared):
         line.fill(axes, cells, colour, title, _PALE)
     if name is not None:
-        difference = found.differences[name]
+        difference = compared.differences[name]
         line.curve(axes, difference.values, color=INK)
         axes.axhline(0.0, color=INK, linewidth=0.5)
         text = differing(difference.description, difference.unit, name, difference.values).text
@@ -85,21 +85,21 @@ def _over_one(found: Comparison, spec: MapSpecification, name: str | None, size:
     return figure
 
 
-def _over_two(found: Comparison, spec: MapSpecification, name: str | None, size: float) -> Figure:
-    region, cut = found.region, found.region.axes[2:]
+def _over_two(compared: Comparison, spec: MapSpecification, name: str | None, size: float) -> Figure:
+    region, cut = compared.region, compared.region.axes[2:]
     at = {axis.name: float(axis.middles()[axis.count // 2]) for axis in cut}
     middle: Any = (slice(None), slice(None), *(axis.count // 2 for axis in cut))
     plane = Plane(replace(spec, region=replace(region, axes=region.axes[:2], at={**region.at, **at})))
     wide, tall = plane.paper(size / 2.0)
-    text, panels = _extents(found), 1 if name is None else 2
+    text, panels = _extents(compared), 1 if name is None else 2
     if at:
-        text += f" in all; at {', '.join(coordinate_text(spec.mechanism, *one) for one in at.items())}"
+        text += f" in all; at {', '.join(coordinate_text(spec.mechanism, *pair) for pair in at.items())}"
     if name is not None:
-        difference = found.differences[name]
-        text += f"\n{pretty(name)}, {found.names[1]} minus {found.names[0]}: {difference.text.replace('-', '−')}"
-    figure, body = sheet(wide * panels, tall, " and ".join(found.names), text)
+        difference = compared.differences[name]
+        text += f"\n{pretty(name)}, {compared.names[1]} minus {compared.names[0]}: {difference.text.replace('-', '−')}"
+    figure, body = sheet(wide * panels, tall, " and ".join(compared.names), text)
     axes = body.add_subplot(1, panels, 1, projection=plane.projection)
-    for cells, colour, title in _classes(found):
+    for cells, colour, title in _classes(compared):
         plane.fill(axes, cells[middle], colour, title)
     plane.dress(axes)
     if name is not None:

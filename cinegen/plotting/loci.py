@@ -42,7 +42,7 @@ def draw_loci(loci: SingularLoci, size: float = 7.0, name: str | None = None) ->
     scales, units = zip(*(user_scale(mechanism, name) for name in names), strict=True)
     robot = name or mechanism.name
     subject = "singularities over actuated joints" if slice_.over_joints else f"singularities of {slice_.node}"
-    fixed = [coordinate_text(mechanism, *one) for one in slice_.given(*start).items() if one[0] not in names]
+    fixed = [coordinate_text(mechanism, *pair) for pair in slice_.given(*start).items() if pair[0] not in names]
     figure, body = sheet(size, 0.8 * size, f"{robot}: {subject}", ", ".join(fixed))
     axes = body.add_subplot()
     u, v = loci.u * scales[0], loci.v * scales[1]

@@ -74,7 +74,7 @@ def draw_map(
     dataset = dataset.transpose(*spec.region.names, ...)
     values = values_of(dataset, shown)
     picture = _Picture(dataset, spec, values, shades(dataset, shown, values), curves, robot)
-    first, second = _heading(spec, name), _given(spec, text)
+    first, second = _heading(spec, name), _fixed(spec, text)
     figure = (picture.over_one, picture.over_two, picture.over_three)[len(spec.region.axes) - 1](size, first, second)
     return finish(figure)
 
@@ -131,14 +131,14 @@ class _Picture:
         paint_solid(left.add_subplot(projection="3d"), self.spec, reached, self.values, self.look)
         mesh: Any = None
         shared: dict[str, Axes] = {}
-        for k, (number, (part, there)) in enumerate(zip(numbers, slices, strict=True)):
-            plane = Plane(there)
+        for k, (number, (part, cut)) in enumerate(zip(numbers, slices, strict=True)):
+            plane = Plane(cut)
             axes = right.add_subplot(rows, columns, k + 1, projection=plane.projection, **shared)
             shared = plane.sharing(axes)
             mesh = self._panel(plane, axes, part, self.values[:, :, number], 1.2)
             plane.dress(axes, quiet=True)
             axes.label_outer()
-            title = coordinate_text(there.mechanism, across.name, there.region.at[across.name])
+            title = coordinate_text(cut.mechanism, across.name, cut.region.at[across.name])
             axes.set_title(title, fontsize="small", color=INK)
         bar(right, mesh, right.axes, self.look, tall)
         return figure
@@ -172,13 +172,13 @@ def _heading(spec: MapSpecification, name: str | None = None) -> str:
     return f"{robot}: over {', '.join(spec.region.names)}" if spec.over_joints else f"{robot}: reach of {spec.node}"
 
 
-def _given(spec: MapSpecification, text: str) -> str:
+def _fixed(spec: MapSpecification, text: str) -> str:
     """Return the fixed coordinates, followed by a text."""
     region = spec.region
-    parts = [coordinate_text(spec.mechanism, *one) for one in region.at.items()]
+    parts = [coordinate_text(spec.mechanism, *pair) for pair in region.at.items()]
     if any(name in SPHERICAL for name in (*region.names, *region.at)):
         centre = zip("xyz", region.centre or (0.0,) * 3, strict=True)
-        parts.append(f"seen from {', '.join(coordinate_text(spec.mechanism, *one) for one in centre)}")
+        parts.append(f"seen from {', '.join(coordinate_text(spec.mechanism, *pair) for pair in centre)}")
     if not spec.over_joints and not (spec.rotation == 3 and any(name in POSE[3:] for name in region.at)):
         parts.append(_ROTATIONS[spec.rotation])
     if not spec.limits:

@@ -114,7 +114,7 @@ def _write(figure: Figure, blocks: list[Bbox], modes: AssemblyModes, node: str, 
         put(left + 0.28, above, f"{position} {unit}", color=FAINT, fontsize=7)
         put(right, above, ", ".join(notes), color=END, fontsize=7, ha="right")
     claim = "All there are" + ", with probability one" * modes.almost_surely if modes.complete else "There may be more"
-    found = f"{claim}: {modes.method}"
+    sentence = f"{claim}: {modes.method}"
     if max(modes.coincident) > 1:
-        found = "×2: two solutions coincide. " + found
-    put(_MARGIN, 0.42, "\n".join(textwrap.wrap(found, int(wide * _LETTERS))[:2]), color=FAINT, fontsize=7, va="top")
+        sentence = "×2: two solutions coincide. " + sentence
+    put(_MARGIN, 0.42, "\n".join(textwrap.wrap(sentence, int(wide * _LETTERS))[:2]), color=FAINT, fontsize=7, va="top")

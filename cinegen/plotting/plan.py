@@ -125,7 +125,7 @@ class _Layout:
         """Return the bounds of the robot's motion, and of the obstacles near it."""
         ends = [np.vstack([scene.goal.translation, self.trace])]
         for q in self.path[self.moments]:
-            ends += [_box(*one) for one in zip(self.robot, self.placements(q), strict=True)]
+            ends += [_box(*pair) for pair in zip(self.robot, self.placements(q), strict=True)]
         low, high = np.vstack(ends).min(axis=0), np.vstack(ends).max(axis=0)
         beyond = _BEYOND * float((high - low).max())
         bodies = [body for obstacle in scene.obstacles for body in obstacle.bodies if np.isfinite(body.radius)]
@@ -237,10 +237,10 @@ def _covered(body: Body, view: Array, shown: Array, growth: float) -> Array:
     edge-on."""
     if np.isfinite(body.radius):
         return outline(body, pin.SE3.Identity(), view, growth)
-    found = edge(body, view)
-    if found is None:
+    line = edge(body, view)
+    if line is None:
         return np.zeros((0, 2))
-    (normal, offset), middle = found, shown.mean(axis=0)
+    (normal, offset), middle = line, shown.mean(axis=0)
     far = float(np.linalg.norm(np.ptp(shown, axis=0)))
     ahead = min(offset + growth - float(normal @ middle), far)  # of the middle of the picture
     if 2.0 * ahead <= -float(np.abs(normal) @ np.ptp(shown, axis=0)):
@@ -317,9 +317,9 @@ def outline(body: Body, placement: pin.SE3, view: Array, margin: float = 0.0) ->
     flat = points @ view.T
     angles = np.arange(_DIRECTIONS) * (2.0 * np.pi / _DIRECTIONS)
     directions = np.column_stack([np.cos(angles), np.sin(angles)])
-    found = flat[(directions @ flat.T).argmax(axis=1)] + (radius + margin) * directions
-    new = (found != np.roll(found, 1, axis=0)).any(axis=1)
-    return np.asarray(found[new] if new.any() else found[:1])
+    corners = flat[(directions @ flat.T).argmax(axis=1)] + (radius + margin) * directions
+    new = (corners != np.roll(corners, 1, axis=0)).any(axis=1)
+    return np.asarray(corners[new] if new.any() else corners[:1])
 
 
 def edge(body: Body, view: Array) -> tuple[Array, float] | None:

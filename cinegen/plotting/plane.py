@@ -193,7 +193,7 @@ class Plane:
 
     def _drawn(self, values: Iterable[Array]) -> tuple[Array, Array]:
         """Return values along both axes in the picture."""
-        u, v = (one * scale - middle for one, scale, middle in zip(values, self.scales, self._middle, strict=True))
+        u, v = (value * scale - middle for value, scale, middle in zip(values, self.scales, self._middle, strict=True))
         return u, v
 
     # --- robot ---------------------------------------------------------------------------------------------------
@@ -256,15 +256,15 @@ def _is_round(region: Region) -> bool:
 def _jumps(shown: Array) -> Bools:
     """Return (m, n) the cells with a neighbour of quite another value, all from 0 to 1: further away than in a steep
     part, where the next steps are steep too."""
-    found = np.zeros(shown.shape, dtype=bool)
+    jumps = np.zeros(shown.shape, dtype=bool)
     for axis in (0, 1):
         steps = np.nan_to_num(np.moveaxis(np.abs(np.diff(shown, axis=axis)), axis, 0))
         around = np.pad(steps, ((1, 1), (0, 0)))
         far = (steps > _JUMP) & (steps > _STEEP * np.maximum(around[:-2], around[2:]))
-        along = np.moveaxis(found, axis, 0)
+        along = np.moveaxis(jumps, axis, 0)
         along[1:] |= far
         along[:-1] |= far
-    return found
+    return jumps
 
 
 def _contrasting(shades: Shades, level: float) -> str:

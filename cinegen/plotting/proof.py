@@ -23,10 +23,10 @@ def draw_proof(proof: Proof, size: float = 6.0, name: str = "") -> Figure:
         name: of the robot, in the title.
     """
     names, ends = list(proof.region), [list(range_) for range_ in proof.region.values()]
-    scales = [math.degrees(1.0) if one.startswith("r") else 1.0 for one in names]
+    scales = [math.degrees(1.0) if coordinate.startswith("r") else 1.0 for coordinate in names]
     others = [
-        f"{one} = {0.5 * (low + high) * scale:.4g}{_unit(one)}"
-        for one, (low, high), scale in list(zip(names, ends, scales, strict=True))[2:]
+        f"{coordinate} = {0.5 * (low + high) * scale:.4g}{_unit(coordinate)}"
+        for coordinate, (low, high), scale in list(zip(names, ends, scales, strict=True))[2:]
     ]
     text = "; ".join([proof.message, ", ".join(others)] if others else [proof.message])
     low, high = ([end * scale for end, scale in zip(part, scales, strict=True)] for part in zip(*ends, strict=True))

@@ -114,9 +114,9 @@ def shades(dataset: xarray.Dataset, name: str, values: Array) -> Shades:
     known = values[np.isfinite(values)]
     viridis = matplotlib.colormaps["viridis"]
     if name == "status":
-        there = [status for status in CellStatus if (values == status).any()]
-        labels = [status.label.replace(" (", "\n(") for status in there]
-        return _classes(name, text, [_STATUSES[status] for status in there], labels, np.array(there, float))
+        present = [status for status in CellStatus if (values == status).any()]
+        labels = [status.label.replace(" (", "\n(") for status in present]
+        return _classes(name, text, [_STATUSES[status] for status in present], labels, np.array(present, float))
     if name == "reachable":
         return _classes(name, text, [REACHABLE], ["reachable"], np.ones(1))
     if name == "solutions":

@@ -56,7 +56,7 @@ def new_figure(**settings: Any) -> Figure:
 
 def _without_formulas(figure: Any) -> None:
     """Show all texts as they are, but for the powers that matplotlib writes at logarithmic scales."""
-    axes = [axis for one in figure.axes for axis in (one.xaxis, one.yaxis) if axis.get_scale() == "log"]
+    axes = [axis for panel in figure.axes for axis in (panel.xaxis, panel.yaxis) if axis.get_scale() == "log"]
     powers = {text for axis in axes for text in axis.get_ticklabels(which="both")}
     for text in set(figure.findobj(Text)) - powers:
         text.set_parse_math(False)
@@ -152,14 +152,14 @@ def round_length(metres: float) -> float:
 
 def wrapped(text: str, room: float, points: float, weight: str = "normal") -> str:
     """Return a text wrapped to lines of at most `room` inches."""
-    found: list[str] = []
+    lines: list[str] = []
     for line in text.split("\n"):
         letters, parts = len(line), [line]
         while (wide := max(_inches(part, points, weight) for part in parts)) > room and letters > 1:
             letters = max(1, min(letters - 1, int(letters * room / wide)))
             parts = textwrap.wrap(line, letters) or [""]
-        found += parts
-    return "\n".join(found)
+        lines += parts
+    return "\n".join(lines)
 
 
 def _inches(line: str, points: float, weight: str = "normal") -> float:

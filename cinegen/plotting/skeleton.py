@@ -77,7 +77,7 @@ class Pose:
     @property
     def points(self) -> Array:
         """(n, 3) all of them."""
-        parts, slides = ([one.points for one in group] for group in (self.parts, self.slides))
+        parts, slides = ([part.points for part in group] for group in (self.parts, self.slides))
         return np.vstack([*parts, *slides, self.end[None]])
 
 
@@ -139,11 +139,11 @@ class Skeleton:
         for loop in self.mechanism.loops:
             if loop.kind is LoopKind.RIGID:
                 new, old = part[self._body(loop.first)], part[self._body(loop.second)]
-                part = [new if one == old else one for one in part]
-        found: dict[int, list[int]] = {}
+                part = [new if number == old else number for number in part]
+        groups: dict[int, list[int]] = {}
         for body in range(self._base, model.njoints):  # the world around a floating base is not drawn
-            found.setdefault(part[body], []).append(body)
-        return list(found.values())
+            groups.setdefault(part[body], []).append(body)
+        return list(groups.values())
 
     def _fixed(self, bodies: list[int]) -> list[_Fixed]:
         """Return the parts that are drawn for bodies that are fixed to each other: a plate between joints that are

@@ -60,8 +60,8 @@ def net(cells: Bools, rounds: int = _ROUNDS) -> Net:
     filled, unit = np.pad(cells, 1), np.eye(3, dtype=int)
     corners, insides, outsides = [], [], []
     for axis in range(3):
-        one, other = unit[(axis + 1) % 3], unit[(axis + 2) % 3]
-        ring = np.array([-one - other, -other, 0 * one, -one])  # the corners around a face, seen along the axis
+        right, up = unit[(axis + 1) % 3], unit[(axis + 2) % 3]
+        ring = np.array([-right - up, -up, 0 * right, -right])  # the corners around a face, seen along the axis
         for step, order in ((unit[axis], ring), (-unit[axis], ring[::-1])):
             inside = np.argwhere(filled & ~np.roll(filled, -step, axis=(0, 1, 2)))
             corners.append((inside + np.minimum(step, 0))[:, None] + order)
@@ -110,7 +110,7 @@ def paint_solid(axes: Any, spec: MapSpecification, reached: Bools, values: Array
     def points_of(cells: Array) -> Array:
         """Return points (n, 3), m and degrees, for positions (n, 3) in cells."""
         within = np.clip(cells * strides + 0.5 * (np.array(strides) - 1.0), -0.5, np.array(region.shape) - 0.5)
-        values = np.column_stack([one.low + (within[:, k] + 0.5) * one.width for k, one in enumerate(region.axes)])
+        values = np.column_stack([span.low + (within[:, k] + 0.5) * span.width for k, span in enumerate(region.axes)])
         return np.asarray((region.poses(spec.home, values)[0] if spherical else values) * scales)
 
     borders, middles = points_of(net(reached, 0).points), points_of(np.argwhere(reached).astype(float))
@@ -131,9 +131,9 @@ def paint_solid(axes: Any, spec: MapSpecification, reached: Bools, values: Array
     sizes = high - low if len(set(units)) == 1 else np.ones(3)
     sizes = np.maximum(sizes / sizes.max(), _FLATTEST)
     axes.set_box_aspect(sizes, zoom=0.84)
-    for axis, one, other, size in zip((axes.xaxis, axes.yaxis, axes.zaxis), low, high, sizes, strict=True):
-        room = _ROOM * (other - one)
-        axis._set_lim(one - room, other + room, auto=False)
+    for axis, least, most, size in zip((axes.xaxis, axes.yaxis, axes.zaxis), low, high, sizes, strict=True):
+        room = _ROOM * (most - least)
+        axis._set_lim(least - room, most + room, auto=False)
         axis.set_major_locator(MaxNLocator(max(1, round(_TICKS * size))))
 
 

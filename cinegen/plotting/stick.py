@@ -83,7 +83,7 @@ def paint(axes: Axes, pose: Pose, view: Projection, pen: Pen | None = None) -> N
         dots(slide.points, "white", INK, pen.dot, lift)
     dots(pose.actuated, ACTUATED, ACTUATED, 1.3 * pen.dot, 1.5 * lift)
     dots(pose.end[None], END, END, pen.dot, 2.0 * lift)
-    for rank, (_, artist) in enumerate(sorted(painted, key=lambda one: one[0])):
+    for rank, (_, artist) in enumerate(sorted(painted, key=lambda pair: pair[0])):
         artist.set_zorder(2.0 + 1e-3 * rank)
         axes.add_artist(artist)
 

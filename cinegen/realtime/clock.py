@@ -231,11 +231,11 @@ class Clock:
     ) -> None:
         try:
             self.stop()
-        except Exception as own:
+        except Exception as failure:
             if error is None:
                 raise
-            error.add_note(f"A clock's loop had also ended by {own!r}")
-            logging.getLogger("cinegen").error("a clock's loop was ended by an exception", exc_info=own)
+            error.add_note(f"A clock's loop had also ended by {failure!r}")
+            logging.getLogger("cinegen").error("a clock's loop was ended by an exception", exc_info=failure)
 
     # --- while a loop runs -------------------------------------------------------------------------------------------
 

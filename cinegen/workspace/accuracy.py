@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -30,18 +30,18 @@ _SAME = 1e-9  # m, rad
 def accuracy(cells: Cells) -> Array:
     """Return (n,) the root mean square error of the node's position by the tolerances, m; NaN at singularities of type
     2, where it has no bound."""
-    found, q = np.full(len(cells.status), np.nan), cells.evaluations.q
+    errors, q = np.full(len(cells.status), np.nan), cells.evaluations.q
     known = np.isfinite(q).all(axis=1)
     if known.any():
-        found[known] = _tolerances_of(cells.spec).accuracy(q[known], cells.spec.node)
-    return found
+        errors[known] = _tolerances_of(cells.spec).accuracy(q[known], cells.spec.node)
+    return errors
 
 
 @lru_cache(maxsize=2)
 def _tolerances_of(spec: MapSpecification) -> Tolerances:
-    given: Mapping[str, Any] = spec.tolerances
-    document = parse(given["raff"], spec.mechanism.source.name)
-    return Tolerances(document, given.get("sigma"), given.get("play"), given.get("encoder"), robot=spec.mechanism.name)
+    document = parse(spec.tolerances["raff"], spec.mechanism.source.name)
+    sigma, play, encoder = (spec.tolerances.get(key) for key in ("sigma", "play", "encoder"))
+    return Tolerances(document, sigma, play, encoder, robot=spec.mechanism.name)
 
 
 def check_tolerances(spec: MapSpecification, wanted: Collection[str]) -> None:
@@ -59,9 +59,9 @@ def check_tolerances(spec: MapSpecification, wanted: Collection[str]) -> None:
         raise MapError(f"{ACCURACY} takes tolerances: give them (--sigma 'link*.d=0.05mm', --play, --encoder)")
     if "raff" not in spec.tolerances or set(spec.tolerances) - set(KEYS):
         raise MapError(f"tolerances have the keys {', '.join(KEYS)}, not {', '.join(map(str, spec.tolerances))}")
-    own, other = spec.mechanism, _tolerances_of(spec).design.mechanism
-    same = own.joints == other.joints and own.actuated == other.actuated and own.nodes == other.nodes
-    if not same or np.abs(own.q_home - other.q_home).max(initial=0.0) > _SAME:
+    robot, other = spec.mechanism, _tolerances_of(spec).design.mechanism
+    same = robot.joints == other.joints and robot.actuated == other.actuated and robot.nodes == other.nodes
+    if not same or np.abs(robot.q_home - other.q_home).max(initial=0.0) > _SAME:
         raise MapError(
-            f"{ACCURACY}: {own.name} is not as its RAFF file describes it: leave out options that change its loops"
+            f"{ACCURACY}: {robot.name} is not as its RAFF file describes it: leave out options that change its loops"
         )

@@ -70,16 +70,16 @@ class ByActuatedJoints:
         def solved(start: Array, cell: int) -> bool:
             if status[cell] == _REACHABLE:
                 return False
-            found = self._batch.follow(values[cell : cell + 1], start)
-            now = self._judged(found)[0]
+            evaluations = self._batch.follow(values[cell : cell + 1], start)
+            now = self._judged(evaluations)[0]
             if now == _REACHABLE or (now, status[cell]) == (_BEYOND_LIMITS, _OPEN):
                 status[cell] = now
                 for name in _FIELDS:
-                    getattr(done, name)[cell] = getattr(found, name)[0]
+                    getattr(done, name)[cell] = getattr(evaluations, name)[0]
             return bool(now == _REACHABLE)
 
-        def reach(here: int, cell: int) -> bool:
-            return solved(done.q[here], cell)
+        def reach(known: int, cell: int) -> bool:
+            return solved(done.q[known], cell)
 
         neighbours_of = near.tolist()
         flood(np.flatnonzero(status == _REACHABLE).tolist(), neighbours_of, reach)

@@ -195,14 +195,14 @@ class _Wavefront:
         for cell in left.tolist():
             if status[cell] != _NOT_EVALUATED:
                 continue
-            found = self._other_branch.get(cell)
-            if found is None:
+            solution = self._other_branch.get(cell)
+            if solution is None:
                 target = self.target(cell)
                 tries = (of.solve(target, start) for start in of.starts(target))
-                found = next((q for q in tries if q is not None), None)
-            if found is None:
+                solution = next((q for q in tries if q is not None), None)
+            if solution is None:
                 status[cell] = _NOT_FOUND
-            self._begin(cell, found)
+            self._begin(cell, solution)
         for cell in sorted(self._other_branch):
             if status[cell] == _NOT_FOUND:  # it was searched in vain before
                 self._begin(cell, self._other_branch[cell])
@@ -215,17 +215,17 @@ class _Wavefront:
         if cell not in self._dead_ends:
             flood([cell], self.near, self._reach)
 
-    def _reach(self, here: int, near: int) -> bool:
+    def _reach(self, cell: int, near: int) -> bool:
         if self.status[near] not in (_NOT_EVALUATED, _NOT_FOUND):
             return False
-        found = self.of.solve(self.target(near), self.q[here])
-        if found is None:
+        q = self.of.solve(self.target(near), self.q[cell])
+        if q is None:
             return False
-        if self.of.mechanism.distance(self.q[here], found) > JUMP:
-            self._other_branch.setdefault(near, found)
+        if self.of.mechanism.distance(self.q[cell], q) > JUMP:
+            self._other_branch.setdefault(near, q)
             return False
-        self.q[near], self.status[near] = found, _REACHABLE
-        self.sources.add(here)
+        self.q[near], self.status[near] = q, _REACHABLE
+        self.sources.add(cell)
         return near not in self._dead_ends
 
 
@@ -258,14 +258,14 @@ class _Solutions:
             for start in (*of.starts(target), *(of.local.random_start(rng) for _ in range(tries))):
                 self._note(cell, of.solve(target, start))
         while self._waiting:
-            here, number, q = self._waiting.popleft()
-            own = self._known[here]
-            others = of.apart(own[number], np.delete(own, number, axis=0), self._compared)
+            current, number, q = self._waiting.popleft()
+            solutions = self._known[current]
+            others = of.apart(solutions[number], np.delete(solutions, number, axis=0), self._compared)
             sure = _SURE * others.min(initial=JUMP)
-            for near in front.near[here]:
+            for near in front.near[current]:
                 if near < 0 or not len(self._known[near]):
                     continue
-                if of.apart(own[number], self._known[near], self._compared).min() > sure:
+                if of.apart(solutions[number], self._known[near], self._compared).min() > sure:
                     self._note(near, of.solve(front.target(near), q))
         return np.array([self._distinct(known) for known in self._known], dtype=np.int32)
 

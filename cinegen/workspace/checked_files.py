@@ -37,20 +37,20 @@ class CheckedFiles(LocalStore):
         """Return the same, without waiting."""
         return self._checked(key, super().get_sync(key, prototype=prototype, byte_range=byte_range))
 
-    def _checked(self, key: str, found: Buffer | None) -> Buffer | None:
+    def _checked(self, key: str, content: Buffer | None) -> Buffer | None:
         name, _, chunk = key.rpartition("/")
         index = chunk.split(".")
         if index[0] != "c":
-            return found
+            return content
         status = self.root / LAST / ".".join(index[: -1 if name == "configuration" else None])
-        if found is None and (name == LAST or not status.exists()):
+        if content is None and (name == LAST or not status.exists()):
             return None
-        if found is None or not is_sound(found.to_bytes()):
+        if content is None or not is_sound(content.to_bytes()):
             raise MapError(
-                f"{self.root / key} is {'missing' if found is None else 'damaged'}: repeat the command that made the "
+                f"{self.root / key} is {'missing' if content is None else 'damaged'}: repeat the command that made the "
                 f"map, which evaluates this chunk again; or delete {status}, which marks it as not evaluated"
             )
-        return found
+        return content
 
 
 def is_sound(data: bytes) -> bool:

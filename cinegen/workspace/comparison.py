@@ -107,13 +107,13 @@ class Comparison:
     @property
     def extents(self) -> dict[str, Extent]:
         """The extents by a label for people."""
-        one, other = self.names
-        return {one: self.first, other: self.second, f"only {one}": self.only_first,
-                f"only {other}": self.only_second, "both": self.both}  # fmt: skip
+        first, second = self.names
+        return {first: self.first, second: self.second, f"only {first}": self.only_first,
+                f"only {second}": self.only_second, "both": self.both}  # fmt: skip
 
     def __repr__(self) -> str:
-        one, other = (name[:50] for name in self.names)
-        return f"<Comparison of {one} and {other} on {self.region!r}>"
+        first, second = (name[:50] for name in self.names)
+        return f"<Comparison of {first} and {second} on {self.region!r}>"
 
     @property
     def _rows(self) -> dict[str, Extent | QuantityDifference]:
@@ -157,9 +157,9 @@ def compare(first: xarray.Dataset, second: xarray.Dataset) -> Comparison:
     Raises:
         MapError: they are over other coordinates, in other units, or have no cell in common.
     """
-    one, other = specification_of(first), specification_of(second)
-    region = _common(one, other)
-    unit = region.unit(one.mechanism)
+    spec, other = specification_of(first), specification_of(second)
+    region = _common(spec, other)
+    unit = region.unit(spec.mechanism)
     a, b = (_looked_up(dataset, region) for dataset in (first, second))
     in_a, in_b = a["reachable"].values, b["reachable"].values
     (a_low, a_high), (b_low, b_high) = (
@@ -167,7 +167,7 @@ def compare(first: xarray.Dataset, second: xarray.Dataset) -> Comparison:
         for cells in (a, b)
     )
     differences = {}
-    for name in one.quantities:
+    for name in spec.quantities:
         attributes = first[name].attrs
         if name not in other.quantities or attributes["units"] != second[name].attrs["units"]:
             continue
@@ -182,24 +182,24 @@ def compare(first: xarray.Dataset, second: xarray.Dataset) -> Comparison:
         "both": (in_a & in_b, a_low & b_low, a_high & b_high),
     }  # fmt: skip
     extents = {name: extent_of(region, unit, *part) for name, part in parts.items()}
-    cells, remarks = (in_a, in_b), _remarks(one, other)
-    units = region.units(one.mechanism)
+    cells, remarks = (in_a, in_b), _remarks(spec, other)
+    units = region.units(spec.mechanism)
     return Comparison(_names(first, second), region, units, cells, differences=differences, remarks=remarks, **extents)
 
 
-def _common(one: MapSpecification, other: MapSpecification) -> Region:
+def _common(spec: MapSpecification, other: MapSpecification) -> Region:
     """Return a grid that both maps fill.
 
     Raises:
         MapError: there is none.
     """
-    first, second = one.region, other.region
+    first, second = spec.region, other.region
     if set(first.names) != set(second.names):
         raise MapError(
             f"a map over {', '.join(first.names)} can't be compared with one over {', '.join(second.names)}: make both "
             "over the same coordinates"
         )
-    units = first.unit(one.mechanism), second.unit(other.mechanism)
+    units = first.unit(spec.mechanism), second.unit(other.mechanism)
     if units[0] != units[1]:
         raise MapError(f"one map's cells are measured in {units[0]}, the other's in {units[1]}: they can't be compared")
     radii = [region.at.get("radius") for region in (first, second)]
@@ -223,21 +223,21 @@ def _common(one: MapSpecification, other: MapSpecification) -> Region:
 def _looked_up(dataset: xarray.Dataset, common: Region) -> xarray.Dataset:
     """Return a map's values on a common grid: in each cell those of the map's cell that its middle is in."""
     middles = {axis.name: axis.middles() for axis in common.axes}
-    found: xarray.Dataset = dataset.drop_dims("joint").transpose(*common.names)
-    return found.sel(middles, method="nearest").load()
+    values: xarray.Dataset = dataset.drop_dims("joint").transpose(*common.names)
+    return values.sel(middles, method="nearest").load()
 
 
 def _names(first: xarray.Dataset, second: xarray.Dataset) -> tuple[str, str]:
     """Return the names of the robots where they are different, else of the files, else with their order."""
     robots = [str(dataset.attrs["robot"]) for dataset in (first, second)]
     files = [Path(dataset.encoding.get("source", "")).stem.removesuffix("-map") for dataset in (first, second)]
-    for one, other in (robots, files):
-        if one and other and one != other:
-            return one, other
+    for a, b in (robots, files):
+        if a and b and a != b:
+            return a, b
     return f"first {robots[0]}", f"second {robots[1]}"
 
 
-def _remarks(one: MapSpecification, other: MapSpecification) -> tuple[str, ...]:
+def _remarks(spec: MapSpecification, other: MapSpecification) -> tuple[str, ...]:
     """Return the differences between two specifications, apart from their grids and quantities."""
-    found, known = one.differences(other), ("quantities", *one.region.names)
-    return tuple(f"{name}: {first} and {second}" for name, first, second in found if name not in known)
+    differences, known = spec.differences(other), ("quantities", *spec.region.names)
+    return tuple(f"{name}: {first} and {second}" for name, first, second in differences if name not in known)

@@ -49,7 +49,7 @@ class Continuation(BranchTracker):
         start = guess.copy()
         start[self.actuated] = region.joint_values(self.mechanism, values[None])[0]
         try:
-            found = np.asarray(self.mechanism.close(start, self.mechanism.actuated))
+            q = np.asarray(self.mechanism.close(start, self.mechanism.actuated))
         except ClosureError:
             return None
-        return None if self.spec.limits and not self.mechanism.limits.within(found) else found
+        return None if self.spec.limits and not self.mechanism.limits.within(q) else q

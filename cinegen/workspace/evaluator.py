@@ -55,12 +55,12 @@ class ChunkEvaluator:
         if "sigma_2" in self.spec.quantities:
             self._complete_sigma_2(cells)
         reachable = np.isin(cells.status, _REACHABLE)
-        found: dict[str, Values] = {}
+        arrays: dict[str, Values] = {}
         for name in self.spec.quantities:
-            found[name] = QUANTITIES[name].of(cells)
+            arrays[name] = QUANTITIES[name].of(cells)
             if name != "solutions":
-                found[name][~reachable] = np.nan
-        return {**found, "configuration": cells.evaluations.q, "reachable": reachable, "status": cells.status}
+                arrays[name][~reachable] = np.nan
+        return {**arrays, "configuration": cells.evaluations.q, "reachable": reachable, "status": cells.status}
 
     def _complete_sigma_2(self, cells: Cells) -> None:
         """Compute sigma_2 where the batch evaluator can't: axes of a ball joint in a plane, dependent columns, a node
@@ -92,7 +92,7 @@ class Estimate:
         """Return the estimate for people, for some number of cores."""
         on = f"{cores} core{'s' * (cores != 1)}"
         seconds = self.seconds / cores
-        unit, length = next((one for one in _UNITS if seconds >= 2.0 * one[1]), ("s", 1.0))
+        unit, length = next((pair for pair in _UNITS if seconds >= 2.0 * pair[1]), ("s", 1.0))
         power = min(max(0, int(math.log2(max(1.0, self.size / 0.9)) // 10)), len(_SIZES) - 1)
         size = f"{self.size / 2 ** (10 * power):.{2 if power else 0}f} {_SIZES[power]}"
         return f"{self.cells:.3g} cells take about {seconds / length:,.0f} {unit} on {on}, and up to {size}"
@@ -115,6 +115,6 @@ def estimate(spec: MapSpecification, maps: int = 1) -> Estimate:
         evaluator.values(chunk)
         tried += math.prod(cells.stop - cells.start for cells in chunk)
     cells = maps * region.size
-    own = sum(np.dtype(QUANTITIES[name].dtype).itemsize for name in spec.quantities)
-    size = float(own + 8 * spec.mechanism.model.nq + 2)  # bytes of a cell
+    of_quantities = sum(np.dtype(QUANTITIES[name].dtype).itemsize for name in spec.quantities)
+    size = float(of_quantities + 8 * spec.mechanism.model.nq + 2)  # bytes of a cell
     return Estimate(cells, (time.perf_counter() - begin) / tried * cells, size * cells)

@@ -152,8 +152,8 @@ def _in_slabs(region: Region, unit: str, slab: Callable[[Indices], tuple[Bools, 
         rows = rows % count if first else rows[(rows >= 0) & (rows < count)]
         counts, unknown = slab(rows)
         low, high = bounds([False, *others], counts, unknown)
-        own = slice(int(first or start > 0), None)
-        counts, low, high = (part[own][: stop - start] for part in (counts & ~unknown, low, high))
+        inside = slice(int(first or start > 0), None)
+        counts, low, high = (part[inside][: stop - start] for part in (counts & ~unknown, low, high))
         sizes = (region.sizes[0][start:stop], *region.sizes[1:])
         sums += [_sum(sizes, part) for part in (counts, low & counts, high | counts)]
         cells += int(counts.sum())
@@ -161,7 +161,7 @@ def _in_slabs(region: Region, unit: str, slab: Callable[[Indices], tuple[Bools, 
 
 
 def _sum(sizes: tuple[Array, ...], cells: Bools) -> float:
-    found: Array = cells.astype(float)
-    for one in reversed(sizes):
-        found = found @ one
-    return float(found)
+    total: Array = cells.astype(float)
+    for lengths in reversed(sizes):
+        total = total @ lengths
+    return float(total)

@@ -75,12 +75,12 @@ def payload_any(cells: Cells) -> Array:
         with np.errstate(invalid="ignore"):
             weight[axis], by_mass[axis] = first, second - first
     with np.errstate(divide="ignore", invalid="ignore"):
-        along, own, room = (weight * by_mass).sum(axis=0), (weight**2).sum(axis=0), 1.0 - pushed
+        along, by_weight, room = (weight * by_mass).sum(axis=0), (weight**2).sum(axis=0), 1.0 - pushed
         square = (by_mass**2).sum(axis=0)
         masses = np.where(
-            square > 0.0, (np.sqrt(along**2 + square * (room**2 - own)) - along) / square, np.inf
+            square > 0.0, (np.sqrt(along**2 + square * (room**2 - by_weight)) - along) / square, np.inf
         ).min(axis=1)  # fmt: skip
-        is_held = (room >= 0.0) & (own <= room**2)
+        is_held = (room >= 0.0) & (by_weight <= room**2)
         return np.where(is_held.all(axis=1), np.minimum(masses, _HEAVIEST), np.nan)
 
 
@@ -89,10 +89,10 @@ def _used(cells: Cells, dynamics: InverseDynamics) -> Array:
     hold the mechanism, NaN where there is no configuration."""
     q, limits = cells.evaluations.q, _limits_of(cells.spec)
     known, limited = np.isfinite(q).all(axis=1), np.isfinite(limits)
-    found = np.full((len(q), int(limited.sum())), np.nan)
+    used = np.full((len(q), int(limited.sum())), np.nan)
     torques = dynamics.torques_of(q[known])[:, limited] / limits[limited]
-    found[known] = np.where(np.isfinite(torques), torques, np.inf)
-    return found
+    used[known] = np.where(np.isfinite(torques), torques, np.inf)
+    return used
 
 
 def reaction_force(cells: Cells) -> Array:
@@ -109,18 +109,18 @@ def reaction_moment(cells: Cells) -> Array:
 def _reaction(cells: Cells, part: slice) -> Array:
     """Return (n,) the length of a part of the reaction."""
     spec, q = cells.spec, cells.evaluations.q
-    known, found = np.isfinite(q).all(axis=1), np.full(len(q), np.nan)
+    known, lengths = np.isfinite(q).all(axis=1), np.full(len(q), np.nan)
     dynamics = _dynamics_of(spec)
     wrenches, units = dynamics.reactions_of(spec.reaction, q[known]), np.repeat([spec.mechanism.length, 1.0], 3)
     is_in = ~dynamics.undetermined_of(spec.reaction)
     largest = np.abs((wrenches * units)[:, is_in]).max(axis=1, initial=0.0)[:, None]
     wrenches[np.abs(wrenches * units) <= _ROUNDING * largest] = 0.0
     is_in[: part.start], is_in[part.stop :] = False, False
-    found[known] = np.linalg.norm(wrenches[:, is_in], axis=1)
-    lost = np.flatnonzero(known & np.isnan(found))
+    lengths[known] = np.linalg.norm(wrenches[:, is_in], axis=1)
+    lost = np.flatnonzero(known & np.isnan(lengths))
     if len(lost):  # else statics determines less there than elsewhere
-        found[lost[np.isnan(dynamics.torques_of(q[lost])).any(axis=1)]] = np.inf
-    return found
+        lengths[lost[np.isnan(dynamics.torques_of(q[lost])).any(axis=1)]] = np.inf
+    return lengths
 
 
 def described(spec: MapSpecification, quantity: str, text: str) -> str:
@@ -156,7 +156,7 @@ def rotational_stiffness(cells: Cells) -> Array:
 def _stiffness(cells: Cells, part: slice) -> Array:
     """Return (n,) the smallest eigenvalue of the inverse of a part of the node's compliance."""
     spec, done = cells.spec, cells.evaluations
-    known, found = np.isfinite(done.q).all(axis=1), np.full(len(done.q), np.nan)
+    known, stiffness = np.isfinite(done.q).all(axis=1), np.full(len(done.q), np.nan)
     if _is_square(spec):
         soft = _springs(spec)
         columns = done.jacobians[known][:, part][:, :, list(soft)] / np.sqrt(list(soft.values()))
@@ -165,22 +165,22 @@ def _stiffness(cells: Cells, part: slice) -> Array:
         largest[moves] = np.linalg.svd(columns[moves], compute_uv=False)[:, 0] ** 2
     else:
         largest = _one_by_one(
-            spec, done.q[known], lambda one: np.linalg.eigvalsh(one.compliance(spec.node)[part, part])[-1], np.inf
+            spec, done.q[known], lambda system: np.linalg.eigvalsh(system.compliance(spec.node)[part, part])[-1], np.inf
         )
     with np.errstate(divide="ignore"):
-        found[known] = 1.0 / largest
-    return found
+        stiffness[known] = 1.0 / largest
+    return stiffness
 
 
 def frequency(cells: Cells) -> Array:
     """Return (n,) the lowest natural frequency, Hz; 0 where the mechanism moves and deforms no spring."""
     spec, q = cells.spec, cells.evaluations.q
-    known, found = np.isfinite(q).all(axis=1), np.full(len(q), np.nan)
+    known, lowest = np.isfinite(q).all(axis=1), np.full(len(q), np.nan)
     try:
-        found[known] = _frequencies(spec, q[known])
+        lowest[known] = _frequencies(spec, q[known])
     except MotionError:  # the actuated joints do not determine the motion of a cell
-        found[known] = _one_by_one(spec, q[known], lambda one: one.frequencies()[0], 0.0)
-    return found
+        lowest[known] = _one_by_one(spec, q[known], lambda system: system.frequencies()[0], 0.0)
+    return lowest
 
 
 def _frequencies(spec: MapSpecification, q: Array) -> Array:
@@ -217,11 +217,11 @@ def _springs(spec: MapSpecification) -> dict[int, float]:
 def _one_by_one(spec: MapSpecification, q: Array, value: Callable[[Elasticity], float], loose: float) -> Array:
     """Return (n,) a value of the elasticity at each configuration; `loose` where the mechanism moves and deforms no
     spring."""
-    dynamics, found = _unloaded(spec), np.full(len(q), loose)
-    for k, one in enumerate(q):
+    dynamics, values = _unloaded(spec), np.full(len(q), loose)
+    for k, configuration in enumerate(q):
         with suppress(MotionError):
-            found[k] = value(Elasticity(dynamics, one, spec.stiffness))
-    return found
+            values[k] = value(Elasticity(dynamics, configuration, spec.stiffness))
+    return values
 
 
 # --- what is kept from chunk to chunk ---------------------------------------------------------------------------------
@@ -273,9 +273,9 @@ def check_loads(spec: MapSpecification, wanted: Collection[str]) -> None:
         ("payloads", (*weighed, "frequency")), ("wrenches", weighed), ("reaction", REACTIONS),
         ("stiffness", tuple(sorted(ELASTIC))),
     )  # fmt: skip
-    for given, takers in takers_of:
-        if getattr(spec, given) and not set(takers) & set(wanted):
-            raise MapError(f"{given}: no quantity of this map takes it: add one of {', '.join(takers)}")
+    for setting, takers in takers_of:
+        if getattr(spec, setting) and not set(takers) & set(wanted):
+            raise MapError(f"{setting}: no quantity of this map takes it: add one of {', '.join(takers)}")
     if not set(LOADED) & set(wanted):
         return
     dynamics = _dynamics_of(spec) if {*weighed, "frequency"} & set(wanted) else _unloaded(spec)

@@ -81,7 +81,7 @@ def make_map(
     chunks = chunk_shape(spec.region.shape, most or chunk_size(spec.region.size, usual), cube=not spec.over_joints)
     with open_for_writing(where, spec, chunks) as store:
         if store.text != spec.text:
-            differs = (f"{name} is {there}, not {asked}" for name, there, asked in store.spec.differences(spec))
+            differs = (f"{name} is {stored}, not {asked}" for name, stored, asked in store.spec.differences(spec))
             raise MapError(f"{where} is another map: {'; '.join(differs)}. Give another -o")
         quick = spec.over_joints and not spec.mechanism.is_constrained
         _make(store, _QUICK * usual if quick else usual, workers, scheduler, report or (lambda *_: None))

@@ -38,19 +38,19 @@ def _actuated_singular_values(cells: Cells) -> Array:
     if not mechanism.is_constrained and len(mechanism.actuated) == mechanism.model.nv:
         return done.singular_values[:, : spec.rank]
     matrices = cells.jacobians[:, : sum(spec.counted)]
-    found = np.full((len(matrices), min(matrices.shape[1:])), np.nan)
+    singular_values = np.full((len(matrices), min(matrices.shape[1:])), np.nan)
     determined = bounded(matrices)
     if determined.any():
-        found[determined] = np.linalg.svd(matrices[determined], compute_uv=False)
-    return found[:, : spec.rank]
+        singular_values[determined] = np.linalg.svd(matrices[determined], compute_uv=False)
+    return singular_values[:, : spec.rank]
 
 
 def _condition(cells: Cells) -> Values:
     values = _actuated_singular_values(cells)
     with np.errstate(divide="ignore", invalid="ignore"):
-        found = np.asarray(values[:, 0] / values[:, -1])
+        condition = np.asarray(values[:, 0] / values[:, -1])
         unbounded = (np.abs(cells.jacobians) >= UNBOUNDED).any(axis=(1, 2))
-    return np.where(unbounded | (found > _SINGULAR), np.inf, found)
+    return np.where(unbounded | (condition > _SINGULAR), np.inf, condition)
 
 
 def _margin(cells: Cells) -> Values:
@@ -70,10 +70,10 @@ def _moves_node(spec: MapSpecification) -> Bools:
     ends = [model.frames[mechanism.frame_id(spec.node)].parentJoint]
     for first, _, second, _ in system.anchors:
         ends += [first, second]
-    found = np.zeros(model.nq, dtype=bool)
+    moves = np.zeros(model.nq, dtype=bool)
     for joint in {joint for end in ends for joint in model.supports[end] if joint > 0}:
-        found[model.joints[joint].idx_q : model.joints[joint].idx_q + model.joints[joint].nq] = True
-    return found
+        moves[model.joints[joint].idx_q : model.joints[joint].idx_q + model.joints[joint].nq] = True
+    return moves
 
 
 def _velocity(cells: Cells) -> Values:
@@ -105,8 +105,8 @@ def _projections(cells: Cells) -> Array:
         return np.full((len(jacobians), len(mechanism.actuated)), np.nan)
     along = cells.evaluations.placements[:, :3, :3].transpose(0, 2, 1) @ np.asarray(spec.along)  # in the node's axes
     with np.errstate(invalid="ignore"):
-        found = np.abs((jacobians.transpose(0, 2, 1) @ along[:, :, None])[:, :, 0])
-    return np.where(cells.is_controlled[:, None], found, np.nan)
+        projections = np.abs((jacobians.transpose(0, 2, 1) @ along[:, :, None])[:, :, 0])
+    return np.where(cells.is_controlled[:, None], projections, np.nan)
 
 
 def _actuated(spec: MapSpecification, limits: Array) -> Array:

@@ -52,8 +52,8 @@ class _Connection(NamedTuple):
         if self.kind == _PRISMATIC:
             return _prismatic_bounds(self.axis, u - w, self.low, self.high)
         if self.kind == _SPHERICAL:
-            one, other = float(np.linalg.norm(u)), float(np.linalg.norm(w))
-            return abs(one - other), one + other
+            first, second = float(np.linalg.norm(u)), float(np.linalg.norm(w))
+            return abs(first - second), first + second
         return _revolute_bounds(self.axis, u, w, self.low, self.high)
 
 
@@ -104,7 +104,7 @@ class ReachBounds:
     def __init__(self, mechanism: Mechanism, node: str, limits: bool = True, rotation: int = 0) -> None:
         model = mechanism.model
         frame = model.frames[mechanism.frame_id(node)]
-        found = []
+        rows = []
         for whole in _chains(_connections(mechanism, limits), frame.parentJoint):
             chain, last = _without_rigid(whole)
             if not chain:  # the node is part of the base
@@ -114,12 +114,12 @@ class ReachBounds:
             on_axis = math.hypot(entry[0], entry[1]) <= _ON_AXIS * mechanism.length
             known = rotation == 3 or (rotation == 2 and on_axis)
             end = None if known else np.asarray(placement.translation)
-            found.append((chain[0].at_first.translation, *_smoothed(chain, end), entry if known else np.zeros(3)))
-        self.centres = np.array([one[0] for one in found]).reshape(-1, 3)
+            rows.append((chain[0].at_first.translation, *_smoothed(chain, end), entry if known else np.zeros(3)))
+        self.centres = np.array([row[0] for row in rows]).reshape(-1, 3)
         slack = _ROUNDING * mechanism.length
-        self.inner = np.array([one[1] for one in found]) * (1.0 - _ROUNDING) - slack
-        self.outer = np.array([one[2] for one in found]) * (1.0 + _ROUNDING) + slack
-        self.offsets = np.array([one[3] for one in found]).reshape(-1, 3)
+        self.inner = np.array([row[1] for row in rows]) * (1.0 - _ROUNDING) - slack
+        self.outer = np.array([row[2] for row in rows]) * (1.0 + _ROUNDING) + slack
+        self.offsets = np.array([row[3] for row in rows]).reshape(-1, 3)
 
     def exclude(self, points: Array, rotations: Array) -> Bools:
         """Return (n,) whether poses are proved to be unreachable.
@@ -148,7 +148,7 @@ class ReachBounds:
 def _connections(mechanism: Mechanism, limits: bool) -> list[_Connection]:
     """Return all joints and all loops that bound distances."""
     model = mechanism.model
-    found = []
+    edges = []
     for number in range(1, model.njoints):
         joint = model.joints[number]
         moving, along, low, high, kind = translations(joint), np.zeros(3), -math.inf, math.inf, _SPHERICAL
@@ -159,14 +159,14 @@ def _connections(mechanism: Mechanism, limits: bool) -> list[_Connection]:
         elif moving:
             continue  # bounds nothing
         placement = model.jointPlacements[number]
-        found.append(_Connection(model.parents[number], number, placement, pin.SE3.Identity(), kind, along, low, high))
+        edges.append(_Connection(model.parents[number], number, placement, pin.SE3.Identity(), kind, along, low, high))
     for loop, (first, at_first, second, at_second) in zip(
         mechanism.loops, mechanism.structure.system.anchors, strict=True
     ):
         if loop.kind is not LoopKind.PRISMATIC:
             kind = _RIGID if loop.kind is LoopKind.RIGID else _SPHERICAL
-            found.append(_Connection(first, second, at_first, at_second, kind, np.zeros(3), -math.inf, math.inf))
-    return found
+            edges.append(_Connection(first, second, at_first, at_second, kind, np.zeros(3), -math.inf, math.inf))
+    return edges
 
 
 def _chains(connections: Sequence[_Connection], last: int) -> Iterator[list[_Connection]]:
@@ -183,20 +183,20 @@ def _chains(connections: Sequence[_Connection], last: int) -> Iterator[list[_Con
             count += 1
             yield chain
         elif len(chain) < _BODIES:
-            met = {0, *(one.second for one in chain)}
-            waiting += [[*chain, one] for one in from_body.get(chain[-1].second, ()) if one.second not in met]
+            met = {0, *(step.second for step in chain)}
+            waiting += [[*chain, step] for step in from_body.get(chain[-1].second, ()) if step.second not in met]
 
 
 def _without_rigid(chain: Sequence[_Connection]) -> tuple[list[_Connection], pin.SE3]:
     """Return a chain without rigid connections, and the placement of its last body in the one that it is joined to."""
-    found, moved = [], pin.SE3.Identity()
-    for one in chain:
-        if one.kind == _RIGID:
-            moved = moved * one.at_first * one.at_second.inverse()
+    jointed, moved = [], pin.SE3.Identity()
+    for connection in chain:
+        if connection.kind == _RIGID:
+            moved = moved * connection.at_first * connection.at_second.inverse()
         else:
-            found.append(one._replace(at_first=moved * one.at_first))
+            jointed.append(connection._replace(at_first=moved * connection.at_first))
             moved = pin.SE3.Identity()
-    return found, moved
+    return jointed, moved
 
 
 def _smoothed(chain: Sequence[_Connection], end: Array | None) -> tuple[float, float]:
@@ -209,14 +209,14 @@ def _smoothed(chain: Sequence[_Connection], end: Array | None) -> tuple[float, f
     least, most = np.zeros((count, count)), np.full((count, count), np.inf)
     np.fill_diagonal(most, 0.0)
     before: Array = np.asarray(chain[0].at_first.translation)
-    for k, one in enumerate(chain):
-        entry = np.asarray(one.at_second.translation)
-        least[k, k + 1], most[k, k + 1] = one.bounds(before, entry)
+    for k, connection in enumerate(chain):
+        entry = np.asarray(connection.at_second.translation)
+        least[k, k + 1], most[k, k + 1] = connection.bounds(before, entry)
         after = end
         if k + 1 < len(chain):  # the next joint's point is fixed to this body, unless that joint is prismatic
             after = None if chain[k + 1].kind == _PRISMATIC else np.asarray(chain[k + 1].at_first.translation)
         if after is not None:
-            least[k, k + 2], most[k, k + 2] = one.bounds(before, after)
+            least[k, k + 2], most[k, k + 2] = connection.bounds(before, after)
         before = entry
     if end is not None:
         least[-2, -1] = most[-2, -1] = np.linalg.norm(end - before)

@@ -106,8 +106,8 @@ class Region:
         names = self.names
         if not names:
             raise MapError("a map needs at least one axis")
-        given = [*names, *self.at]
-        if twice := sorted({name for name in given if given.count(name) > 1}):
+        coordinates = [*names, *self.at]
+        if twice := sorted({name for name in coordinates if coordinates.count(name) > 1}):
             raise MapError(f"{', '.join(twice)} is given twice")
         if self.orientation not in ORIENTATIONS:
             raise MapError(f"unknown orientation '{self.orientation}'{did_you_mean(self.orientation, ORIENTATIONS)}")
@@ -115,9 +115,9 @@ class Region:
             if not math.isfinite(value):
                 raise MapError(f"{name}={value}: give a finite number")
         positions = [name for name in names if name in (*SPHERICAL, DISTANCE)]
-        if positions and (clash := [name for name in given if name in POSE[:3]]):
+        if positions and (clash := [name for name in coordinates if name in POSE[:3]]):
             raise MapError(f"both {positions[0]} and {clash[0]} give the node's position: leave one out")
-        spherical = [name for name in SPHERICAL if name in given]
+        spherical = [name for name in SPHERICAL if name in coordinates]
         if spherical and (missing := [name for name in SPHERICAL if name not in spherical]):
             raise MapError(
                 f"{', '.join(spherical)} give the position seen from a centre only together with {', '.join(missing)}"
@@ -178,9 +178,9 @@ class Region:
     def joint_values(self, mechanism: Mechanism, values: Array) -> Array:
         """Return the values (n, actuated) of all actuated joints, rad and m, at coordinates (n, axes)."""
         home = {name: mechanism.q_home[mechanism.q_index(name)] for name in mechanism.actuated}
-        found = np.tile([float(self.at.get(name, value)) for name, value in home.items()], (len(values), 1))
-        found[:, [mechanism.actuated.index(name) for name in self.names]] = values
-        return found
+        joints = np.tile([float(self.at.get(name, value)) for name, value in home.items()], (len(values), 1))
+        joints[:, [mechanism.actuated.index(name) for name in self.names]] = values
+        return joints
 
     def poses(self, home: pin.SE3, values: Array) -> tuple[Array, Array]:
         """Return the poses of the node in the world.
@@ -226,17 +226,17 @@ class Region:
         Sizes are lengths, areas or volumes, times rad for each rotation; over actuated joints products of rad and m.
         Cells in spherical coordinates are parts of a sphere or a ball.
         """
-        found = []
+        factors = []
         for axis in self.axes:
             borders = axis.borders
             if axis.name == "elevation" and self._spherical:
                 radius = 1.0 if "radius" in self.names else self.at.get("radius", 1.0)
-                found.append(np.diff(np.sin(borders)) * radius**2)
+                factors.append(np.diff(np.sin(borders)) * radius**2)
             elif axis.name == "radius" and self._spherical:
-                found.append(np.diff(borders**3) / 3.0)
+                factors.append(np.diff(borders**3) / 3.0)
             else:
-                found.append(np.full(axis.count, axis.width))
-        return tuple(found)
+                factors.append(np.full(axis.count, axis.width))
+        return tuple(factors)
 
     @property
     def _spherical(self) -> bool:

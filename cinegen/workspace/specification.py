@@ -129,11 +129,11 @@ class MapSpecification:
         """Check that the node can move along each given coordinate."""
         region, home = self.region, self.home
         for k, name in enumerate(POSE):
-            given = region.at.get(name)
-            if (given is None and name not in region.names) or self._moves(k):
+            fixed = region.at.get(name)
+            if (fixed is None and name not in region.names) or self._moves(k):
                 continue
             value = float(np.r_[home.translation, pin.rpy.matrixToRpy(home.rotation)][k])
-            if name in region.names or not math.isclose(float(given or 0.0), value, abs_tol=1e-9):
+            if name in region.names or not math.isclose(float(fixed or 0.0), value, abs_tol=1e-9):
                 raise MapError(
                     f"{self.mechanism.name}: {self.node} can't move along {name}: it stays at {value + 0.0:g}. "
                     "Leave it out"
@@ -179,8 +179,8 @@ class MapSpecification:
     def rotation(self) -> int:
         """Number of given rotations of the node: 0, 2 (the direction of its z axis) or 3."""
         region = self.region
-        given = any(name in (*region.names, *region.at) for name in POSE[3:])
-        return {"free": 3 if given else 0, "axis": 2, "fixed": 3}[region.orientation]
+        is_given = any(name in (*region.names, *region.at) for name in POSE[3:])
+        return {"free": 3 if is_given else 0, "axis": 2, "fixed": 3}[region.orientation]
 
     @cached_property
     def counted(self) -> tuple[int, int]:
@@ -238,12 +238,12 @@ class MapSpecification:
     @property
     def _settings(self) -> dict[str, str]:
         region = self.region
-        found = {"robot": f"{self.mechanism.name} ({self.robot_hash[:8]})"}
+        texts = {"robot": f"{self.mechanism.name} ({self.robot_hash[:8]})"}
         for owner, names in ((self, _SETTINGS), (region, ("orientation", "centre", "ends"))):
             values = {name: getattr(owner, name) for name in names}
-            found |= {name: ", ".join(value) if name == "quantities" else str(value) for name, value in values.items()}
-        found |= {axis.name: f"{axis.low:g}..{axis.high:g}:{axis.count}" for axis in region.axes}
-        return found | {name: f"{value:g}" for name, value in region.at.items()}
+            texts |= {name: ", ".join(value) if name == "quantities" else str(value) for name, value in values.items()}
+        texts |= {axis.name: f"{axis.low:g}..{axis.high:g}:{axis.count}" for axis in region.axes}
+        return texts | {name: f"{value:g}" for name, value in region.at.items()}
 
     @property
     def text(self) -> str:
@@ -259,7 +259,7 @@ class MapSpecification:
             "constraints",
             "folder",
             "name",
-            *(one for one in ("srdf", "packages") if getattr(source, one)),
+            *(name for name in ("srdf", "packages") if getattr(source, name)),
         )
         robot = {name: getattr(source, name) for name in names}
         return {"specification": self.text, "source": _json(robot), "folder": self.folder}

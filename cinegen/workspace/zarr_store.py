@@ -89,12 +89,12 @@ class MapStore:
         """Return an array of the group, once its type, shape and encoding and a coordinate's values are as expected."""
         problem = f"{name} is missing, or its description is wrong"
         try:
-            found = group[name]
-            one, other = (array.metadata.to_dict() | {"attributes": {}} for array in (found, expected[name]))
-            if one == other:
+            stored = group[name]
+            actual, wanted = (array.metadata.to_dict() | {"attributes": {}} for array in (stored, expected[name]))
+            if actual == wanted:
                 problem = f"the values of {name} are missing or wrong"
-                if name not in _coordinates(self.spec) or np.array_equal(found[:], expected[name][:]):
-                    return found.with_config(_CONFIG)
+                if name not in _coordinates(self.spec) or np.array_equal(stored[:], expected[name][:]):
+                    return stored.with_config(_CONFIG)
         except DAMAGED:
             pass
         raise MapError(f"{self.path} is damaged: {problem}. {_ADVICE}") from None
@@ -121,12 +121,12 @@ class MapStore:
 
     def complete(self) -> Bools:
         """Return whether each chunk (n,) is complete. Lists a folder, which is faster than asking for each file."""
-        found = np.zeros(self.chunk_counts, dtype=bool)
+        complete = np.zeros(self.chunk_counts, dtype=bool)
         for entry in os.scandir(self.path / LAST):
             first, *index = entry.name.split(".")
-            if first == "c" and len(index) == found.ndim and all(map(str.isdecimal, index)):
-                found[tuple(map(int, index))] = True
-        return found.ravel()
+            if first == "c" and len(index) == complete.ndim and all(map(str.isdecimal, index)):
+                complete[tuple(map(int, index))] = True
+        return complete.ravel()
 
     @property
     def done(self) -> int:
@@ -325,10 +325,10 @@ def _template(spec: MapSpecification, chunk_shape: tuple[int, ...]) -> zarr.Grou
 def _coordinates(spec: MapSpecification) -> dict[str, tuple[Values, dict[str, Any]]]:
     """Return the values and the attributes of each coordinate, by name."""
     mechanism, region = spec.mechanism, spec.region
-    found: dict[str, tuple[Values, dict[str, Any]]] = {}
+    coordinates: dict[str, tuple[Values, dict[str, Any]]] = {}
     for axis, unit in zip(region.axes, region.units(mechanism), strict=True):
         of = "actuated joint" if spec.over_joints else f"of {spec.node}"
-        found[axis.name] = axis.middles(), {
+        coordinates[axis.name] = axis.middles(), {
             "units": unit, "long_name": f"{axis.name} {of}", "cell_width": axis.width
         }  # fmt: skip
     names, units = list[str](), list[str]()
@@ -338,24 +338,24 @@ def _coordinates(spec: MapSpecification) -> dict[str, tuple[Values, dict[str, An
         single = "m" if name in mechanism.joints and mechanism.is_prismatic(name) else "rad"
         units += [single] if joint.nq == 1 else ["m"] * positions + ["1"] * (joint.nq - positions)
     text = np.dtypes.StringDType()
-    found[JOINT] = np.array(names, dtype=text), {"long_name": "joint variable"}
-    found[UNIT] = np.array(units, dtype=text), {"long_name": "unit of the joint variable"}
-    return found
+    coordinates[JOINT] = np.array(names, dtype=text), {"long_name": "joint variable"}
+    coordinates[UNIT] = np.array(units, dtype=text), {"long_name": "unit of the joint variable"}
+    return coordinates
 
 
 def _data_arrays(spec: MapSpecification) -> dict[str, tuple[str, dict[str, Any]]]:
     """Return the type and the attributes of each array of cells, by name, in the order in which they are written."""
-    found: dict[str, tuple[str, dict[str, Any]]] = {}
+    arrays: dict[str, tuple[str, dict[str, Any]]] = {}
     for name in spec.quantities:
         quantity = QUANTITIES[name]
-        found[name] = quantity.dtype, {
+        arrays[name] = quantity.dtype, {
             "units": quantity.unit, "long_name": described(spec, name, quantity.description),
         }  # fmt: skip
-    found["configuration"] = "float64", {"long_name": "configuration, loops closed", "coordinates": UNIT}
-    found["reachable"] = "bool", {"units": "1", "long_name": "whether there is a configuration"}
-    found[LAST] = "uint8", {
+    arrays["configuration"] = "float64", {"long_name": "configuration, loops closed", "coordinates": UNIT}
+    arrays["reachable"] = "bool", {"units": "1", "long_name": "whether there is a configuration"}
+    arrays[LAST] = "uint8", {
         "units": "1", "long_name": "status of the cell",
         "flag_values": [int(status) for status in CellStatus],
         "flag_meanings": " ".join(status.name.lower() for status in CellStatus),
     }  # fmt: skip
-    return found
+    return arrays

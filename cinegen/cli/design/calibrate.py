@@ -60,7 +60,7 @@ def run(
     errors = amounts(sigma, "--sigma")
     with Progress() as progress:
         progress.text("calibrating")
-        found = calibrate(
+        calibration = calibrate(
             file, measurements, names=_words(vary) or ("*",), ties=tie, sigma=errors, gains=_words(gain),
             robust=not keep_outliers, folds=folds, robot=robot,
         )  # fmt: skip
@@ -69,28 +69,28 @@ def run(
             from cinegen.design.calibration.proposal import propose as propose_poses
 
             progress.text("choosing poses")
-            proposal = propose_poses(found, propose)
+            proposal = propose_poses(calibration, propose)
     name = shown_name(file, robot)
-    report: dict[str, Any] = {"name": name, **found.as_dict()}
+    report: dict[str, Any] = {"name": name, **calibration.as_dict()}
     if proposal is not None:
         report["proposal"] = {
             "joints": list(proposal.inputs), "readings": proposal.readings.tolist(), "gain": proposal.gain,
             "random_gain": proposal.random_gain,
         }  # fmt: skip
-    print_result(report, _text(found, name, None if all_ else _SHOWN), json)
+    print_result(report, _text(calibration, name, None if all_ else _SHOWN), json)
     if proposal is not None:
         if not json:
             print("\n" + _proposed(proposal, poses), flush=True)
         if poses is not None:
             write(poses, proposal.text())
     if output is not None:
-        write(output, found.raff())
+        write(output, calibration.raff())
         if not json:
             print(f"robot: {output}", flush=True)
     if plot is not None:
         from cinegen.plotting.accuracy import draw_residuals
 
-        write_figure(plot, draw_residuals(found, name), quiet=json)
+        write_figure(plot, draw_residuals(calibration, name), quiet=json)
     return 0
 
 

@@ -44,14 +44,14 @@ def run(
 
     kept = state or raff.with_name(f"{name}-synthesis.json")
     with Progress() as progress:
-        found = synthesize(file, task, robot, kept, progress.steps, workers, scheduler)
+        result = synthesize(file, task, robot, kept, progress.steps, workers, scheduler)
     if report is not None:
         from cinegen.plotting import synthesis_report
 
-        page = synthesis_report(found)
-    write(raff, found.raff)
+        page = synthesis_report(result)
+    write(raff, result.raff)
     if report is not None:
         write(report, page)
     kept.unlink(missing_ok=True)
-    print_result({**found.as_dict(), "file": str(raff)}, f"{found.text}\nrobot: {raff}", json)
-    return 0 if found.holds else 1
+    print_result({**result.as_dict(), "file": str(raff)}, f"{result.text}\nrobot: {raff}", json)
+    return 0 if result.holds else 1

@@ -63,13 +63,13 @@ def run(
         raise CinegenError(f"{file} holds several robots: name one by --robot ({', '.join(map(str, names))})")
     tolerances = Tolerances(file, errors, plays, readings, interval, robot, tie)
     mechanism = tolerances.design.mechanism
-    found = tolerances.at(configuration_at(mechanism, at, node), node, samples, seed)
+    report = tolerances.at(configuration_at(mechanism, at, node), node, samples, seed)
     name, where = shown_name(file, robot), f" at {at}" if at else " at home"
-    print_result({"name": name, **found.as_dict()}, _text(found, name, where), json)
+    print_result({"name": name, **report.as_dict()}, _text(report, name, where), json)
     if plot is not None:
         from cinegen.plotting.accuracy import draw_tolerance
 
-        write_figure(plot, draw_tolerance(found, name=name), quiet=json)
+        write_figure(plot, draw_tolerance(report, name=name), quiet=json)
     return 0
 
 
@@ -86,53 +86,53 @@ def amounts(texts: Sequence[str], option: str) -> list[tuple[str, str]]:
     return [pair for text in texts for part in parts(text) for pair in named(part, option, example).items()]
 
 
-def _text(found: ToleranceReport, name: str, where: str) -> str:
+def _text(report: ToleranceReport, name: str, where: str) -> str:
     """Return the report, in mm and degrees."""
     lines = [
-        f"{name}: accuracy of {found.node}{where}: position {_number(1e3 * found.position)} mm, orientation "
-        f"{_number(math.degrees(found.orientation))} degrees (1 sigma, root of the summed variances)",
+        f"{name}: accuracy of {report.node}{where}: position {_number(1e3 * report.position)} mm, orientation "
+        f"{_number(math.degrees(report.orientation))} degrees (1 sigma, root of the summed variances)",
         "",
         f"  {'':<{_LABEL}}" + "".join(f"{name:>11}" for name in ("x mm", "y mm", "z mm", "rx deg", "ry deg", "rz deg")),
     ]
     scales = (1e3,) * 3 + (math.degrees(1.0),) * 3
     rows = (
-        ("sigma", found.sigma),
-        (f"within ±{found.interval:g} sigma", found.worst),
-        ("  2nd order", found.second_order),
+        ("sigma", report.sigma),
+        (f"within ±{report.interval:g} sigma", report.worst),
+        ("  2nd order", report.second_order),
     )
     for row, values in rows:
         lines.append(
             f"  {row:<{_LABEL}}" + "".join(f"{_number(s * x):>11}" for s, x in zip(scales, values, strict=True))
         )
     for orientation in (False, True):
-        largest = found.contributors(orientation)
+        largest = report.contributors(orientation)
         if largest:
             of = "orientation" if orientation else "position"
             lines += ["", f"  {of}, fraction of the variance"]
-            listed = [(one.name, share) for one, share in largest[:_SHOWN]]
+            listed = [(source.name, share) for source, share in largest[:_SHOWN]]
             if len(largest) > _SHOWN:
                 listed.append((f"{len(largest) - _SHOWN} more", sum(share for _, share in largest[_SHOWN:])))
             width = max(24, *(len(name) + 1 for name, _ in listed))
             lines += [f"    {name:<{width}}{100.0 * share:5.1f} %" for name, share in listed]
-    for paragraph in (_worst(found), _idle(found), _forced(found.forced, found.interval), found.agreement):
+    for paragraph in (_worst(report), _idle(report), _forced(report.forced, report.interval), report.agreement):
         if paragraph:
             lines += ["", *textwrap.wrap(paragraph, 110, initial_indent="  ", subsequent_indent="  ")]
     return "\n".join(lines)
 
 
-def _worst(found: ToleranceReport) -> str:
-    has_play = any(one.half_width != found.interval * one.sigma for one in found.sources)
+def _worst(report: ToleranceReport) -> str:
+    has_play = any(source.half_width != report.interval * source.sigma for source in report.sources)
     return (
-        f"Worst case within ±{found.interval:g} sigma: each error anywhere within {found.interval:g} of its standard "
+        f"Worst case within ±{report.interval:g} sigma: each error anywhere within {report.interval:g} of its standard "
         f"deviations to either side{', play within its radius' if has_play else ''}, all at once; in it, 2nd order "
         "bounds what is not linear"
     )
 
 
-def _idle(found: ToleranceReport) -> str:
-    if not found.idle:
+def _idle(report: ToleranceReport) -> str:
+    if not report.idle:
         return ""
-    return f"{len(found.idle)} tolerances do not move {found.node}: {first_of(found.idle, 6)}"
+    return f"{len(report.idle)} tolerances do not move {report.node}: {first_of(report.idle, 6)}"
 
 
 def _forced(forced: Forced, interval: float) -> str:

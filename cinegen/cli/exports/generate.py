@@ -38,22 +38,22 @@ def run(
     The code is translated from the kernels that cinegen runs: loops are closed and ticks are solved by the same
     equations, within limits, without allocation. A program beside it tests it with cases that Python has computed.
     """
-    chosen = [one.strip() for one in functions.split(",") if one.strip()]
-    for one in chosen:
-        if one not in FUNCTIONS:
-            raise UsageError(f"--functions: there is no '{one}'; use {', '.join(FUNCTIONS)}")
+    chosen = [function.strip() for function in functions.split(",") if function.strip()]
+    for function in chosen:
+        if function not in FUNCTIONS:
+            raise UsageError(f"--functions: there is no '{function}'; use {', '.join(FUNCTIONS)}")
     if precision == "float" and to == "js":
         raise UsageError("--precision float: JavaScript computes with doubles only; use --to c")
     key, mechanism = options.load_one(file)
-    own = re.sub(r"\W", "_", f"{key}_{options.robot}" if options.robot else key)  # robots of a file replace none
+    prefix = re.sub(r"\W", "_", f"{key}_{options.robot}" if options.robot else key)  # robots of a file replace none
     from cinegen.codegen import Function, Language, generate
 
     language = Language.C_FLOAT if precision == "float" else Language(to)
-    found = generate(
-        mechanism, language, tasks=task, functions=[Function(one) for one in chosen], dt=1.0 / rate,
-        name=name or own, source=file.name,
+    files = generate(
+        mechanism, language, tasks=task, functions=[Function(function) for function in chosen], dt=1.0 / rate,
+        name=name or prefix, source=file.name,
     )  # fmt: skip
-    paths = {output / name: text.encode() for name, text in found.items()}
+    paths = {output / name: text.encode() for name, text in files.items()}
     check_outputs(*paths, force=force)
     with writing(CinegenError):
         write_all(paths)

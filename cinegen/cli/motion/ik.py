@@ -174,8 +174,8 @@ def _lines(name: str, solutions: IKSolutions, every: bool) -> list[str]:
     heading = f"With {solutions.task.node} there it also moves, in infinitely many configurations (self-motions):"
     lines += self_motion_lines(mechanism, solutions.self_motions, heading, mechanism.joints)
     if not every:
-        found_one = "There may be others: --all lists all." if len(solutions) else "None was found within the limits."
-        return [*lines, found_one]
+        others = "There may be others: --all lists all." if len(solutions) else "None was found within the limits."
+        return [*lines, others]
     lines += textwrap.wrap(claim_text(solutions), _WIDTH)
     return lines + textwrap.wrap(solutions.certification, _WIDTH)
 

@@ -43,7 +43,7 @@ def change_lines(change: ModeChange) -> list[str]:
         lines.append(
             f"  sigma      {change.sigma_bound:.3g} at least along the path, of type 2 (estimated between steps)"
         )
-    return lines + [f"  singular   after step {one.segment}: sigma {one.sigma:.2g} of type 2" for one in change.crossed]
+    return lines + [f"  singular   after step {hit.segment}: sigma {hit.sigma:.2g} of type 2" for hit in change.crossed]
 
 
 def change_advice(change: ModeChange, singular: str, seconds: float) -> str:
@@ -65,6 +65,6 @@ def change_document(change: ModeChange) -> dict[str, Any]:
     from cinegen.typed_json import as_json
 
     mode, values = None if change.mode is None else change.mode + 1, change.modes.mechanism.values
-    crossed = [as_json(one, "segment", "sigma", joints=values(one.q)) for one in change.crossed]
+    crossed = [as_json(hit, "segment", "sigma", joints=values(hit.q)) for hit in change.crossed]
     counts = {"mode": mode, "modes": len(change.modes), "complete": change.modes.complete}
     return as_json(change, "sigma", "sigma_bound", crossed=crossed, **counts)

@@ -56,13 +56,13 @@ def _drive_robot(name: str, path: Path, page: PageOptions) -> int:
     from cinegen.session import Setup, arrange
 
     def read() -> Setup:
-        found = {}
+        mechanisms = {}
         names = robots_of(path)
         for robot in names:
             mechanism = load(path, robot)
             # the sensors of its file are not those of this machine
-            found[name if len(names) == 1 else mechanism.name] = replace(mechanism, sensor_constraints=())
-        return arrange(found, follow="circle")
+            mechanisms[name if len(names) == 1 else mechanism.name] = replace(mechanism, sensor_constraints=())
+        return arrange(mechanisms, follow="circle")
 
     return serve(read, page, name)
 

@@ -50,20 +50,20 @@ def run(
         write(names[path], signed(content))
     numbers = [
         as_json(
-            one.number, "line", "name", file=str(one.number.file), old=one.number.value, new=one.value,
-            change=one.change, unit="m" if one.number.is_length else "rad",
+            edit.number, "line", "name", file=str(edit.number.file), old=edit.number.value, new=edit.value,
+            change=edit.change, unit="m" if edit.number.is_length else "rad",
         )
-        for one in healing.numbers
+        for edit in healing.numbers
     ]  # fmt: skip
     loops = [{"name": name, "gap_m": gap, "gap_rad": angle} for name, (gap, angle) in healing.gaps.items()]
     lines = [
         f"loop '{name}' was open by {gap * 1e3:.2g} mm and {math.degrees(angle):.2g} degrees"
         for name, (gap, angle) in healing.gaps.items()
     ]
-    for one in healing.numbers:
-        size = f"{one.change * 1e3:+.2g} mm" if one.number.is_length else f"{math.degrees(one.change):+.2g} degrees"
-        place = f"{one.number.file.name}:{one.number.line}: {one.number.name}"
-        lines.append(f"{place}: {one.number.text} -> {one.value!r} ({size})")
+    for edit in healing.numbers:
+        size = f"{edit.change * 1e3:+.2g} mm" if edit.number.is_length else f"{math.degrees(edit.change):+.2g} degrees"
+        place = f"{edit.number.file.name}:{edit.number.line}: {edit.number.name}"
+        lines.append(f"{place}: {edit.number.text} -> {edit.value!r} ({size})")
     lines.append(
         f"{len(numbers)} numbers changed; {' and '.join(str(names[path]) for path in healing.contents)} written"
     )

@@ -48,7 +48,7 @@ def _ignored(file: Path, options: ReadOptions) -> list[dict[str, Any]]:
     from raff2urdf.shipped import find_robot
 
     path = find_robot(file)
-    return [one._asdict() for one in ignored(path, options)] if readers.holds_xml(path) else []
+    return [element._asdict() for element in ignored(path, options)] if readers.holds_xml(path) else []
 
 
 def _text(report: Mapping[str, Any]) -> str:
@@ -79,7 +79,7 @@ def _text(report: Mapping[str, Any]) -> str:
         what = " and ".join(["loops"] * bool(loops) + ["couplings (rad, m)"] * bool(couplings))
         lines += ["", f"  {what}: {report['loop_rows']} rows of rank {report['loop_rank']}"]
         lines += [f"    {loop['name']}: {loop['kind']}" for loop in loops]
-        lines += [f"    {one['name']}: {one['equation']}" for one in couplings]
+        lines += [f"    {coupling['name']}: {coupling['equation']}" for coupling in couplings]
         gaps = report["gap_as_written"], report["closure_at_home"]
         lines.append("    open by {:.2g} as written, by {:.2g} at home".format(*gaps))
         lines.append(f"    singular values at home, cut joints included: {_values(report['loop_singular_values'])}")
@@ -94,11 +94,11 @@ def _text(report: Mapping[str, Any]) -> str:
     lines += ["", *_masses(report)]
     if "ignored" in report:
         lines += ["", "  not read:" if report["ignored"] else "  everything is read"]
-    for one in report.get("ignored", []):
-        around, _, element = one["element"].rpartition("/")
-        more = ", ..." if one["number"] > len(one["lines"]) else ""
-        where = f"line{'s' * (one['number'] > 1)} {', '.join(map(str, one['lines']))}{more}"
-        lines.append(f"    {one['number']} <{element}> in <{around}>, {where}")
+    for unread in report.get("ignored", []):
+        around, _, element = unread["element"].rpartition("/")
+        more = ", ..." if unread["number"] > len(unread["lines"]) else ""
+        where = f"line{'s' * (unread['number'] > 1)} {', '.join(map(str, unread['lines']))}{more}"
+        lines.append(f"    {unread['number']} <{element}> in <{around}>, {where}")
     if "collision" in report:
         lines += _collision(report["collision"])
     return "\n".join(lines)
@@ -122,9 +122,9 @@ def _collision(report: Mapping[str, Any]) -> list[str]:
     """Return the lines about shapes and pairs."""
     within = shown(report["exact_within"], LENGTH, 3)
     lines = ["", f"  shapes; those in convex ones are measured where these are nearer than {within}:"]
-    for one in report["shapes"]:
-        exceeds = f", exceeds it by up to {shown(one['excess'], LENGTH, 3)}"
-        lines.append(f"    {one['link']}: {one['shape']}" + (f"; {one['around']}{exceeds}" if one["around"] else ""))
+    for row in report["shapes"]:
+        exceeds = f", exceeds it by up to {shown(row['excess'], LENGTH, 3)}"
+        lines.append(f"    {row['link']}: {row['shape']}" + (f"; {row['around']}{exceeds}" if row["around"] else ""))
     lines += [f"    not checked: {why}" for why in dict.fromkeys(report["not_checked"].values())]
     lines += ["", "  pairs:"]
     touching = []

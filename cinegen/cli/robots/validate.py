@@ -43,8 +43,8 @@ def run(
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # of what the files leave out: `cinegen info` reports it
-                found = validate(known[name])
-            reports.append({"robot": name, **found._asdict(), "agrees": found.agrees})
+                comparison = validate(known[name])
+            reports.append({"robot": name, **comparison._asdict(), "agrees": comparison.agrees})
         except (CinegenError, RaffError) as error:
             reports.append({"robot": name, "error": str(error)})
         if not json:

@@ -28,11 +28,11 @@ def run(
     from cinegen.workspace.comparison import compare
 
     check_outputs(plot, force=force, json=json)
-    one, other = open_map(first), open_map(second)
-    found = compare(one, other)
-    print_result(found.as_dict(), found, json)
+    maps = open_map(first), open_map(second)
+    comparison = compare(*maps)
+    print_result(comparison.as_dict(), comparison, json)
     if plot:
         from cinegen.plotting.comparison import draw_comparison
 
-        write_figure(plot, draw_comparison(one, other, show), quiet=json)
+        write_figure(plot, draw_comparison(*maps, show), quiet=json)
     return 0

@@ -64,10 +64,10 @@ def run(
         return 0
     v = _rates(mechanism, velocity, "--velocity", ANGULAR_SPEED, SPEED) or None
     a = _rates(mechanism, acceleration, "--acceleration", ANGULAR_ACCELERATION, ACCELERATION) or None
-    found = forces_at(dynamics, configuration_at(mechanism, at, node), v, a, node)
-    report = {"name": name, **found.as_dict()}
-    print_result(report, "\n".join([_text(name, found, reactions), *shown]), json)
-    return 0 if found.is_held else 1
+    forces = forces_at(dynamics, configuration_at(mechanism, at, node), v, a, node)
+    report = {"name": name, **forces.as_dict()}
+    print_result(report, "\n".join([_text(name, forces, reactions), *shown]), json)
+    return 0 if forces.is_held else 1
 
 
 # --- what is typed ----------------------------------------------------------------------------------------------------
@@ -75,39 +75,39 @@ def run(
 
 def _rates(mechanism: Mechanism, text: str, option: str, turning: Dimension, sliding: Dimension) -> dict[str, float]:
     """Return velocities or accelerations of actuated joints by name, SI units and radians."""
-    found = {}
+    rates = {}
     for joint, value in named(text, option, "joint1=30").items():
         is_prismatic = joint in mechanism.joints and mechanism.is_prismatic(joint)
-        found[joint] = quantity(value, f"{option}: {joint}", sliding if is_prismatic else turning)
-    return found
+        rates[joint] = quantity(value, f"{option}: {joint}", sliding if is_prismatic else turning)
+    return rates
 
 
 # --- what is printed --------------------------------------------------------------------------------------------------
 
 
-def _text(name: str, found: Forces, with_reactions: bool) -> str:
-    first, *others = found.message.split("; ")
+def _text(name: str, forces: Forces, with_reactions: bool) -> str:
+    first, *others = forces.message.split("; ")
     lines = [f"{name}: {first}"] if len(first) < 100 else textwrap.wrap(f"{name}: {first}", 110, subsequent_indent="  ")
     lines += [
         line for part in others for line in textwrap.wrap(part, 108, initial_indent="  ", subsequent_indent="    ")
     ]
-    if found.is_held:
-        wide = max(8, *map(len, found.mechanism.actuated)) + 2
+    if forces.is_held:
+        wide = max(8, *map(len, forces.mechanism.actuated)) + 2
         lines.append("")
-        rows = zip(found.mechanism.actuated, found.torques, found.band, found.used, strict=True)
+        rows = zip(forces.mechanism.actuated, forces.torques, forces.band, forces.used, strict=True)
         for joint, torque, band, used in rows:
             limit = f"   {100.0 * used:.0f} % of its limit" if used else ""
             either = f" ± {_number(band)}" if band else ""
-            lines.append(f"  {joint:<{wide}}{_number(torque):>10}{either} {found.unit_of(joint)}{limit}")
-        if found.v.any():
-            lines.append(f"  {'power':<{wide}}{_number(found.power):>10} W")
-    if with_reactions and found.is_held:
+            lines.append(f"  {joint:<{wide}}{_number(torque):>10}{either} {forces.unit_of(joint)}{limit}")
+        if forces.v.any():
+            lines.append(f"  {'power':<{wide}}{_number(forces.power):>10} W")
+    if with_reactions and forces.is_held:
         lines += ["", "  reactions: force (N) and moment (N m) on a body; ? is not determined by statics"]
-        for one in found.reactions:
-            numbers = "".join(f"{_number(x):>10}" for x in one.wrench)
-            lines += [f"  {one.kind} {one.name} on {one.body}, {one.frame}", f"    {numbers}"]
-        for coupling, torques in found.couplings.items():
-            listed = ", ".join(f"{_number(x)} {found.unit_of(joint)} on {joint}" for joint, x in torques.items())
+        for reaction in forces.reactions:
+            numbers = "".join(f"{_number(x):>10}" for x in reaction.wrench)
+            lines += [f"  {reaction.kind} {reaction.name} on {reaction.body}, {reaction.frame}", f"    {numbers}"]
+        for coupling, torques in forces.couplings.items():
+            listed = ", ".join(f"{_number(x)} {forces.unit_of(joint)} on {joint}" for joint, x in torques.items())
             lines.append(f"  coupling {coupling}: {listed}")
     return "\n".join(lines)
 
@@ -129,15 +129,15 @@ def _along(name: str, dynamics: InverseDynamics, file: Path, robot: str | None) 
         raise CinegenError(
             f"{file}: joints of '{motion.name}' are not those of {name}: name the file that was driven, or --robot"
         )
-    found = torques_along(dynamics, motion.times, motion.q)
+    torques = torques_along(dynamics, motion.times, motion.q)
     limits, rows, lines = mechanism.limits, [], []
     for joint, *numbers in zip(
-        found.joints,
-        found.peak,
-        found.peak_time,
-        found.rms,
-        found.peak_power,
-        abs(found.speeds).max(axis=0),
+        torques.joints,
+        torques.peak,
+        torques.peak_time,
+        torques.rms,
+        torques.peak_power,
+        abs(torques.speeds).max(axis=0),
         strict=True,
     ):
         peak, time, mean, power, speed = map(float, numbers)
@@ -153,9 +153,9 @@ def _along(name: str, dynamics: InverseDynamics, file: Path, robot: str | None) 
             f"  {joint:<12} peak {_number(peak)} {unit} at {time:.3f} s{part}, RMS {_number(mean)} {unit}, "
             f"at most {_number(power)} W, {_number(speed)} {per_second}"
         )
-    lost = found.not_held
+    lost = torques.not_held
     held = "the actuated joints hold the load" if not len(lost) else (
-        f"no torques hold the load at {len(lost)} of {len(found.times)} samples, first at {lost[0]:.3f} s"
+        f"no torques hold the load at {len(lost)} of {len(torques.times)} samples, first at {lost[0]:.3f} s"
     )  # fmt: skip
     head = f"{name} along {file}, {motion.seconds:.3f} s: {held}"
     report = {

@@ -121,7 +121,7 @@ def run(robots: ShownRobotOptions, options: MapOptions, page: PageOptions, file:
     shown = (*spec.quantities, "reachable", "status")
     if options.show not in (None, *shown):
         raise UnknownNameError("quantity", options.show, shown)
-    asked = [name.strip() for given in options.quantity for name in given.split(",")]
+    asked = [name.strip() for listed in options.quantity for name in listed.split(",")]
     show = options.show or next((name for name in asked if name in shown), shown[0])
     if options.vary:
         return _sweep(name, spec, file, robots, options)
@@ -130,13 +130,13 @@ def run(robots: ShownRobotOptions, options: MapOptions, page: PageOptions, file:
         _confirm(spec, options)
     try:
         with Progress() as progress:
-            found = make_map(spec, path, workers=options.workers, scheduler=options.scheduler, report=progress.cells)
+            dataset = make_map(spec, path, workers=options.workers, scheduler=options.scheduler, report=progress.cells)
     except KeyboardInterrupt:
         print(f"{path}: finished cells are kept; the same command continues", file=sys.stderr)
         raise
-    result = summary(found, spec)
+    result = summary(dataset, spec)
     if not result["reachable"]:
-        found.close()
+        dataset.close()
         shutil.rmtree(path, ignore_errors=True)
         raise CinegenError(f"{name}: no cell of this region is reached ({counts_of(result)}). {node_at_home(spec)}")
     text = "\n".join([*summary_lines(name, spec, result), f"map: {path}"])
@@ -144,7 +144,7 @@ def run(robots: ShownRobotOptions, options: MapOptions, page: PageOptions, file:
     if options.plot:
         from cinegen.plotting.map import draw_map
 
-        write_figure(options.plot, draw_map(found, show, name=name), options.json)
+        write_figure(options.plot, draw_map(dataset, show, name=name), options.json)
     if options.view:
         from cinegen.session import map_setup
 
@@ -166,7 +166,7 @@ def specification(mechanism: Mechanism, options: MapOptions, robots: ShownRobotO
         options.line,
     )  # fmt: skip
     scene = None if options.scene is None else _obstacles(mechanism, options.scene, robots)
-    names = [name.strip() for given in options.quantity or ["sigma_1,sigma_2"] for name in given.split(",") if name]
+    names = [name.strip() for text in options.quantity or ["sigma_1,sigma_2"] for name in text.split(",") if name]
     if "all" in names:
         left_out = {*_SLOW, *_LOADED, *(() if scene else ("clearance",))}
         names = [name for name in names if name != "all"] + [name for name in QUANTITIES if name not in left_out]
@@ -177,23 +177,23 @@ def specification(mechanism: Mechanism, options: MapOptions, robots: ShownRobotO
     springs = _springs(mechanism, options.stiffness)
     if springs and not {"stiffness", "rotational_stiffness", "frequency"} & set(names):
         names.append("stiffness")
-    given = tolerances(options, file)
-    if given and "accuracy" not in names:
+    errors = tolerances(options, file)
+    if errors and "accuracy" not in names:
         names.append("accuracy")
     payloads, pushed = dict[str, float](), dict[str, Any]()
-    for one in carried(mechanism, options.payload, options.node):
-        payloads[one.node] = payloads.get(one.node, 0.0) + one.mass
-    for one in wrenches(options.wrench):
-        if one.node in pushed:
-            raise UsageError(f"--wrench: two wrenches act on {one.node}: add them up")
-        pushed[one.node] = one.wrench
+    for load in carried(mechanism, options.payload, options.node):
+        payloads[load.node] = payloads.get(load.node, 0.0) + load.mass
+    for load in wrenches(options.wrench):
+        if load.node in pushed:
+            raise UsageError(f"--wrench: two wrenches act on {load.node}: add them up")
+        pushed[load.node] = load.wrench
     return MapSpecification(
         mechanism, where, tuple(dict.fromkeys(names)), options.node or "", not options.no_limits,
         STARTS if options.starts is None else options.starts,
         along=() if options.along is None else point(options.along, "--along", NUMBER),
         scene=scene, folder=str(options.scene.absolute().parent) if options.scene else ".",
         payloads=payloads, wrenches=pushed, gravity=gravity_of(options.gravity) or (),
-        reaction=options.reaction or "", stiffness=springs, tolerances=given,
+        reaction=options.reaction or "", stiffness=springs, tolerances=errors,
     )  # fmt: skip
 
 
@@ -203,9 +203,9 @@ def tolerances(options: MapOptions, file: Path) -> dict[str, Any]:
     Raises:
         UsageError: the file is not RAFF, whose parameters tolerances belong to.
     """
-    given = {"sigma": options.sigma, "play": options.play, "encoder": options.encoder}
-    found: dict[str, Any] = {key: amounts(texts, f"--{key}") for key, texts in given.items() if texts}
-    if not found:
+    typed = {"sigma": options.sigma, "play": options.play, "encoder": options.encoder}
+    errors: dict[str, Any] = {key: amounts(texts, f"--{key}") for key, texts in typed.items() if texts}
+    if not errors:
         return {}
     from raff2urdf import readers
     from raff2urdf.raff.reader import read
@@ -214,7 +214,7 @@ def tolerances(options: MapOptions, file: Path) -> dict[str, Any]:
     path = find_robot(file)
     if readers.holds_xml(path):
         raise UsageError(f"{path}: tolerances are those of RAFF's parameters: convert the file by urdf2raff first")
-    return {"raff": read(path), **found}
+    return {"raff": read(path), **errors}
 
 
 def _springs(mechanism: Mechanism, texts: Sequence[str]) -> dict[str, float]:
@@ -224,15 +224,15 @@ def _springs(mechanism: Mechanism, texts: Sequence[str]) -> dict[str, float]:
         UsageError: it is no quantity of that dimension.
         UnknownNameError: no such joint.
     """
-    given = named(",".join(texts), "--stiffness", "*=1e5 or joint1=8e4Nm/rad")
-    every = given.pop("*", None)
+    typed = named(",".join(texts), "--stiffness", "*=1e5 or joint1=8e4Nm/rad")
+    every = typed.pop("*", None)
     if every is not None:
-        given = {name: every for name in mechanism.actuated if name not in given} | given
-    found = {}
-    for name, text in given.items():
+        typed = {name: every for name in mechanism.actuated if name not in typed} | typed
+    springs = {}
+    for name, text in typed.items():
         dimension = STIFFNESS if mechanism.is_prismatic(name) else ANGULAR_STIFFNESS
-        found[name] = number(text, f"--stiffness: {name}", dimension)
-    return found
+        springs[name] = number(text, f"--stiffness: {name}", dimension)
+    return springs
 
 
 def _obstacles(mechanism: Mechanism, file: Path, robots: ShownRobotOptions) -> dict[str, Any]:
@@ -246,7 +246,7 @@ def _obstacles(mechanism: Mechanism, file: Path, robots: ShownRobotOptions) -> d
     if scene.allowed_collisions:
         values["allowed_collisions"] = [list(pair) for pair in scene.allowed_collisions]
     if scene.attached:
-        values["attached"] = [one.document() for one in scene.attached]
+        values["attached"] = [body.document() for body in scene.attached]
     values["obstacle"] = [obstacle.document() for obstacle in scene.obstacles]
     return values
 
@@ -289,8 +289,8 @@ def _folder(output: str | None, name: str) -> Path:
     path = Path(output or name)
     if path == STANDARD:
         raise UsageError("-o -: a map is a folder, which can't go to standard output")
-    own = path.suffix == ".zarr" or any((path / file).exists() for file in ("zarr.json", "sweep.json"))
-    return path if own else output_path(output, name)
+    is_map = path.suffix == ".zarr" or any((path / file).exists() for file in ("zarr.json", "sweep.json"))
+    return path if is_map else output_path(output, name)
 
 
 def _confirm(spec: MapSpecification, options: MapOptions, maps: int = 1) -> None:
@@ -303,10 +303,10 @@ def _confirm(spec: MapSpecification, options: MapOptions, maps: int = 1) -> None
         return
     from cinegen.workspace.evaluator import estimate
 
-    found, cores = estimate(spec, maps), options.workers or os.cpu_count() or 1
-    if found.seconds / cores <= _LONG and found.size <= _LARGE:
+    cost, cores = estimate(spec, maps), options.workers or os.cpu_count() or 1
+    if cost.seconds / cores <= _LONG and cost.size <= _LARGE:
         return
-    words = found.text(cores)
+    words = cost.text(cores)
     if not sys.stdin.isatty():
         raise CinegenError(f"{words}. Add --yes to start it, or use a coarser --grid")
     print(words, file=sys.stderr)

@@ -24,7 +24,7 @@ _ROUNDING = 1e-9  # relative error of a sum over cells
 REACTIONS = ("reaction_force", "reaction_moment")
 
 
-def summary(found: xarray.Dataset, spec: MapSpecification) -> dict[str, Any]:
+def summary(dataset: xarray.Dataset, spec: MapSpecification) -> dict[str, Any]:
     """Return the summary of a map for JSON: m, rad and sr; null for values without bound."""
     import numpy as np
 
@@ -32,16 +32,16 @@ def summary(found: xarray.Dataset, spec: MapSpecification) -> dict[str, Any]:
     from cinegen.workspace.extent import extent
     from cinegen.workspace.loads import left_out, notes
 
-    counts = np.bincount(found["status"].values.ravel(), minlength=len(CellStatus))
-    measured = extent(found)
+    counts = np.bincount(dataset["status"].values.ravel(), minlength=len(CellStatus))
+    measured = extent(dataset)
     quantities = dict[str, dict[str, Any]]()
     for name in spec.quantities:
-        values = found[name].values[found["reachable"].values].astype(float)
+        values = dataset[name].values[dataset["reachable"].values].astype(float)
         values = values[~np.isnan(values)]
         if len(values):
             three = {"min": values.min(), "median": np.median(values), "max": values.max()}
             quantities[name] = {
-                "unit": found[name].attrs["units"],
+                "unit": dataset[name].attrs["units"],
                 **{key: float(value) if np.isfinite(value) else None for key, value in three.items()},
             }
             quantities[name]["undetermined"] = list(left_out(spec, name)) if name in REACTIONS else []
@@ -51,7 +51,7 @@ def summary(found: xarray.Dataset, spec: MapSpecification) -> dict[str, Any]:
         "over": {axis.name: [axis.low, axis.high, axis.count] for axis in spec.region.axes},
         "at": dict(spec.region.at),
         "cells": spec.region.size,
-        "reachable": int(found["reachable"].values.sum()),
+        "reachable": int(dataset["reachable"].values.sum()),
         "status": {status.label: int(number) for status, number in zip(CellStatus, counts, strict=True) if number},
         "checked": "joint limits in each cell, not between cells"
         + ("" if spec.over_joints and not spec.mechanism.loops else "; branches by continuation, not proved"),
@@ -111,5 +111,5 @@ def _coordinate(spec: MapSpecification, name: str, value: float) -> str:
 def node_at_home(spec: MapSpecification) -> str:
     """Return where the node is at home: mistaken units and frames are common."""
     home = (round(float(value), 6) for value in spec.home.translation)
-    here = ", ".join(f"{name} = {shown(value, LENGTH)}" for name, value in zip("xyz", home, strict=True))
-    return f"At home {spec.node} is at {here}; numbers are {UNITS}"
+    position = ", ".join(f"{name} = {shown(value, LENGTH)}" for name, value in zip("xyz", home, strict=True))
+    return f"At home {spec.node} is at {position}; numbers are {UNITS}"

@@ -65,17 +65,17 @@ def run(
     exclude(json=json, view=view)
     check_outputs(plot, force=page.force, json=json)
     single = lengths or at or plot or view
-    found = dict([robots.load_one(file)]) if single else {key: one for key, (one, _) in robots.load([file]).items()}
+    loaded = dict([robots.load_one(file)]) if single else {key: pair[0] for key, pair in robots.load([file]).items()}
     from cinegen.assembly import assembly_modes
 
     reports: list[dict[str, Any]] = []
     every = True
-    for name, mechanism in found.items():
+    for name, mechanism in loaded.items():
         mechanism.frame_id(node or mechanism.end)  # refuses an unknown node before anything takes time
         asked = None if at is None else pose_task(mechanism, at, node or mechanism.end)
-        given = _solved(mechanism, asked) if asked else None if lengths is None else _values(mechanism, lengths)
+        actuated = _solved(mechanism, asked) if asked else None if lengths is None else _values(mechanism, lengths)
         with Progress() as progress:
-            modes = assembly_modes(mechanism, given, method, report=progress.text)
+            modes = assembly_modes(mechanism, actuated, method, report=progress.text)
         text = ("\n" if reports else "") + "\n".join(_lines(name, modes, node, asked))
         reports.append(modes.as_dict())
         every = every and len(modes) > 0
@@ -108,13 +108,13 @@ def _values(mechanism: Mechanism, text: str) -> Array:
 
     joints = mechanism.actuated
     home = {joint: float(mechanism.q_home[mechanism.q_index(joint)]) for joint in joints}
-    given = parts(text)
-    if not any("=" in part for part in given):
-        if len(given) != len(joints):
+    numbers = parts(text)
+    if not any("=" in part for part in numbers):
+        if len(numbers) != len(joints):
             listed = ", ".join(f"{joint} ({value_text(mechanism, joint, home[joint])} at home)" for joint in joints)
-            number = f"{count(given, 'value')} for the {len(joints)} actuated joints of {mechanism.name}"
+            number = f"{count(numbers, 'value')} for the {len(joints)} actuated joints of {mechanism.name}"
             raise CinegenError(f"--values: {number}: {listed}")
-        text = ",".join(f"{joint}={value}" for joint, value in zip(joints, given, strict=True))
+        text = ",".join(f"{joint}={value}" for joint, value in zip(joints, numbers, strict=True))
     for joint, value in values(text, "--values", f"{next(iter(joints), 'joint1')}=0.1", mechanism).items():
         if joint not in home:
             raise UnknownNameError("actuated joint", joint, tuple(joints))
@@ -133,12 +133,12 @@ def _solved(mechanism: Mechanism, asked: FrameTask) -> Array:
     from cinegen.ik import inverse_kinematics
 
     for limits in (True, False):  # a mode beyond limits is a mode, and listed as such
-        found = inverse_kinematics(mechanism, [asked], mechanism.q_home, tolerance=TYPED, limits=limits)
-        if found:
-            return np.array([found.q[mechanism.q_index(joint)] for joint in mechanism.actuated])
+        solution = inverse_kinematics(mechanism, [asked], mechanism.q_home, tolerance=TYPED, limits=limits)
+        if solution:
+            return np.array([solution.q[mechanism.q_index(joint)] for joint in mechanism.actuated])
     raise CinegenError(
         f"{mechanism.name}: {asked.node} can't reach {pose_text(asked)}, even beyond joint limits: the closest pose "
-        f"found misses it by {missed_text(asked, found.errors[0])}"
+        f"found misses it by {missed_text(asked, solution.errors[0])}"
     )
 
 
@@ -151,11 +151,11 @@ def _lines(name: str, modes: AssemblyModes, node: str | None, asked: FrameTask |
     mechanism, node = modes.mechanism, node or modes.mechanism.end
     number = count(modes, "assembly mode") if len(modes) else "no assembly mode"
     joints = zip(mechanism.actuated, modes.actuated, strict=True)
-    given = [f"{joint} {value_text(mechanism, joint, float(value))}".replace(" ", _JOINED) for joint, value in joints]
+    texts = [f"{joint} {value_text(mechanism, joint, float(value))}".replace(" ", _JOINED) for joint, value in joints]
     heading = f"{name}: robot '{mechanism.name}', {number}" + (
         f"; pose of {node}, {shown_scale(LENGTH)[1]} and degrees:" * bool(len(modes))
     )
-    wrapped = textwrap.wrap(f"actuated: {', '.join(given)}", _WIDTH, initial_indent="  ", subsequent_indent="    ")
+    wrapped = textwrap.wrap(f"actuated: {', '.join(texts)}", _WIDTH, initial_indent="  ", subsequent_indent="    ")
     lines = [heading, *(line.replace(_JOINED, " ") for line in wrapped), ""]
     lines += [*_table(modes, node, asked), ""] if len(modes) else []
     passive = [joint for joint in mechanism.joints if joint not in mechanism.actuated]

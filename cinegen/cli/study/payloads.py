@@ -27,11 +27,11 @@ def carried(mechanism: Mechanism, texts: Sequence[str], node: str | None = None)
     """Return payloads, on a node or the end unless they name another."""
     from cinegen.dynamics import Payload
 
-    end, found = mechanism.end if node is None else node, []
+    end, payloads = mechanism.end if node is None else node, []
     for text in texts:
         mass, _, where = text.partition("@")
-        found.append(Payload(where or end, quantity(mass, "--payload", MASS)))
-    return found
+        payloads.append(Payload(where or end, quantity(mass, "--payload", MASS)))
+    return payloads
 
 
 def wrenches(texts: Sequence[str]) -> list[Payload]:
@@ -42,16 +42,16 @@ def wrenches(texts: Sequence[str]) -> list[Payload]:
     """
     from cinegen.dynamics import Payload
 
-    found = []
+    loads = []
     for text in texts:
         where, equals, numbers = text.partition("=")
-        given = parts(numbers)
-        if not equals or len(given) not in (3, 6):
+        components = parts(numbers)
+        if not equals or len(components) not in (3, 6):
             raise UsageError(f"--wrench: '{text}': write NODE=FX,FY,FZ or NODE=FX,FY,FZ,MX,MY,MZ, such as tool=0,0,-10")
         with refused_as(UsageError, "--wrench"):
-            force, moment = parse_list(given[:3], FORCE), parse_list(given[3:], TORQUE)
-        found.append(Payload(where, wrench=(*force, *(moment or (0.0, 0.0, 0.0)))))
-    return found
+            force, moment = parse_list(components[:3], FORCE), parse_list(components[3:], TORQUE)
+        loads.append(Payload(where, wrench=(*force, *(moment or (0.0, 0.0, 0.0)))))
+    return loads
 
 
 def gravity_of(text: str) -> tuple[float, float, float] | None:

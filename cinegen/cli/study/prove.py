@@ -107,7 +107,7 @@ def _resumable(target: Path) -> Iterator[Path | None]:
 
 def lines(name: str, proof: Proof) -> str:
     """Return the result for people: m and degrees."""
-    found = [f"{one_line(name)}: {proof.message}", f"  region: {one_line(proof.region_text)}"]
+    rows = [f"{one_line(name)}: {proof.message}", f"  region: {one_line(proof.region_text)}"]
     for witness in proof.witnesses[:2]:
         why = f"determinant {witness.get('determinant', 0):+d}"
         if not witness["configuration"]:
@@ -122,8 +122,8 @@ def lines(name: str, proof: Proof) -> str:
             f"{key} = {math.degrees(value):.4g} deg" if key.startswith("r") else f"{key} = {value:.4g} m"
             for key, value in witness["pose"].items()
         )
-        found.append(f"  refuted at {', '.join(pose)}: {why}")
-    found += [
+        rows.append(f"  refuted at {', '.join(pose)}: {why}")
+    rows += [
         f"  undecided: {count} box{'' if count == 1 else 'es'}: {reason}" for reason, count in proof.reasons.items()
     ]
-    return "\n".join(found)
+    return "\n".join(rows)

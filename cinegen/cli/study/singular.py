@@ -54,12 +54,12 @@ def run(
             raise UsageError("recordings (.jsonl) and robots are analysed apart: name only one kind of file")
         _check_recordings(recordings, robots.robot, json)
         return 0
-    found = {name: mechanism for name, (mechanism, _) in robots.load(files).items()}
+    mechanisms = {name: mechanism for name, (mechanism, _) in robots.load(files).items()}
     if over is not None:
         no_effect("with --over", "--json", remedy="the scan is JSON, in a file, or with -o - on standard output")
-        if len(found) > 1 and (plot or output):
+        if len(mechanisms) > 1 and (plot or output):
             raise CinegenError(f"{files[0]}: --plot and --output need one robot: name one with --robot")
-        for name, mechanism in found.items():
+        for name, mechanism in mechanisms.items():
             picture = plot or Path(f"{name}-singular.png")
             numbers = output_path(output, f"{name}-singular.json")
             check_outputs(picture, numbers, force=force)
@@ -68,10 +68,10 @@ def run(
     from cinegen.singularities import singularity
 
     reports, texts = [], []
-    for name, mechanism in found.items():
-        here = singularity(mechanism, configuration_at(mechanism, at, node), node)
-        reports.append({"name": name, **here.as_dict()})
-        first, *others = here.message.split("; ")
+    for name, mechanism in mechanisms.items():
+        report = singularity(mechanism, configuration_at(mechanism, at, node), node)
+        reports.append({"name": name, **report.as_dict()})
+        first, *others = report.message.split("; ")
         wrapped = [textwrap.fill(part, 100, initial_indent="  ", subsequent_indent="    ") for part in others]
         texts += [f"{name}: {first}", *wrapped]
     print_result(reports, "\n".join(texts), json)
@@ -122,9 +122,9 @@ def _check_recordings(files: list[Path], robot: str | None, json: bool) -> None:
 
     reports, texts = [], []
     for file in files:
-        found = [one for one in check(resampled(Recording.load(file), robot)) if one.sigma is not None]
-        texts.append(f"{file}: {len(found) or 'no'} singularit{'y' if len(found) == 1 else 'ies'} along the motion")
-        texts += [f"  at {one.recorded:.3f} s {one.message} (singular value {one.sigma:.2g})" for one in found]
-        numbers = [as_json(one, "kind", "sigma", "message", "q", time=one.recorded) for one in found]
+        events = [event for event in check(resampled(Recording.load(file), robot)) if event.sigma is not None]
+        texts.append(f"{file}: {len(events) or 'no'} singularit{'y' if len(events) == 1 else 'ies'} along the motion")
+        texts += [f"  at {event.recorded:.3f} s {event.message} (singular value {event.sigma:.2g})" for event in events]
+        numbers = [as_json(event, "kind", "sigma", "message", "q", time=event.recorded) for event in events]
         reports.append({"recording": str(file), "found": numbers})
     print_result(reports, "\n".join(texts), json)

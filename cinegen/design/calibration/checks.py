@@ -73,7 +73,7 @@ def check(comparison: ColumnComparison) -> None:
         ContradictionError: they are far off, and no mistake is found.
         DesignError: names the mistake, both distances, and the correction; or the loops can't be closed.
     """
-    observation, written = comparison.observation, comparison.given
+    observation, written = comparison.observation, comparison.written
     if written is not None and written.misfit <= _FAR:
         return
     is_wrong = written is not None and written.sizes.max() > _OFF
@@ -210,7 +210,7 @@ def _likeliest(candidates: Sequence[Found]) -> list[Found]:
 
 
 def _question(comparison: ColumnComparison, candidates: Sequence[Found]) -> str:
-    written, (mistake, best) = comparison.given, candidates[0]
+    written, (mistake, best) = comparison.written, candidates[0]
     k = int(np.argmax((written or best).ratios[: len(best.off)]))
     rest = shown(float(best.off[k]), best.observation.quantities[k].dimension, 3)
     if written is None:
@@ -236,7 +236,7 @@ def _question(comparison: ColumnComparison, candidates: Sequence[Found]) -> str:
 
 def _expected(comparison: ColumnComparison) -> str:
     """Return errors with which the readings would be taken as they are; "" if they are beyond what is manufactured."""
-    parameters, written, errors = comparison.observation.design.parameters, comparison.given, comparison.errors
+    parameters, written, errors = comparison.observation.design.parameters, comparison.written, comparison.errors
     count = len(parameters)
     kinds = [
         (kind, np.array([not parameter.joint and parameter.dimension is kind for parameter in parameters.free]))

@@ -45,7 +45,7 @@ class Compared(NamedTuple):
     def sizes(self) -> Array:
         """Distances (outputs,) in characteristic lengths and rad."""
         length = self.observation.design.mechanism.length
-        units = [length if one.dimension is LENGTH else 1.0 for one in self.observation.quantities]
+        units = [length if quantity.dimension is LENGTH else 1.0 for quantity in self.observation.quantities]
         return np.asarray(self.off / np.array(units))
 
 
@@ -58,7 +58,7 @@ class ColumnComparison:
 
     Attributes:
         observation: as given.
-        given: how far its readings are off; None if the loops don't close at them.
+        written: how far its readings are off; None if the loops don't close at them.
         open: why they don't.
         errors: as given.
 
@@ -77,8 +77,8 @@ class ColumnComparison:
         if observation.kept is not None:
             self._closed[observation.inputs, observation.readings.tobytes()] = observation.kept
             self._closed[observation.inputs, thinned(observation.readings).tobytes()] = thinned(observation.kept)
-        self.given = None if self.open else self._compared(observation, errors)
-        self._scale = np.maximum(self._expected_at_home() if self.given is None else self.given.expected, 1e-300)
+        self.written = None if self.open else self._compared(observation, errors)
+        self._scale = np.maximum(self._expected_at_home() if self.written is None else self.written.expected, 1e-300)
 
     def of(self, measurements: Measurements, errors: Array | None = None) -> Compared | None:
         """Return how far other measurements are off, by other expected errors if they are given; None if the loops
@@ -120,10 +120,10 @@ class ColumnComparison:
         return other
 
     def _compared(self, observation: Observation, errors: Array) -> Compared | None:
-        here = observation.predict(observation.values)
-        if not (here.gap <= closure.CLOSED).all():
+        prediction = observation.predict(observation.values)
+        if not (prediction.gap <= closure.CLOSED).all():
             return None
-        rest, expected = np.abs(observation.residuals(here)), self._expected(observation, here, errors)
+        rest, expected = np.abs(observation.residuals(prediction)), self._expected(observation, prediction, errors)
         return Compared(
             observation,
             _medians(rest),
@@ -132,19 +132,19 @@ class ColumnComparison:
         )
 
     @staticmethod
-    def _expected(observation: Observation, here: Prediction, errors: Array) -> Array:
+    def _expected(observation: Observation, prediction: Prediction, errors: Array) -> Array:
         """Return expected standard deviations (poses, outputs)."""
-        known = np.where(np.isin(observation.names[: len(errors)], here.opening), 0.0, errors)
-        spread = ((here.jacobian[..., : len(errors)] * known) ** 2).sum(axis=2)
-        return np.asarray(np.sqrt(spread + np.einsum("nkk->nk", observation.covariances(here))))
+        known = np.where(np.isin(observation.names[: len(errors)], prediction.opening), 0.0, errors)
+        spread = ((prediction.jacobian[..., : len(errors)] * known) ** 2).sum(axis=2)
+        return np.asarray(np.sqrt(spread + np.einsum("nkk->nk", observation.covariances(prediction))))
 
     def _expected_at_home(self) -> Array:
-        given, mechanism = self.observation.measurements, self.observation.design.mechanism
-        values = np.zeros_like(given.values[:1])
+        lines, mechanism = self.observation.measurements, self.observation.design.mechanism
+        values = np.zeros_like(lines.values[:1])
         values[:, self.observation.input_columns] = [
             mechanism.q_home[mechanism.q_index(joint)] for joint in self.observation.inputs
         ]
-        home = self.observation.again(replace(given, values=values, sigmas=given.sigmas[:1], labels=given.labels[:1]))
+        home = self.observation.again(replace(lines, values=values, sigmas=lines.sigmas[:1], labels=lines.labels[:1]))
         home.keep(mechanism.q_home[None])
         return np.asarray(self._expected(home, home.predict(home.values), self.errors)[0])
 
@@ -152,10 +152,10 @@ class ColumnComparison:
 def _medians(values: Array, least: int = FEWEST) -> Array:
     """Return the medians of columns (columns,), 0 of those with too few numbers."""
     counts = np.isfinite(values).sum(axis=0)
-    found = np.zeros(values.shape[1])
+    medians = np.zeros(values.shape[1])
     for k in np.flatnonzero(counts >= min(least, max(int(counts.max(initial=0)), 1))).tolist():
-        found[k] = np.nanmedian(values[:, k])
-    return found
+        medians[k] = np.nanmedian(values[:, k])
+    return medians
 
 
 def thinned(rows: Array) -> Array:
@@ -163,7 +163,7 @@ def thinned(rows: Array) -> Array:
     return np.asarray(rows[np.unique(np.linspace(0, len(rows) - 1, min(len(rows), _SOME)).astype(int))])
 
 
-def some(given: Measurements) -> Measurements:
+def some(lines: Measurements) -> Measurements:
     """Return a few lines, which refute most mistakes."""
-    labels = tuple(thinned(np.array(given.labels)).tolist())
-    return replace(given, values=thinned(given.values), sigmas=thinned(given.sigmas), labels=labels)
+    labels = tuple(thinned(np.array(lines.labels)).tolist())
+    return replace(lines, values=thinned(lines.values), sigmas=thinned(lines.sigmas), labels=labels)

@@ -47,7 +47,7 @@ Estimate = Callable[[Parameters, Measurements, dict[str, float]], "Calibration"]
 class _Columns(NamedTuple):
     names: tuple[str, ...]  # of parameters that were not estimated
     rest: Array  # (readings,) whitened residuals
-    own: Array  # (readings, parameters) whitened columns of what was estimated, in expected errors
+    varied: Array  # (readings, parameters) whitened columns of what was estimated, in expected errors
     others: Array  # (readings, names) of what was not, in m and rad
 
 
@@ -106,7 +106,7 @@ def _columns(calibration: Calibration) -> _Columns:
 
 
 def _without(matrix: Array, span: Array) -> Array:
-    """Return columns without what those of `own` span."""
+    """Return columns without what those of `span` span."""
     u = orth(span, rcond=_NO_EFFECT)
     return np.asarray(matrix - u @ (u.T @ matrix))
 
@@ -119,7 +119,7 @@ def _gains(rest: Array, columns: Array, sizes: Array) -> Array:
 
 
 def _added(calibration: Calibration, columns: _Columns) -> str:
-    sizes, span = np.linalg.norm(columns.others, axis=0), columns.own
+    sizes, span = np.linalg.norm(columns.others, axis=0), columns.varied
     chosen, texts = list[int](), list[str]()
     dof = calibration.degrees_of_freedom
     while len(chosen) < min(_MOST, dof - 1):
@@ -132,7 +132,7 @@ def _added(calibration: Calibration, columns: _Columns) -> str:
         chosen.append(k)
         names = [columns.names[j] for j in equal[:_LISTED]]
         texts.append(columns.names[k] + (f" (or instead {', '.join(names)})" if names else ""))
-        span = np.column_stack([span, columns.others[:, k] / sizes[k] * np.linalg.norm(columns.own, axis=0).max()])
+        span = np.column_stack([span, columns.others[:, k] / sizes[k] * np.linalg.norm(columns.varied, axis=0).max()])
         left, remaining = float(rest @ rest - gains[k]), dof - len(chosen)
         if left < remaining * (1.0 + POOR * math.sqrt(2.0 / remaining)):
             listed = ", ".join(texts)
@@ -152,9 +152,9 @@ def _swapped(
         at = [k for k, name in enumerate(columns.names) if name.rpartition(".")[0] == node]
         if not at:
             continue
-        others = np.delete(columns.own, i, axis=1)
+        others = np.delete(columns.varied, i, axis=1)
         step = (calibration.nominal[i] - calibration.values[i]) / calibration.subspace.errors[i]
-        rest = _without((columns.rest + columns.own[:, i] * step)[:, None], others)[:, 0]
+        rest = _without((columns.rest + columns.varied[:, i] * step)[:, None], others)[:, 0]
         moved = _without(columns.others[:, at], others)
         gains = _gains(rest, moved, np.linalg.norm(columns.others[:, at], axis=0))
         k = int(np.argmax(gains))

@@ -63,7 +63,7 @@ def lines(comparison: ColumnComparison) -> Iterator[Mistake]:
     observation = comparison.observation
     measurements, outputs = observation.measurements, observation.outputs
     count, names = len(measurements), names_of(measurements, outputs)
-    if count <= 2 * FEWEST or comparison.given is None:
+    if count <= 2 * FEWEST or comparison.written is None:
         return
 
     def moved(joint_rows: list[int], output_rows: list[int], text: str, edit: str) -> Mistake:
@@ -79,7 +79,7 @@ def lines(comparison: ColumnComparison) -> Iterator[Mistake]:
     yield moved(first, last, f"with {names} of the line below", edit)
     yield moved(last, first, f"with {names} of the line above", edit)
     values = observation.predict(observation.values, derivatives=False).values
-    apart = (values[:, None] - observation.measured) / comparison.given.expected
+    apart = (values[:, None] - observation.measured) / comparison.written.expected
     order = linear_sum_assignment(np.nan_to_num(np.abs(apart)).sum(axis=2))[1].tolist()
     others = [f"{measurements.labels[j]} at {measurements.labels[i]}" for i, j in enumerate(order) if i != j]
     text = f"with {names} in another order of lines ({first_of(others, _SHOWN)})"

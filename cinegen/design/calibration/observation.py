@@ -212,7 +212,7 @@ class Observation:
         q = self._q.copy()
         q[:, self._at] = factors * self.readings
         state = design.evaluate(theta[:count], q, derivatives)
-        by_joints = self._own(state) if derivatives else None
+        by_joints = self._motions(state) if derivatives else None
         values = np.zeros((len(q), len(self.outputs)))
         jacobian = np.zeros((len(q), len(self.outputs), len(self)))
         by_inputs = np.zeros((len(q), len(self.outputs), len(self.inputs)))
@@ -312,7 +312,7 @@ class Observation:
         expected += [3e-3 if dimension is LENGTH else math.radians(0.5) for dimension in self.frames.dimensions]
         return np.array(expected)
 
-    def _own(self, evaluation: DesignEvaluation) -> Array:
+    def _motions(self, evaluation: DesignEvaluation) -> Array:
         """Return the motion (poses, nv, inputs) of all joints by the inputs."""
         rates = evaluation.compensate(evaluation.loop_joints[:, :, self._v])
         rates[:, self._v, np.arange(len(self._v))] = 1.0

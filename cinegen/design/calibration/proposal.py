@@ -60,13 +60,13 @@ class Proposal:
 
     def text(self) -> str:
         """Return a CSV file with the readings of the inputs; what is to be measured is empty."""
-        one = self.measurements
-        values = one.values.copy()
-        values[:, [k for k, quantity in enumerate(one.quantities) if quantity.of not in self.inputs]] = np.nan
-        return Measurements(one.quantities, values, one.sigmas, one.labels).text(digits=7)
+        measurements = self.measurements
+        values = measurements.values.copy()
+        values[:, [k for k, quantity in enumerate(measurements.quantities) if quantity.of not in self.inputs]] = np.nan
+        return Measurements(measurements.quantities, values, measurements.sigmas, measurements.labels).text(digits=7)
 
 
-def propose(found: Calibration, count: int, candidates: int = CANDIDATES, seed: int = 0) -> Proposal:
+def propose(calibration: Calibration, count: int, candidates: int = CANDIDATES, seed: int = 0) -> Proposal:
     """Return the poses that determine the parameters best, in addition to those that were measured.
 
     Args:
@@ -78,13 +78,13 @@ def propose(found: Calibration, count: int, candidates: int = CANDIDATES, seed: 
     Raises:
         CinegenError: hardly any pose is within the joints' limits.
     """
-    observation = found.observation
-    q = random_poses(Design(found.parameters, fixed=observation.inputs), max(candidates, count), seed)
-    rows, lines = _rows(observation, q, found.subspace.errors)
-    measured = _measured(found)
+    observation = calibration.observation
+    q = random_poses(Design(calibration.parameters, fixed=observation.inputs), max(candidates, count), seed)
+    rows, lines = _rows(observation, q, calibration.subspace.errors)
+    measured = _measured(calibration)
     _, sizes, vt = svd_by_qr(np.vstack([measured, rows.reshape(-1, rows.shape[2])]))
     span = vt[sizes > DEPENDENT * sizes[0]].T  # what any of the poses determines: nothing else changes log det
-    rows, measured, basis = rows @ span, measured @ span, span.T @ found.subspace.basis
+    rows, measured, basis = rows @ span, measured @ span, span.T @ calibration.subspace.basis
     known = np.eye(span.shape[1]) + measured.T @ measured
     chosen = _greedy(known, rows, count)
     _exchange(known, rows, chosen)
@@ -116,25 +116,25 @@ def _rows(observation: Observation, q: Array, errors: Array) -> tuple[Array, Mea
     old = observation.measurements
     mechanism = observation.design.mechanism
     values = np.zeros((len(q), len(old.quantities)))
-    for k, one in enumerate(old.quantities):
-        if one.kind == "joint":
-            values[:, k] = q[:, mechanism.q_index(one.of)]
+    for k, quantity in enumerate(old.quantities):
+        if quantity.kind == "joint":
+            values[:, k] = q[:, mechanism.q_index(quantity.of)]
     present = np.where(np.isfinite(old.values), old.sigmas, np.nan)
     sigmas = np.nan_to_num(np.tile(np.nanmedian(present, axis=0), (len(q), 1)), nan=1.0)
     lines = Measurements(old.quantities, values, sigmas, tuple(str(i) for i in range(len(q))))
     again = Observation(observation.design.parameters, lines, observation.gains, observation.frames)
-    here = again.predict(again.values)
-    values[:, again.outputs] = here.values
-    factors = np.linalg.cholesky(again.covariances(here))
-    whitened = np.linalg.solve(factors, here.jacobian)
-    usable = here.gap <= 1e-9
+    prediction = again.predict(again.values)
+    values[:, again.outputs] = prediction.values
+    factors = np.linalg.cholesky(again.covariances(prediction))
+    whitened = np.linalg.solve(factors, prediction.jacobian)
+    usable = prediction.gap <= 1e-9
     return whitened * errors * usable[:, None, None], lines
 
 
-def _measured(found: Calibration) -> Array:
+def _measured(calibration: Calibration) -> Array:
     """Return rows (combinations, parameters) whose information is that of the readings kept, in expected errors."""
-    root = np.linalg.cholesky(np.linalg.inv(found.combination_covariance))
-    return np.asarray(root.T @ found.subspace.basis.T)
+    root = np.linalg.cholesky(np.linalg.inv(calibration.combination_covariance))
+    return np.asarray(root.T @ calibration.subspace.basis.T)
 
 
 def _greedy(known: Array, rows: Array, count: int) -> list[int]:
@@ -158,10 +158,10 @@ def _exchange(known: Array, rows: Array, chosen: list[int]) -> None:
             rest = known + np.einsum("irc,ird->cd", rows[others], rows[others])
             inverse: Array = np.asarray(np.linalg.inv(rest), dtype=float)
             gains = _gains(inverse, rows)
-            own = gains[chosen[i]]
+            current = gains[chosen[i]]
             gains[others] = -np.inf
             best = int(np.argmax(gains))
-            if gains[best] > own + _GAIN:
+            if gains[best] > current + _GAIN:
                 chosen[i], changed = best, True
         if not changed:
             return

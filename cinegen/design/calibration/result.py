@@ -130,8 +130,8 @@ class Calibration:
     @property
     def frames(self) -> dict[str, Array]:
         """Poses (4, 4) of devices in the world, and of targets on their nodes, m: those that were not known."""
-        own, known = self.observation.frames, len(self.names) - len(self.observation.frames)
-        return {name: own.pose(name, self.values[known:]) for name in own.start}
+        frames, known = self.observation.frames, len(self.names) - len(self.observation.frames)
+        return {name: frames.pose(name, self.values[known:]) for name in frames.start}
 
     @property
     def fit(self) -> float:
@@ -153,7 +153,7 @@ class Calibration:
 
     def as_dict(self) -> dict[str, Any]:
         """Return what JSON shows: m and rad."""
-        kinds = {LENGTH: "length", ANGLE: "angle"}
+        kinds, labels = {LENGTH: "length", ANGLE: "angle"}, self.observation.measurements.labels
         columns = zip(self.names, self.nominal, self.values, self.sigmas, self.separate, strict=True)
         left_out = (*self.without_effect, *self.opening, *self.observation.frames.names)
         return as_json(
@@ -161,20 +161,20 @@ class Calibration:
             poses=len(self.observation.measurements),
             readings=int(np.isfinite(self.before).sum()),
             parameters=[
-                {"name": name, "unit": self.unit(name), "nominal": a, "value": b, "sigma": s, "separate": own}
-                for name, a, b, s, own in columns
+                {"name": name, "unit": self.unit(name), "nominal": a, "value": b, "sigma": s, "separate": separate}
+                for name, a, b, s, separate in columns
                 if name not in left_out
             ],
             frames=[{"name": name, "pose": pose} for name, pose in self.frames.items()],
             identifiable=self.subspace.rank,
             estimated=self.subspace.basis.shape[1],
-            dependencies=[as_json(one, "names", "changes", "text") for one in self.dependencies],
+            dependencies=[as_json(dependency, "names", "changes", "text") for dependency in self.dependencies],
             outliers=[
-                as_json(one, "residual", "sigmas", pose=self.observation.measurements.labels[one.pose], text=one.where)
-                for one in self.outliers
+                as_json(outlier, "residual", "sigmas", pose=labels[outlier.pose], text=outlier.where)
+                for outlier in self.outliers
             ],
             held_out=[
-                as_json(one, "before", "after", "kept", "noise", kind=kinds[one.dimension], readings=one.count)
-                for one in self.held_out
+                as_json(group, "before", "after", "kept", "noise", kind=kinds[group.dimension], readings=group.count)
+                for group in self.held_out
             ],
         )  # fmt: skip

@@ -48,12 +48,12 @@ class CalibrationSolver:
         is_diagonal = not self.observation.input_sigmas.any()
         if is_diagonal:
             return np.asarray((rows / self.standard[..., None])[kept])
-        found = []
-        for one, covariance, mask in zip(rows, self.covariances, kept, strict=True):
+        whitened = []
+        for row, covariance, mask in zip(rows, self.covariances, kept, strict=True):
             if mask.any():
                 factor = np.linalg.cholesky(covariance[np.ix_(mask, mask)])
-                found.append(np.linalg.solve(factor, one[mask]))
-        return np.concatenate(found)
+                whitened.append(np.linalg.solve(factor, row[mask]))
+        return np.concatenate(whitened)
 
     def least_squares(self, space: Subspace, z: Array, kept: Bools, loss: str = "linear", scale: float = 1.0) -> Array:
         """Return the combinations (combinations,) that minimise the loss of the readings kept, from z. Losses that are
@@ -73,10 +73,10 @@ class CalibrationSolver:
             return (rows / self.standard[..., None])[kept] if independent else self.whiten(rows, kept)
 
         def residuals(z: Array) -> Array:
-            found = predicted(z)
-            if not (found.gap <= closure.CLOSED).all():
+            prediction = predicted(z)
+            if not (prediction.gap <= closure.CLOSED).all():
                 return np.full(int(kept.sum()), 1e9)  # refused: the step is shortened
-            return whitened(observation.residuals(found)[..., None])[:, 0]
+            return whitened(observation.residuals(prediction)[..., None])[:, 0]
 
         def jacobian(z: Array) -> Array:
             return np.asarray(whitened(predicted(z).jacobian) @ space.changes)
@@ -95,11 +95,11 @@ class CalibrationSolver:
         readings by in second order, whitened (rows, samples): their second moment is the product with its transpose."""
         random = np.random.default_rng(0).normal(size=(len(theta), _SAMPLES)) * (self.errors > 0.0)[:, None]
         changes = size * self.errors[:, None] * (random - space.basis @ (space.basis.T @ random))
-        here, sums = self.observation.predict(theta, derivatives=False), list[Array]()
+        centre, sums = self.observation.predict(theta, derivatives=False), list[Array]()
         for change in changes.T:
             both = [self.observation.predict(theta + sign * change, derivatives=False) for sign in (1.0, -1.0)]
-            if all((one.gap <= closure.CLOSED).all() for one in both):
-                sums.append(sum(map(self.observation.residuals, both)) / 2.0 - self.observation.residuals(here))
+            if all((prediction.gap <= closure.CLOSED).all() for prediction in both):
+                sums.append(sum(map(self.observation.residuals, both)) / 2.0 - self.observation.residuals(centre))
         return (
             self.whiten(np.stack(sums, axis=-1), kept) / math.sqrt(len(sums))
             if sums
@@ -115,8 +115,8 @@ class CalibrationSolver:
         z = self.least_squares(space, z, present, "cauchy", _CAUCHY)
         kept = np.zeros_like(present)
         for _ in range(_ROUNDS):
-            found = self.observation.predict(self.observation.values + space.changes @ z)
-            sizes = self._studentised(space, found, kept if kept.any() else present)
+            prediction = self.observation.predict(self.observation.values + space.changes @ z)
+            sizes = self._studentised(space, prediction, kept if kept.any() else present)
             scale = max(1.0, float(np.median(sizes[present])) / 0.6745)
             wanted = present & (sizes <= REJECTED * scale)
             if (wanted == kept).all():
@@ -130,10 +130,10 @@ class CalibrationSolver:
             z = self.least_squares(space, z, kept)
         return z, kept
 
-    def _studentised(self, space: Subspace, found: Prediction, kept: Bools) -> Array:
+    def _studentised(self, space: Subspace, prediction: Prediction, kept: Bools) -> Array:
         """Return residuals (poses, outputs) in their standard deviations, were they estimated without themselves."""
-        residuals = self.observation.residuals(found) / self.standard
-        rows = found.jacobian @ space.changes / self.standard[..., None]
+        residuals = self.observation.residuals(prediction) / self.standard
+        rows = prediction.jacobian @ space.changes / self.standard[..., None]
         inside = rows[kept]
         inverse = np.linalg.pinv(inside.T @ inside, hermitian=True)
         leverage = np.einsum("nkz,zy,nky->nk", rows, inverse, rows)

@@ -28,7 +28,7 @@ def zeros(comparison: ColumnComparison) -> Iterator[Mistake]:
     observation = comparison.observation
     measurements, mechanism = observation.measurements, observation.design.mechanism
     columns = measurements.quantities
-    if comparison.given is not None:
+    if comparison.written is not None:
         rest = observation.residuals(observation.predict(observation.values, derivatives=False))
         for k, off in zip(observation.outputs, rest.T, strict=True):
             each, offset = columns[k], float(np.nanmedian(off))
@@ -73,7 +73,7 @@ def _zero(
     dimension = columns[0].dimension
     offset = _offset(comparison, chosen, sign, starts)
     length = parameters.mechanism.length
-    if offset is None or (comparison.given is not None and not _is_large(offset, dimension, length)):
+    if offset is None or (comparison.written is not None and not _is_large(offset, dimension, length)):
         return
     names, by = ", ".join(quantity.name for quantity in columns), shown(offset, dimension, 4)
     text = f"with {by} added to {names}" if sign > 0.0 else f"with {by} minus the readings of {names}"

@@ -64,7 +64,7 @@ class BarClearance:
         labels = [bar.name for bar in self.bars.bars] + [f"obstacle {i}" for i in range(1, len(wanted.obstacles) + 1)]
         self.names = [f"{labels[a]}, {labels[b]}" for a, b in zip(self._first, self._second, strict=True)]
 
-    def at(self, here: DesignEvaluation, p: Array, free: list[int]) -> tuple[Array, Array]:
+    def at(self, evaluation: DesignEvaluation, p: Array, free: list[int]) -> tuple[Array, Array]:
         """Return the distances (count, pairs) between surfaces, m, and their derivatives (count, pairs, columns).
 
         Args:
@@ -73,38 +73,38 @@ class BarClearance:
             free: columns of the design that are the parameters.
         """
         local, by_p = self.bars.at(p)
-        ends, velocities = self._ends(here, p), self._velocities(here, local, by_p, free)
+        ends, velocities = self._ends(evaluation, p), self._velocities(evaluation, local, by_p, free)
         i, j = self._first, self._second
         distance, u, v, unit = segment_distances(ends[:, i], ends[:, j])
         first = _between(velocities[:, i], u[..., None])
         second = _between(velocities[:, j], v[..., None])
         return distance - self._sum, np.einsum("cpx,cpxk->cpk", unit, first - second)
 
-    def _ends(self, here: DesignEvaluation, p: Array) -> Array:
+    def _ends(self, evaluation: DesignEvaluation, p: Array) -> Array:
         """Return both ends (count, bars and obstacles, 2, 3) in the world, m."""
         local = self.bars.at(p)[0]
-        placed = {node: here.placements(node) for bar in self.bars.bars for node in bar.nodes}
-        found = np.zeros((len(here), len(local), 2, 3))
+        placed = {node: evaluation.placements(node) for bar in self.bars.bars for node in bar.nodes}
+        ends = np.zeros((len(evaluation), len(local), 2, 3))
         for b, bar in enumerate(self.bars.bars):
             for e, node in enumerate(bar.nodes):
-                found[:, b, e] = placed[node][:, :3, :3] @ local[b, e] + placed[node][:, :3, 3]
-        obstacles = np.broadcast_to(self._obstacles, (len(here), *self._obstacles.shape))
-        return np.concatenate([found, obstacles], axis=1)
+                ends[:, b, e] = placed[node][:, :3, :3] @ local[b, e] + placed[node][:, :3, 3]
+        obstacles = np.broadcast_to(self._obstacles, (len(evaluation), *self._obstacles.shape))
+        return np.concatenate([ends, obstacles], axis=1)
 
-    def _velocities(self, here: DesignEvaluation, local: Array, by_p: Array, free: list[int]) -> Array:
+    def _velocities(self, evaluation: DesignEvaluation, local: Array, by_p: Array, free: list[int]) -> Array:
         """Return the derivatives (count, bars and obstacles, 2, 3, columns) of the ends."""
         nodes = {node for bar in self.bars.bars for node in bar.nodes}
-        placed, twists = ({node: of(node) for node in nodes} for of in (here.placements, here.node_twists))
-        columns = len(here.design.names)
-        found = np.zeros((len(here), len(local) + len(self._obstacles), 2, 3, columns))
+        placed, twists = ({node: of(node) for node in nodes} for of in (evaluation.placements, evaluation.node_twists))
+        columns = len(evaluation.design.names)
+        velocities = np.zeros((len(evaluation), len(local) + len(self._obstacles), 2, 3, columns))
         for b, bar in enumerate(self.bars.bars):
             for e, node in enumerate(bar.nodes):
                 rotation, twist = placed[node][:, :3, :3], twists[node]
                 point = rotation @ local[b, e] + placed[node][:, :3, 3]
                 moved = twist[..., :3] + np.cross(twist[..., 3:], point[:, None])
-                found[:, b, e] = np.swapaxes(moved, 1, 2)
-                found[:, b, e][..., free] += rotation @ by_p[b, e]
-        return found
+                velocities[:, b, e] = np.swapaxes(moved, 1, 2)
+                velocities[:, b, e][..., free] += rotation @ by_p[b, e]
+        return velocities
 
 
 def segment_distances(first: Array, second: Array) -> tuple[Array, Array, Array, Array]:

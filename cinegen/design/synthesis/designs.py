@@ -57,14 +57,14 @@ class Designs:
         self.parameters = Parameters(source, list(task.parameters), bounds=task.parameters, **common)  # type: ignore[arg-type]
         self._check_parameters()
         actuated = self.parameters.mechanism.actuated
-        own = [self.parameters.own_variable(name).name for name in actuated]
-        further = Parameters(self.parameters.document, [*task.parameters, *own], **common)  # type: ignore[arg-type]
+        variables = [self.parameters.own_variable(name).name for name in actuated]
+        further = Parameters(self.parameters.document, [*task.parameters, *variables], **common)  # type: ignore[arg-type]
         self.reaching = Reaching(self.parameters, further, task.reach, task.node)
         self._check_opening()
         self.scoring = Scoring(task, self.reaching)
         scale = [_LARGEST] * task.grows
         self.names = (*self.parameters.names, *["region"] * task.grows)
-        self.low = np.append(self.parameters.bounds[:, 0], [-one for one in scale])
+        self.low = np.append(self.parameters.bounds[:, 0], [-bound for bound in scale])
         self.high = np.append(self.parameters.bounds[:, 1], scale)
         self.written = np.append(self.parameters.values, [0.0] * task.grows)
         self.evaluations = self.configurations = 0
@@ -74,15 +74,15 @@ class Designs:
         return f"<{type(self).__name__} of {self.parameters.robot.name}: {len(self.names)} variables>"
 
     def _check_parameters(self) -> None:
-        for one in self.parameters.free:
-            if one.joint:
-                raise DesignError(f"{one.name} is the variable of {one.joint}, which moves: the task can't choose it")
+        for free in self.parameters.free:
+            if free.joint:
+                raise DesignError(f"{free.name} is the variable of {free.joint}, which moves: the task can't choose it")
         check_bounds(self.parameters)
 
     def _check_opening(self) -> None:
         mechanism, parameters = self.parameters.mechanism, self.parameters
-        here = self.reaching.every.evaluate(q=np.array([mechanism.q_home, *mechanism.random_closed(5)]))
-        opening = [name for name in here.opening if name in parameters.names]
+        evaluation = self.reaching.every.evaluate(q=np.array([mechanism.q_home, *mechanism.random_closed(5)]))
+        opening = [name for name in evaluation.opening if name in parameters.names]
         if opening:
             raise DesignError(
                 f"{', '.join(opening)}: a change opens the loops of {mechanism.name}, which can't be assembled then: "
@@ -101,7 +101,7 @@ class Designs:
             self.begin(x)
             scores = self.at(x)
             every = [*self.scoring.constraints(scores).values()]
-            every += [self.scoring.objective(one, scores) for one in self.task.objectives]
+            every += [self.scoring.objective(objective, scores) for objective in self.task.objectives]
             for rows in every:
                 effect = np.maximum(effect, np.abs(rows.slopes).max(axis=(0, 1), initial=0.0) * width)
         idle = [name for name, size in zip(self.names, effect, strict=True) if size <= _WITHOUT_EFFECT]
@@ -190,14 +190,14 @@ class Designs:
     @cached_property
     def _with_homes(self) -> Parameters:
         """The parameters, and the own variables of all joints, whose written values are the home."""
-        own = [one.name for one in self.parameters.all if one.joint]
-        names, robot = [*self.task.parameters, *own], self.parameters.robot.name
+        variables = [parameter.name for parameter in self.parameters.all if parameter.joint]
+        names, robot = [*self.task.parameters, *variables], self.parameters.robot.name
         return Parameters(self.parameters.document, names, self.task.ties, robot=robot)
 
     @cached_property
     def _homes(self) -> dict[int, str]:
         every, mechanism = self._with_homes, self.parameters.mechanism
-        return {k: one.joint for k, one in enumerate(every.free) if one.joint in mechanism.joints}
+        return {k: parameter.joint for k, parameter in enumerate(every.free) if parameter.joint in mechanism.joints}
 
     def value(self, objective: DesignObjective, scores: Scores) -> float:
         """Return the score of an objective; larger is better."""
@@ -211,7 +211,7 @@ class Designs:
     def violated(self, scores: Scores) -> str:
         """Return the name of the constraint that is violated most; "" where all hold."""
         worst = {name: rows.values.min(initial=0.0) for name, rows in self.scoring.constraints(scores).items()}
-        name = min(worst, key=lambda one: worst[one])
+        name = min(worst, key=lambda constraint: worst[constraint])
         if worst[name] >= -FEASIBLE:
             return ""
         if name == "clearance" and self.scoring.clearance is not None:

@@ -32,20 +32,20 @@ class ErrorPropagation:
 
     def __init__(self, errors: DesignErrors, reaching: Reaching) -> None:
         self.reaching = reaching
-        own = reaching.parameters
+        parameters = reaching.parameters
         mechanism = reaching.mechanism
-        first = Tolerances(own.document, errors.sigma, errors.play, errors.encoder, robot=own.robot.name)
-        varied = [one.name for one, row in zip(own.all, own.ties.matrix, strict=True) if row.any()]
+        first = Tolerances(parameters.document, errors.sigma, errors.play, errors.encoder, robot=parameters.robot.name)
+        varied = [entry.name for entry, row in zip(parameters.all, parameters.ties.matrix, strict=True) if row.any()]
         names = sorted({*first.design.parameters.names, *varied})
-        every = Parameters(own.document, names, robot=own.robot.name)
+        every = Parameters(parameters.document, names, robot=parameters.robot.name)
         self._tolerances = Tolerances(every, errors.sigma, errors.play, errors.encoder)
         self.design = self._tolerances.design
-        self._indices = [own.find(name) for name in every.names]
+        self._indices = [parameters.find(name) for name in every.names]
         self._deviations = np.zeros(len(self.design.names))
-        for one in self._tolerances.closing:
-            self._deviations[list(one.columns)] = one.sigma
-        self._steps = _STEP * own.sizes
-        if not self._at(own.values, np.array([mechanism.q_home]))[0] > 0.0:
+        for source in self._tolerances.closing:
+            self._deviations[list(source.columns)] = source.sigma
+        self._steps = _STEP * parameters.sizes
+        if not self._at(parameters.values, np.array([mechanism.q_home]))[0] > 0.0:
             raise DesignError(f"tolerances: none of them moves {reaching.node}: accuracy means nothing")
 
     def at(self, p: Array, q: Array, moved: Array) -> tuple[Array, Array]:
@@ -64,13 +64,13 @@ class ErrorPropagation:
             change = step * np.eye(n)[k] if k < n else np.zeros(n)
             ends = []
             for sign in (1.0, -1.0):
-                there = [mechanism.integrate(a, sign * step * b) for a, b in zip(q, moved[..., k], strict=True)]
-                ends.append(self._at(p + sign * change, np.array(there)))
+                shifted = [mechanism.integrate(a, sign * step * b) for a, b in zip(q, moved[..., k], strict=True)]
+                ends.append(self._at(p + sign * change, np.array(shifted)))
             slopes[:, k] = (ends[0] - ends[1]) / (2.0 * step)
         return self._at(p, q), slopes
 
     def _at(self, p: Array, q: Array) -> Array:
         values = self.reaching.parameters.full(p)[self._indices]
-        here = self.design.evaluate(values, q)
-        moved = here.pose_derivative(self.reaching.node, "world")[:, :3] * self._deviations
+        evaluation = self.design.evaluate(values, q)
+        moved = evaluation.pose_derivative(self.reaching.node, "world")[:, :3] * self._deviations
         return np.asarray(np.sqrt((moved**2).sum(axis=(1, 2))))

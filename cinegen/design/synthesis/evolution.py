@@ -45,7 +45,7 @@ def evolved(
     def judged(x: Array) -> tuple[Array, float]:
         try:
             scores = problem.at(x)
-            values = np.array([problem.value(one, scores) for one in task.objectives])
+            values = np.array([problem.value(objective, scores) for objective in task.objectives])
             violation = problem.violation(scores)
         except (CinegenError, np.linalg.LinAlgError):
             return np.zeros(len(task.objectives)), _IMPOSSIBLE
@@ -55,9 +55,9 @@ def evolved(
 
     class Designs(Problem):  # type: ignore[misc]
         def _evaluate(self, x: Array, out: dict[str, Any], *_: Any, **__: Any) -> None:
-            found = [judged(one) for one in x]
-            out["F"] = np.array([-values for values, _ in found])
-            out["G"] = np.array([[violation] for _, violation in found])
+            judgements = [judged(row) for row in x]
+            out["F"] = np.array([-values for values, _ in judgements])
+            out["G"] = np.array([[violation] for _, violation in judgements])
 
     bounds = {"xl": problem.low, "xu": problem.high}
     designs = Designs(n_var=len(problem.low), n_obj=len(task.objectives), n_ieq_constr=1, **bounds)
@@ -79,7 +79,7 @@ def evolved(
     chosen: list[Array] = []
     width = np.where(problem.high > problem.low, problem.high - problem.low, 1.0)
     for i in order:
-        if all(np.abs((x[i] - one) / width).max() > _APART for one in chosen):
+        if all(np.abs((x[i] - other) / width).max() > _APART for other in chosen):
             chosen.append(np.asarray(x[i], dtype=float))
         if len(chosen) == count:
             break

@@ -42,23 +42,23 @@ def front_of(
         MissingExtraError: pymoo is needed for three or more objectives.
     """
     objectives = problem.task.objectives
-    done = [np.array(one) for one in known]
+    done = [np.array(x) for x in known]
 
     def scores_of(x: Array) -> Array:
         problem.begin(x)
         scores = problem.at(x)
         if problem.violation(scores) > FEASIBLE:
             return np.full(len(objectives), -np.inf)
-        return np.array([problem.value(one, scores) for one in objectives])
+        return np.array([problem.value(objective, scores) for objective in objectives])
 
     def add(start: Array, goals: list[Goal]) -> None:
         problem.restart()
         try:
-            found = problem.optimised(start, goals)
+            design = problem.optimised(start, goals)
         except (CinegenError, np.linalg.LinAlgError):
-            found = start  # it competes with the others as it is
-        done.append(found)
-        keep([one.tolist() for one in done])
+            design = start  # it competes with the others as it is
+        done.append(design)
+        keep([x.tolist() for x in done])
 
     total = max(len(objectives), problem.task.front)
     weights = _weights(len(objectives), total)
@@ -81,14 +81,14 @@ def front_of(
             problem.restart()
             plane = weight @ ends
             near = max(done, key=lambda x: float(((scores_of(x) - plane) / span).min()))
-            add(near, [Goal(one, float(a), float(b)) for one, a, b in zip(objectives, plane, span, strict=True)])
+            add(near, [Goal(*goal) for goal in zip(objectives, plane.tolist(), span.tolist(), strict=True)])
     problem.restart()
     candidates = [*done, *starts]
     scores = np.array([scores_of(x) for x in candidates])
     kept: list[int] = []
     for i in np.argsort(-scores[:, 0], kind="stable"):
-        one = scores[i]
-        if np.isfinite(one).all() and not _is_dominated(one, scores) and not _is_among(one, scores[kept]):
+        row = scores[i]
+        if np.isfinite(row).all() and not _is_dominated(row, scores) and not _is_among(row, scores[kept]):
             kept.append(int(i))
     return [candidates[i] for i in kept]
 
@@ -100,18 +100,18 @@ def _weights(objectives: int, count: int) -> list[Array]:
     with needs("design", "Pareto fronts of three or more objectives"):
         from pymoo.util.ref_dirs import get_reference_directions
     points = get_reference_directions("energy", objectives, count, seed=1)
-    return [np.asarray(one) for one in points if one.max() < 1.0 - 1e-6]
+    return [np.asarray(point) for point in points if point.max() < 1.0 - 1e-6]
 
 
-def _is_dominated(one: Array, others: Array) -> bool:
+def _is_dominated(row: Array, others: Array) -> bool:
     """Return whether another design is as good in all objectives and better in one, beyond rounding."""
-    slack = 1e-7 * np.maximum(np.abs(one), 1e-3)
-    as_good = (others >= one - slack).all(axis=1)
-    return bool((as_good & (others > one + slack).any(axis=1)).any())
+    slack = 1e-7 * np.maximum(np.abs(row), 1e-3)
+    as_good = (others >= row - slack).all(axis=1)
+    return bool((as_good & (others > row + slack).any(axis=1)).any())
 
 
-def _is_among(one: Array, others: Array) -> bool:
-    return bool(len(others) and (np.abs(others - one).max(axis=1) < 1e-6 * np.maximum(np.abs(one).max(), 1e-3)).any())
+def _is_among(row: Array, others: Array) -> bool:
+    return bool(len(others) and (np.abs(others - row).max(axis=1) < 1e-6 * np.maximum(np.abs(row).max(), 1e-3)).any())
 
 
 def knee(scores: Array) -> int:

@@ -172,44 +172,44 @@ class PrecisionProblem:
 
     # --- what is missing -----------------------------------------------------------------------------------------
 
-    def missing(self, here: DesignEvaluation, at: Indices) -> Array:
+    def missing(self, evaluation: DesignEvaluation, at: Indices) -> Array:
         """Return what is missing (n, rows) at precision points by their indices, dimensionless."""
         targets = self._targets[at]
         if self._joints:
-            return np.asarray((targets - here.q[:, [q for q, _ in self._joints]]) * self._weights)
-        placements = here.placements(self.node)
+            return np.asarray((targets - evaluation.q[:, [q for q, _ in self._joints]]) * self._weights)
+        placements = evaluation.placements(self.node)
         lengths = [row for row in self.rows if row < 3]
-        found = targets[:, : len(lengths)] - placements[:, lengths, 3]
+        lack = targets[:, : len(lengths)] - placements[:, lengths, 3]
         if len(lengths) < len(self.rows):  # the angle about the world's z
             angles = np.arctan2(placements[:, 1, 0], placements[:, 0, 0])
             turned = (targets[:, -1] - angles + np.pi) % (2.0 * np.pi) - np.pi
-            found = np.hstack([found, turned[:, None]])
-        return np.asarray(found * self._weights)
+            lack = np.hstack([lack, turned[:, None]])
+        return np.asarray(lack * self._weights)
 
-    def _columns(self, here: DesignEvaluation) -> Array:
+    def _columns(self, evaluation: DesignEvaluation) -> Array:
         """Return the motions (n, rows, nv) of the wanted values by joints, dimensionless."""
         scale = self.mechanism.scale
         if self._joints:
             picked = np.eye(len(scale))[[v for _, v in self._joints]] * scale * self._weights[:, None]
-            return np.broadcast_to(picked, (len(here), *picked.shape))
-        return np.asarray(here.node_joints(self.node, "world")[:, self.rows] * scale * self._weights[:, None])
+            return np.broadcast_to(picked, (len(evaluation), *picked.shape))
+        return np.asarray(evaluation.node_joints(self.node, "world")[:, self.rows] * scale * self._weights[:, None])
 
     def solved_at(self, p: Array, q: Array) -> tuple[Array, Array, Array]:
         """Return the nearest configurations (points, nq), what is missing (points, rows) and its derivative (points,
         rows, parameters)."""
         self.evaluations += 1
-        found, missing, size = nearest(
-            self.design, p, q, lambda here, at: (self.missing(here, at), self._columns(here))
+        best, missing, size = nearest(
+            self.design, p, q, lambda trial, at: (self.missing(trial, at), self._columns(trial))
         )  # fmt: skip
-        here = self.design.evaluate(p, found)
-        columns = self._columns(here) @ closed_motions(self.design, here.jacobians)
+        evaluation = self.design.evaluate(p, best)
+        columns = self._columns(evaluation) @ closed_motions(self.design, evaluation.jacobians)
         if self._joints:
-            by_p = here.joint_derivative[:, [v for _, v in self._joints]] * self._weights[:, None]
+            by_p = evaluation.joint_derivative[:, [v for _, v in self._joints]] * self._weights[:, None]
         else:
-            by_p = here.pose_derivative(self.node, "world")[:, self.rows] * self._weights[:, None]
+            by_p = evaluation.pose_derivative(self.node, "world")[:, self.rows] * self._weights[:, None]
         outside = np.eye(columns.shape[1]) - columns @ np.linalg.pinv(columns, rcond=1e-8)
         missing = np.where(np.isfinite(size)[:, None], missing, 1.0)
-        return found, missing, np.asarray(-(outside @ by_p))
+        return best, missing, np.asarray(-(outside @ by_p))
 
     # --- starts --------------------------------------------------------------------------------------------------
 
@@ -218,15 +218,15 @@ class PrecisionProblem:
         (steps, count) are closed, from configurations (count, nq) of designs (count, parameters)."""
         scale = self.mechanism.scale
         before = np.zeros((len(q), len(scale)))
-        found, closed = np.zeros((steps, *q.shape)), np.zeros((steps, len(q)), dtype=bool)
+        motions, closed = np.zeros((steps, *q.shape)), np.zeros((steps, len(q)), dtype=bool)
         for k in range(steps):
-            here = self.design.evaluate(p, q)
-            found[k], closed[k] = here.q, here.gap <= closure.CLOSED
-            tangent = closed_motions(self.design, here.jacobians)[:, :, 0]
+            evaluation = self.design.evaluate(p, q)
+            motions[k], closed[k] = evaluation.q, evaluation.gap <= closure.CLOSED
+            tangent = closed_motions(self.design, evaluation.jacobians)[:, :, 0]
             along = np.einsum("ci,ci->c", tangent, before)
             tangent = tangent * np.where(along < 0.0, -1.0, 1.0)[:, None]
-            q, before = here.q + length * tangent * scale, tangent
-        return found, closed
+            q, before = evaluation.q + length * tangent * scale, tangent
+        return motions, closed
 
     def atlas(self, count: int, generator: np.random.Generator) -> list[tuple[float, Array, Array]]:
         """Return random designs as (what is missing, values, configurations at the points), best first."""
@@ -236,7 +236,7 @@ class PrecisionProblem:
         q = np.tile(self.mechanism.q_home, (count, 1))
         motions, closed = self.followed(p, q, _FOLLOWED, _STEP)
         keep = np.flatnonzero(closed.all(axis=0))
-        found, driver = [], self.mechanism.q_index(self.mechanism.actuated[0])
+        designs, driver = [], self.mechanism.q_index(self.mechanism.actuated[0])
         flat = self.design.evaluate(
             np.repeat(p[keep], _FOLLOWED, 0), motions[:, keep].swapaxes(0, 1).reshape(-1, motions.shape[2]), False
         )
@@ -245,8 +245,8 @@ class PrecisionProblem:
         for k, distance in zip(keep, distances, strict=True):
             cost, at, between = _in_order(distance**2)
             back = _turns_back(motions[between, k, driver])
-            found.append((_LESS_LIKELY * cost if back else cost, p[k], motions[at, k]))
-        return sorted(found, key=lambda one: one[0])
+            designs.append((_LESS_LIKELY * cost if back else cost, p[k], motions[at, k]))
+        return sorted(designs, key=lambda design: design[0])
 
     def fitted(self, p: Array, q: Array) -> tuple[Array, Array, float]:
         """Return the least-squares design near another: its values, its configurations, and what is missing at most."""
@@ -264,12 +264,11 @@ class PrecisionProblem:
             return cache[key]
 
         def slopes(u: Array) -> Array:  # of a point that is accepted
-            found, _, by_p = at(u)
-            known[0] = found
+            known[0], _, by_p = at(u)
             return np.asarray((by_p * size).reshape(-1, len(u)))
 
         unit = np.clip((p - self.low) / size, 1e-6, 1.0 - 1e-6)
-        found = least_squares(
+        fit = least_squares(
             lambda u: at(u)[1].ravel(),
             unit,
             slopes,
@@ -280,8 +279,8 @@ class PrecisionProblem:
             gtol=1e-15,
             max_nfev=_MOST_TRIED,
         )
-        q, missing, _ = at(found.x)
-        return np.asarray(self.low + found.x * size), q, float(np.linalg.norm(missing, axis=1).max())
+        q, missing, _ = at(fit.x)
+        return np.asarray(self.low + fit.x * size), q, float(np.linalg.norm(missing, axis=1).max())
 
     # --- the result ----------------------------------------------------------------------------------------------
 
@@ -325,13 +324,13 @@ class PrecisionProblem:
         """Return whether all configurations (points, nq) are on one circuit, in their order, and on one branch."""
         mechanism, scale = self.mechanism, self.mechanism.scale
         driver = mechanism.v_index(mechanism.actuated[0])
-        here = q[:1]
+        current = q[:1]
         before = np.zeros(len(scale))
         met: list[int] = []
         where: list[int] = []
         turns = list[float]()
         for k in range(_MOST_FINE):
-            tangents = self.design.evaluate(p, here)
+            tangents = self.design.evaluate(p, current)
             tangent = closed_motions(self.design, tangents.jacobians)[0, :, 0]
             tangent = -tangent if tangent @ before < 0.0 else tangent
             now = tangents.q[0]
@@ -343,7 +342,7 @@ class PrecisionProblem:
             turns.append(float(tangent[driver]))
             if k > 10 and apart[0] < 0.75 * _FINE:
                 break
-            here, before = (now + _FINE * tangent * scale)[None], tangent
+            current, before = (now + _FINE * tangent * scale)[None], tangent
         if len(met) < len(q):
             return False, False, False
         order = met == list(range(len(q))) or met == [0, *range(len(q) - 1, 0, -1)]
@@ -368,15 +367,15 @@ def _in_order(costs: Array) -> tuple[float, Indices, Indices]:
         order = np.arange(steps)[::direction]
         first = int(np.argmin(costs[order, 0]))
         order = np.roll(order, -first)
-        own = costs[order]
-        total = own[:, 0].copy()
+        ordered = costs[order]
+        total = ordered[:, 0].copy()
         total[1:] = np.inf
         back = np.zeros((steps, n), dtype=int)
         for i in range(1, n):
             least = np.minimum.accumulate(total)
             is_new = np.append(True, total[1:] < least[:-1])
             back[:, i] = np.maximum.accumulate(np.where(is_new, np.arange(steps), 0))
-            total = least + own[:, i]
+            total = least + ordered[:, i]
         k = int(np.argmin(total))
         if total[k] < best[0]:
             at = np.zeros(n, dtype=np.intp)

@@ -37,16 +37,16 @@ def nearest(design: Design, p: Array, q: Array, residual: Residual) -> tuple[Arr
     size, damping, active = np.full(count, np.inf), np.full(count, _DAMPING), np.arange(count)
     missing, slopes, bases = np.zeros((0, 0)), np.zeros((0, 0, 0)), np.zeros((0, 0, 0))
     for step in range(_MOST_STEPS):
-        here = design.evaluate(p if p.ndim == 1 else p[active], q[active])
-        lack, columns = residual(here, active)
-        null = closed_motions(design, here.jacobians)
+        evaluation = design.evaluate(p if p.ndim == 1 else p[active], q[active])
+        lack, columns = residual(evaluation, active)
+        null = closed_motions(design, evaluation.jacobians)
         if not step:
             missing, bases = np.zeros((count, lack.shape[1])), np.zeros((count, *null.shape[1:]))
             slopes = np.zeros((count, lack.shape[1], null.shape[2]))
-        found = np.where(here.gap <= closure.CLOSED, np.linalg.norm(lack, axis=1), np.inf)
-        better = found < size[active]
+        norm = np.where(evaluation.gap <= closure.CLOSED, np.linalg.norm(lack, axis=1), np.inf)
+        better = norm < size[active]
         at = active[better]
-        best[at], missing[at], size[at] = here.q[better], lack[better], found[better]
+        best[at], missing[at], size[at] = evaluation.q[better], lack[better], norm[better]
         slopes[at], bases[at] = columns[better] @ null[better], null[better]
         damping[active] = np.maximum(damping[active] * np.where(better, 0.1, 30.0), _LEAST_DAMPING)
         downhill = np.einsum("cri,cr->ci", slopes[active], missing[active])

@@ -48,8 +48,8 @@ class Scoring:
         self.units = np.array(
             [reaching.length if mechanism.is_prismatic(mechanism.columns[v]) else 1.0 for v in self.limited[:, 1]]
         )
-        wanted = [one.of for one in task.objectives if one.of] + ([] if task.size is None else [task.size[0]])
-        self._lengths = {of: self._of(of) for of in wanted}
+        wanted = [*(objective.of for objective in task.objectives), task.size[0] if task.size else ()]
+        self._lengths = {of: self._of(of) for of in wanted if of}
         self.wrenches = {reaching.node: self._wrench()} if any(self._wrench()) else {}
         self._masses = DimensionedMasses(reaching.parameters) if task.uses("mass") or task.uses("torque") else None
         self.torque_units, self.torque_dimension = self._torque_units() if task.uses("torque") else (np.ones(0), NUMBER)
@@ -63,11 +63,11 @@ class Scoring:
 
     def _of(self, patterns: tuple[str, ...]) -> list[int]:
         parameters = self.reaching.parameters
-        found = parameters.matching(patterns)
-        for i in found:
+        indices = parameters.matching(patterns)
+        for i in indices:
             if parameters.all[i].unit != "m":
                 raise DesignError(f"size: {parameters.all[i].name} is an angle: name lengths, such as link2.d")
-        return found
+        return indices
 
     def _wrench(self) -> list[float]:
         weight = [self.load.payload * x for x in self.load.gravity] + [0.0] * 3
@@ -117,13 +117,13 @@ class Scoring:
         free, n = self.reaching.free, len(self.reaching.design.names)
 
         def padded(slopes: Array) -> Array:
-            found = np.zeros((*slopes.shape[:-1], n))
-            found[..., free] = slopes
-            return found
+            by_columns = np.zeros((*slopes.shape[:-1], n))
+            by_columns[..., free] = slopes
+            return by_columns
 
         return {
-            name: one._replace(mass_by=padded(one.mass_by), centre_by=padded(one.centre_by))
-            for name, one in self._masses.at(p).items()
+            name: link._replace(mass_by=padded(link.mass_by), centre_by=padded(link.centre_by))
+            for name, link in self._masses.at(p).items()
         }
 
     # --- at targets ----------------------------------------------------------------------------------------------
@@ -144,7 +144,7 @@ class Scoring:
         low, high = self.task.singular_values
         sigma = scores.sigma
         least, slopes = self._squared(scores)
-        found = {
+        rows = {
             "singular_values": ScoreRows(
                 np.stack([least - low**2, sigma.values[:, 1] - 1.0 / high], axis=1),
                 np.stack([slopes, sigma.slopes[:, 1]], axis=1),
@@ -153,17 +153,17 @@ class Scoring:
         }
         if self.task.size is not None:
             of, most = self.task.size
-            found["size"] = self._below(self._size(scores, of), most, self.reaching.length)
+            rows["size"] = self._below(self._size(scores, of), most, self.reaching.length)
         for name, most in self.most.items():
             if name == "condition":
-                found[name] = ScoreRows(sigma.values[:, 2:] - 1.0 / most, sigma.slopes[:, 2:])
+                rows[name] = ScoreRows(sigma.values[:, 2:] - 1.0 / most, sigma.slopes[:, 2:])
             elif name == "torque":
-                found[name] = self._below(_both(scores.torques), most, most)
+                rows[name] = self._below(_both(scores.torques), most, most)
             else:
-                found[name] = self._below(self._value(name, scores), most, most)
+                rows[name] = self._below(self._value(name, scores), most, most)
         if self.clearance is not None:
-            found["clearance"] = scores.gaps
-        return found
+            rows["clearance"] = scores.gaps
+        return rows
 
     @staticmethod
     def _squared(scores: Scores) -> tuple[Array, Array]:
@@ -185,13 +185,13 @@ class Scoring:
             values, slopes = scores.torques
             return ScoreRows(-((values / reference) ** 2), -2.0 * values[..., None] * slopes / reference**2)
         if name == "torque":
-            found = _both(scores.torques)
+            rows = _both(scores.torques)
         elif name == "size":
-            found = self._size(scores, objective.of)
+            rows = self._size(scores, objective.of)
         else:
-            found = self._value(name, scores)
+            rows = self._value(name, scores)
         sign = 1.0 if objective.is_maximised else -1.0
-        return ScoreRows(sign * found.values / reference, sign * found.slopes / reference)
+        return ScoreRows(sign * rows.values / reference, sign * rows.slopes / reference)
 
     def value(self, objective: DesignObjective, scores: Scores) -> float:
         """Return the score of an objective; larger is better."""
@@ -218,15 +218,15 @@ class Scoring:
         sigma = scores.sigma.values
         good = scores.reached.is_reached & (sigma[:, 0] > 0.0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = {"sigma_1": sigma[:, 0], "sigma_max": 1.0 / sigma[:, 1], "condition": 1.0 / sigma[:, 2]}
+            quantities = {"sigma_1": sigma[:, 0], "sigma_max": 1.0 / sigma[:, 1], "condition": 1.0 / sigma[:, 2]}
         if self.task.uses("torque"):
-            found["torque"] = np.abs(scores.torques.values).max(axis=1)
+            quantities["torque"] = np.abs(scores.torques.values).max(axis=1)
         if self.errors is not None:
-            found["accuracy"] = scores.accuracy.values[:, 0]
+            quantities["accuracy"] = scores.accuracy.values[:, 0]
         if self.clearance is not None:
             gaps = scores.gaps.values.min(axis=1, initial=math.inf)
-            found["clearance"] = (gaps + 1.0) * self.clearance.least
-        return {name: np.where(good, values, np.nan) for name, values in found.items()}
+            quantities["clearance"] = (gaps + 1.0) * self.clearance.least
+        return {name: np.where(good, values, np.nan) for name, values in quantities.items()}
 
     def _value(self, name: str, scores: Scores) -> ScoreRows:
         """Return the values of accuracy (m), mass (kg) or the region's scale (its logarithm)."""
@@ -234,20 +234,20 @@ class Scoring:
             return scores.accuracy
         if name == "mass":
             base = self.reaching.mechanism.nodes[0]
-            masses = [one for node, one in self.masses_at(scores.p).items() if node != base]
+            masses = [mass for node, mass in self.masses_at(scores.p).items() if node != base]
             slopes = np.zeros(scores.variables)
-            slopes[: len(self.reaching.free)] = np.sum([one.mass_by for one in masses], axis=0)[self.reaching.free]
-            return ScoreRows(np.array([[sum(one.mass for one in masses)]]), slopes[None, None])
+            slopes[: len(self.reaching.free)] = np.sum([mass.mass_by for mass in masses], axis=0)[self.reaching.free]
+            return ScoreRows(np.array([[sum(mass.mass for mass in masses)]]), slopes[None, None])
         slopes = np.zeros(scores.variables)
         slopes[-1] = 1.0
         return ScoreRows(np.array([[math.log(scores.scale)]]), slopes[None, None])
 
     def _size(self, scores: Scores, of: tuple[str, ...]) -> ScoreRows:
         """Return the sum of the absolute values of lengths, m."""
-        parameters, own = self.reaching.parameters, self._lengths[of]
-        values = parameters.full(scores.p)[own]
+        parameters, lengths = self.reaching.parameters, self._lengths[of]
+        values = parameters.full(scores.p)[lengths]
         slopes = np.zeros(scores.variables)
-        slopes[: len(parameters)] = np.sign(values) @ parameters.ties.matrix[own]
+        slopes[: len(parameters)] = np.sign(values) @ parameters.ties.matrix[lengths]
         return ScoreRows(np.array([[np.abs(values).sum()]]), slopes[None, None])
 
     @staticmethod

@@ -103,11 +103,11 @@ class SynthesisProblem(Designs):
         size, radius = self._size, 1.0
         best = self._merit(x, goals), x
         for _ in range(_MOST_BOXES):
-            found = self._solution(best[1], goals, radius)
-            moved = float(np.abs((found - best[1]) / size).max())
-            merit = self._merit(found, goals)
+            solution = self._solution(best[1], goals, radius)
+            moved = float(np.abs((solution - best[1]) / size).max())
+            merit = self._merit(solution, goals)
             if merit > best[0]:
-                best = merit, found
+                best = merit, solution
                 if radius == 1.0 or moved < 0.99 * radius:
                     break
                 radius = min(1.0, 2.0 * radius)
@@ -125,7 +125,7 @@ class SynthesisProblem(Designs):
         return -violation if violation > FEASIBLE or not goals else 0.0, self._bound(scores, goals)
 
     def _bound(self, scores: Scores, goals: Sequence[Goal]) -> float:
-        return min((self.value(one.objective, scores) - one.least) / one.span for one in goals) if goals else 0.0
+        return min((self.value(goal.objective, scores) - goal.least) / goal.span for goal in goals) if goals else 0.0
 
     @property
     def _size(self) -> Array:
@@ -151,13 +151,13 @@ class SynthesisProblem(Designs):
             if self.evaluations > last:
                 raise _EnoughError(values_at(y))
             scores, t = self.at(values_at(y)), float(y[-1])
-            rows = [(flat(one), 0.0 if goals else 1.0) for one in self.scoring.constraints(scores).values()]
+            rows = [(flat(limit), 0.0 if goals else 1.0) for limit in self.scoring.constraints(scores).values()]
             for goal in goals:
-                found = flat(self._aimed(goal, scores))
-                rows.append((ScoreRows((found.values - goal.least) / goal.span, found.slopes / goal.span), 1.0))
-            values = np.concatenate([one.values - by_t * t for one, by_t in rows])
-            slopes = np.concatenate([one.slopes for one, _ in rows]) * size
-            by_t = np.concatenate([np.full(len(one.values), -by_t) for one, by_t in rows])
+                aimed = flat(self._aimed(goal, scores))
+                rows.append((ScoreRows((aimed.values - goal.least) / goal.span, aimed.slopes / goal.span), 1.0))
+            values = np.concatenate([part.values - by_t * t for part, by_t in rows])
+            slopes = np.concatenate([part.slopes for part, _ in rows]) * size
+            by_t = np.concatenate([np.full(len(part.values), -by_t) for part, by_t in rows])
             return values, np.hstack([slopes, by_t[:, None]])
 
         scores = self.at(x)
@@ -168,13 +168,13 @@ class SynthesisProblem(Designs):
         held = {"type": "ineq", "fun": lambda y: rows_at(y)[0], "jac": lambda y: rows_at(y)[1]}
         options = {"maxiter": 100, "ftol": 1e-12}
         try:
-            found = minimize(
+            optimum = minimize(
                 lambda y: -float(y[-1]), first, jac=lambda y: upwards, method="SLSQP", bounds=box, constraints=held,
                 options=options,
             )  # fmt: skip
         except _EnoughError as error:
             return error.x
-        return values_at(found.x)
+        return values_at(optimum.x)
 
     def _aimed(self, goal: Goal, scores: Scores) -> ScoreRows:
         """Return the score of a goal: at all targets, or its mean."""

@@ -86,12 +86,12 @@ class Reaching:
         self.reach = reach.relative_to(self.home[:3, :3])
         self.length, self.rows = mechanism.length, reach.rows
         names = [further.own_variable(name).name for name in self.design.fixed]
-        self.own = [further.index(name) for name in names]
+        self.actuated = [further.index(name) for name in names]
         self.free = [further.index(name) for name in parameters.names]
         self._written = further.values.copy()
         self.weights = np.repeat([1.0 / self.length, 1.0], 3)[self.rows]
-        here = self.evaluate(parameters.values, np.array([mechanism.q_home]))
-        nominal = self.motions(here)[0] * self.weights[:, None]
+        evaluation = self.evaluate(parameters.values, np.array([mechanism.q_home]))
+        nominal = self.motions(evaluation)[0] * self.weights[:, None]
         u, s, _ = np.linalg.svd(nominal)
         self.rank = int((s > _RANK * s[0]).sum()) if s.size and s[0] > 0.0 else 0
         self._check_coordinates()
@@ -141,47 +141,47 @@ class Reaching:
     def continued(self, known: Reached, p: Array, targets: Array) -> Reached:
         """Return the design at other values of the parameters and targets, each continued from a known one; steps are
         subdivided where a joint moves far."""
-        found: Reached | None = None
+        best: Reached | None = None
         todo = np.arange(len(targets))
         for parts in _SUBDIVISIONS:
             q, now = known.q[todo], None
             for part in np.linspace(0.0, 1.0, parts + 1)[1:]:
-                here = known.targets[todo] + part * (targets[todo] - known.targets[todo])
-                now = self._solve(known.p + part * (p - known.p), here, q)
+                wanted = known.targets[todo] + part * (targets[todo] - known.targets[todo])
+                now = self._solve(known.p + part * (p - known.p), wanted, q)
                 q = now.q
             assert now is not None
             out_of_reach = np.zeros(len(todo), dtype=bool)
-            if found is None:
-                found = now
+            if best is None:
+                best = now
             else:  # as far as before, by another way: nothing comes nearer
-                out_of_reach = ~now.is_reached & (np.abs(now.distance - found.distance[todo]) < _SAME * now.distance)
-                found.q[todo], found.error[todo], found.distance[todo] = now.q, now.error, now.distance
+                out_of_reach = ~now.is_reached & (np.abs(now.distance - best.distance[todo]) < _SAME * now.distance)
+                best.q[todo], best.error[todo], best.distance[todo] = now.q, now.error, now.distance
             moved = np.array([self.mechanism.distance(a, b) for a, b in zip(known.q[todo], q, strict=True)])
             todo = todo[((moved > _FURTHER) | (known.is_reached[todo] & ~now.is_reached)) & ~out_of_reach]
             if not len(todo):
                 break
-        assert found is not None
-        return found
+        assert best is not None
+        return best
 
     def _solve(self, p: Array, targets: Array, q: Array) -> Reached:
-        def residual(here: DesignEvaluation, at: Indices) -> tuple[Array, Array]:
-            columns = here.node_joints(self.node, "world")[:, self.rows] * self.mechanism.scale
-            return self._missing(here, targets[at]) * self.weights, columns * self.weights[:, None]
+        def residual(evaluation: DesignEvaluation, at: Indices) -> tuple[Array, Array]:
+            columns = evaluation.node_joints(self.node, "world")[:, self.rows] * self.mechanism.scale
+            return self._missing(evaluation, targets[at]) * self.weights, columns * self.weights[:, None]
 
-        found, missing, distance = nearest(self.every, p, q, residual)
-        return Reached(p, targets, found, missing / self.weights, distance)
+        q, missing, distance = nearest(self.every, p, q, residual)
+        return Reached(p, targets, q, missing / self.weights, distance)
 
-    def _missing(self, here: DesignEvaluation, targets: Array) -> Array:
-        placements = here.placements(self.node)
+    def _missing(self, evaluation: DesignEvaluation, targets: Array) -> Array:
+        placements = evaluation.placements(self.node)
         lengths = len(self.reach.axes)
-        found = targets[:, :lengths] - placements[:, self.rows[:lengths], 3]
+        lack = targets[:, :lengths] - placements[:, self.rows[:lengths], 3]
         if self.reach.is_oriented:
             turns = [
-                pin.log3(pin.exp3(target[lengths:]) @ self.home[:3, :3] @ one[:3, :3].T)
-                for target, one in zip(targets, placements, strict=True)
+                pin.log3(pin.exp3(target[lengths:]) @ self.home[:3, :3] @ placement[:3, :3].T)
+                for target, placement in zip(targets, placements, strict=True)
             ]
-            found = np.hstack([found, turns])
-        return np.asarray(found)
+            lack = np.hstack([lack, turns])
+        return np.asarray(lack)
 
     def home_with(self, p: Array) -> Array:
         """Return a home (nq,) at other values of the parameters: the file's, continued with the actuated joints at
@@ -190,10 +190,10 @@ class Reaching:
         written, q = self.parameters.values, np.array([self.mechanism.q_home])
         change = np.abs((p - written) / np.where(written == 0.0, self.length, written)).max(initial=0.0)
         for part in np.linspace(0.0, 1.0, max(2, int(np.ceil(12 * change))) + 1)[1:]:
-            here = self.evaluate(written + part * (p - written), q)
-            if here.gap[0] > closure.CLOSED or self.side(here)[0] < 0.0:
+            evaluation = self.evaluate(written + part * (p - written), q)
+            if evaluation.gap[0] > closure.CLOSED or self.side(evaluation)[0] < 0.0:
                 return np.asarray(self.from_home(p, self.reach.middle[None]).q[0])
-            q = here.q
+            q = evaluation.q
         return np.asarray(q[0])
 
     # --- derivatives ---------------------------------------------------------------------------------------------
@@ -204,22 +204,22 @@ class Reaching:
         values[self.free] = p
         return self.design.evaluate(values, q, derivatives)
 
-    def motions(self, here: DesignEvaluation) -> Array:
+    def motions(self, evaluation: DesignEvaluation) -> Array:
         """Return the wanted components (count, rows, actuated) of the node's twist in the world by the actuated
         joints."""
-        return here.pose_derivative(self.node, "world")[:, self.rows][:, :, self.own]
+        return evaluation.pose_derivative(self.node, "world")[:, self.rows][:, :, self.actuated]
 
-    def follow(self, here: DesignEvaluation, growth: Array | None = None) -> Array:
+    def follow(self, evaluation: DesignEvaluation, growth: Array | None = None) -> Array:
         """Return the derivative (count, actuated, parameters) of the actuated joints at wanted poses; with the motion
         `growth` (count, rows) of these, m and rad, a further column by it."""
-        twist = here.pose_derivative(self.node, "world")[:, self.rows] * self.weights[:, None]
+        twist = evaluation.pose_derivative(self.node, "world")[:, self.rows] * self.weights[:, None]
         wanted = -twist[:, :, self.free]
         if growth is not None:
             wanted = np.concatenate([wanted, (growth * self.weights)[:, :, None]], axis=2)
-        return np.asarray(np.linalg.pinv(twist[:, :, self.own], rcond=1e-10) @ wanted)
+        return np.asarray(np.linalg.pinv(twist[:, :, self.actuated], rcond=1e-10) @ wanted)
 
-    def side(self, here: DesignEvaluation) -> Array:
+    def side(self, evaluation: DesignEvaluation) -> Array:
         """Return 1 (count,) where no singularity lies between home and a configuration by the sign of the determinant
         of the node's motions, or -1."""
-        found = self._basis.T @ (self.motions(here) * self.weights[:, None])
-        return np.asarray(np.where(np.sign(np.linalg.det(found)) == self._side, 1.0, -1.0))
+        by_joint = self._basis.T @ (self.motions(evaluation) * self.weights[:, None])
+        return np.asarray(np.where(np.sign(np.linalg.det(by_joint)) == self._side, 1.0, -1.0))

@@ -43,7 +43,7 @@ class Reach:
         """Return the same with rotation vectors that begin at the node's orientation at home (3, 3)."""
         if not self.is_absolute:
             return self
-        turns = [pin.log3(pin.exp3(one[-3:]) @ home.T) for one in self.given]
+        turns = [pin.log3(pin.exp3(target[-3:]) @ home.T) for target in self.given]
         return replace(self, given=np.hstack([self.given[:, :-3], turns]), is_absolute=False)
 
     @property

@@ -96,7 +96,7 @@ class Check:
     def holds(self) -> bool:
         """True where all targets are reached and all constraints hold, to a thousandth."""
         limits = self.margins.get("joint_limits", 0.0) >= -FEASIBLE
-        return self.reached == self.points and limits and all(one >= -_SLIGHT for one in self.margins.values())
+        return self.reached == self.points and limits and all(margin >= -_SLIGHT for margin in self.margins.values())
 
     @property
     def violated(self) -> list[str]:
@@ -198,10 +198,10 @@ class Synthesis:
             f"{parameters.robot.name}: {len(self.starts)} starts, {self.evaluations} designs evaluated at "
             f"{self.configurations} configurations"
         ]
-        failed = [one for one in self.starts if not one.is_feasible]
+        failed = [start for start in self.starts if not start.is_feasible]
         if failed:
             lines.append(f"  {len(failed)} of the starts found no feasible design:")
-            lines += [f"    start {one.index + 1}: {one.text}" for one in failed[:_FAILED]]
+            lines += [f"    start {start.index + 1}: {start.text}" for start in failed[:_FAILED]]
             lines += [f"    and {len(failed) - _FAILED} more"] * (len(failed) > _FAILED)
         for objective, old, new in zip(self.task.objectives, self.before, self.values, strict=True):
             texts = self.value_text(objective, new), self.value_text(objective, old)
@@ -231,9 +231,9 @@ class Synthesis:
         if not self.front:
             return []
         objectives = self.task.objectives
-        rows = [[one.quantity for one in objectives] + ["at other points"]]
+        rows = [[objective.quantity for objective in objectives] + ["at other points"]]
         for point in self.front:
-            texts = [self.value_text(one, value) for one, value in zip(objectives, point.values, strict=True)]
+            texts = list(map(self.value_text, objectives, point.values))
             chosen = " <- written" if np.array_equal(point.p, self.p) else ""
             rows.append([*texts, ("holds" if point.check.holds else "does not hold") + chosen])
         widths = [max(len(row[k]) for row in rows) + 2 for k in range(len(rows[0]))]
@@ -251,8 +251,8 @@ class Synthesis:
             before=dict(zip(names, parameters.values, strict=True)),
             region=self.scale,
             objectives=[
-                {"objective": one.text, "value": new, "before": old}
-                for one, new, old in zip(self.task.objectives, self.values, self.before, strict=True)
+                {"objective": objective.text, "value": new, "before": old}
+                for objective, new, old in zip(self.task.objectives, self.values, self.before, strict=True)
             ],
             check=_as_dict(self.check),
             **({} if self.proof is None else {"proof": as_json(self.proof, "proved", "refuted", "undecided", "boxes")}),

@@ -35,8 +35,8 @@ class Scores:
         self._scoring, self.reached, self.p, self.scale = scoring, reached, reached.p, scale
         reaching = scoring.reaching
         self._reaching = reaching
-        self.here = reaching.evaluate(reached.p, reached.q)
-        self.follow = reaching.follow(self.here, growth)
+        self.evaluation = reaching.evaluate(reached.p, reached.q)
+        self.follow = reaching.follow(self.evaluation, growth)
         self._growth = growth
 
     def __len__(self) -> int:
@@ -51,10 +51,10 @@ class Scores:
         """Return derivatives (count, ..., variables) at targets of what depends on the columns (count, ..., columns) of
         the design with the actuated joints' own variables."""
         reaching = self._reaching
-        own = by_columns[..., reaching.own]
-        found = (own.reshape(len(own), -1, own.shape[-1]) @ self.follow).reshape(*own.shape[:-1], self.variables)
-        found[..., : len(reaching.free)] += by_columns[..., reaching.free]
-        return np.asarray(found)
+        rows = by_columns[..., reaching.actuated]
+        total = (rows.reshape(len(rows), -1, rows.shape[-1]) @ self.follow).reshape(*rows.shape[:-1], self.variables)
+        total[..., : len(reaching.free)] += by_columns[..., reaching.free]
+        return np.asarray(total)
 
     @cached_property
     def sigma(self) -> ScoreRows:
@@ -62,10 +62,10 @@ class Scores:
         number."""
         reaching, reached = self._reaching, self.reached
         rows = slice(None) if reaching.reach.is_oriented else slice(0, 3)
-        s, by_columns = self.here.singular_values(reaching.node, rows, reaching.length)
+        s, by_columns = self.evaluation.singular_values(reaching.node, rows, reaching.length)
         last = reaching.rank - 1
         by = self.total(by_columns)
-        side = reaching.side(self.here)[:, None]
+        side = reaching.side(self.evaluation)[:, None]
         least, inverse = s[:, last] * side[:, 0], side[:, 0] / s[:, 0]
         d_least, d_inverse = by[:, last] * side, -side * by[:, 0] / s[:, :1] ** 2
         values = np.stack([least, inverse, s[:, last] * inverse], axis=1)
@@ -79,22 +79,22 @@ class Scores:
 
     def _distance_slopes(self, lost: Indices) -> Array:
         reaching, reached = self._reaching, self.reached
-        here = reaching.every.evaluate(reached.p, reached.q[lost])
-        moved = here.pose_derivative(reaching.node, "world")[:, reaching.rows] * reaching.weights[:, None]
+        evaluation = reaching.every.evaluate(reached.p, reached.q[lost])
+        moved = evaluation.pose_derivative(reaching.node, "world")[:, reaching.rows] * reaching.weights[:, None]
         unit = reached.error[lost] * reaching.weights / reached.distance[lost, None]
-        found = -np.einsum("cr,crp->cp", unit, moved)
+        slopes = -np.einsum("cr,crp->cp", unit, moved)
         if self._growth is not None:
             grown = np.einsum("cr,cr->c", unit, self._growth[lost] * reaching.weights)
-            found = np.hstack([found, grown[:, None]])
-        return np.asarray(found)
+            slopes = np.hstack([slopes, grown[:, None]])
+        return np.asarray(slopes)
 
     @cached_property
     def moved(self) -> Array:
         """(count, nv, variables) derivative of the configuration at targets, rad and m."""
-        found = self.total(self.here.joint_derivative)
+        motion = self.total(self.evaluation.joint_derivative)
         mechanism = self._reaching.mechanism
-        found[:, [mechanism.v_index(name) for name in self._reaching.design.fixed]] = self.follow
-        return found
+        motion[:, [mechanism.v_index(name) for name in self._reaching.design.fixed]] = self.follow
+        return motion
 
     @cached_property
     def margins(self) -> ScoreRows:
@@ -112,7 +112,7 @@ class Scores:
         """(count, actuated) torques or forces at rest, N m or N, or parts of their limits."""
         scoring = self._scoring
         masses = scoring.masses_at(self.p)
-        values, by_columns = holding_torques(self.here, scoring.wrenches, scoring.load.gravity, masses=masses)
+        values, by_columns = holding_torques(self.evaluation, scoring.wrenches, scoring.load.gravity, masses=masses)
         return ScoreRows(values / scoring.torque_units, self.total(by_columns) / scoring.torque_units[:, None])
 
     @cached_property
@@ -128,5 +128,5 @@ class Scores:
         """(count, pairs) distances between bars, and from obstacles, less the least that is wanted, as parts of it."""
         clearance = self._scoring.clearance
         assert clearance is not None
-        values, by_columns = clearance.at(self.here, self.p, self._reaching.free)
+        values, by_columns = clearance.at(self.evaluation, self.p, self._reaching.free)
         return ScoreRows(values / clearance.least - 1.0, self.total(by_columns) / clearance.least)

@@ -152,7 +152,7 @@ class SynthesisTask:
 
     def uses(self, quantity: str) -> bool:
         """Return whether a quantity is an objective or is bounded."""
-        return quantity in self.most or any(one.quantity == quantity for one in self.objectives)
+        return quantity in self.most or any(objective.quantity == quantity for objective in self.objectives)
 
 
 @dataclass(frozen=True)

@@ -51,10 +51,10 @@ def by_geometry(system: ClosedLoops) -> Array:
     model, data, count = system.model, system.data, system.model.njoints - 1
     derivative, row = np.zeros((system.rows, 6 * twists_of(system))), 0
     unit = np.repeat([system.length, 1.0], 3)
-    for i, (loop, (one, on_one, other, on_other)) in enumerate(zip(system.loops, system.anchors, strict=True)):
-        first, second = data.oMi[one] * on_one, data.oMi[other] * on_other
+    for i, (loop, (a, on_a, b, on_b)) in enumerate(zip(system.loops, system.anchors, strict=True)):
+        first, second = data.oMi[a] * on_a, data.oMi[b] * on_b
         _, by_twist = loop_residual(loop.kind, first.actInv(second).homogeneous, system.length)
-        supports = (set(model.supports[one]), set(model.supports[other]))
+        supports = (set(model.supports[a]), set(model.supports[b]))
         frames = [(2 * count + i, first, -1.0), (2 * count + len(system.loops) + i, second, 1.0)]
         for j in (supports[0] ^ supports[1]) - {0}:
             sign = 1.0 if j in supports[1] else -1.0
@@ -74,27 +74,27 @@ def in_bodies(system: ClosedLoops, twists: Array, inverse: bool = False) -> Arra
     model = system.model
     frames = [*(model.jointPlacements[j] for j in range(1, model.njoints)), *[pin.SE3.Identity()] * (model.njoints - 1)]
     frames += [anchor[1] for anchor in system.anchors] + [anchor[3] for anchor in system.anchors]
-    unit, found = np.repeat([system.length, 1.0], 3)[:, None], np.empty_like(twists)
+    unit, converted = np.repeat([system.length, 1.0], 3)[:, None], np.empty_like(twists)
     for i, frame in enumerate(frames):
         rows = slice(6 * i, 6 * i + 6)
-        found[rows] = (frame.inverse() if inverse else frame).action @ (twists[rows] * unit) / unit
-    return found
+        converted[rows] = (frame.inverse() if inverse else frame).action @ (twists[rows] * unit) / unit
+    return converted
 
 
 def heal(
-    found: Sequence[NearRedundancy], make: Callable[[Array], Sequence[ClosedLoops]], directions: Sequence[Array]
+    redundancies: Sequence[NearRedundancy], make: Callable[[Array], Sequence[ClosedLoops]], directions: Sequence[Array]
 ) -> tuple[Array, float]:
     """Return the smallest change of a description that makes its loops exactly redundant, and the remaining gap.
 
     Args:
-        found: the near redundancy of each cluster of loops.
+        redundancies: the near redundancy of each cluster of loops.
         make: returns these clusters in a description that is changed by (n,) dimensionless numbers.
         directions: of each cluster, (6 twists, n) the change of the geometry with these numbers, in bodies' frames.
     """
     change, gap = np.zeros(directions[0].shape[1]), np.inf
     best, wanted = change, [relations(system) for system in make(change)]
     for _ in range(_ITERATIONS):
-        parts = zip(make(change), found, directions, wanted, strict=True)
+        parts = zip(make(change), redundancies, directions, wanted, strict=True)
         values, rows = zip(*(_equations(*part) for part in parts), strict=True)
         open_by, by_change = np.concatenate(values), np.vstack(rows)
         now = float(np.abs(open_by).max(initial=0.0)) if len(open_by) else np.inf
@@ -110,16 +110,16 @@ def heal(
 
 
 def _equations(
-    system: ClosedLoops, found: NearRedundancy, directions: Array, wanted: list[Relation]
+    system: ClosedLoops, redundancy: NearRedundancy, directions: Array, wanted: list[Relation]
 ) -> tuple[Array, Array]:
     """Return U^T c at all configurations and the errors of relations, and their derivative by the change of the
     description."""
     directions = in_bodies(system, directions, inverse=True)
     untrue, by_twists = errors(system, wanted, twists_of(system))
     values, rows = [untrue], [by_twists @ directions]
-    for q in found.samples:
-        settled = settle(system, q, found.small)
-        if settled is not None and settled.rank == found.rank:
+    for q in redundancy.samples:
+        settled = settle(system, q, redundancy.small)
+        if settled is not None and settled.rank == redundancy.rank:
             system.evaluate(settled.q)
             values.append(settled.left.T @ settled.c)
             rows.append(settled.left.T @ by_geometry(system) @ directions)

@@ -110,15 +110,15 @@ def _check(
         for file, content in healing.contents.items():
             _replace(folder / names[file], content)
         try:
-            found = {loop.name for loop in load_with(options, folder / out.name, robot=robot, relax=False).loops}
+            kept = {loop.name for loop in load_with(options, folder / out.name, robot=robot, relax=False).loops}
         except (CinegenError, RaffError) as error:
             why = str(error).replace(f"{folder}/", "")
             raise CinegenError(f"{path}: not healed, since what would be written can't be loaded: {why}") from None
-    if lost := [f"'{one}'" for one in loops if one not in found]:
+    if lost := [f"'{loop}'" for loop in loops if loop not in kept]:
         yaml = robot_yaml.sidecar_of(path)
         declaring = yaml.name if yaml is not None else "the file next to it that declares them"
-        there = out.with_suffix(".yaml").name if yaml is not None and yaml.stem == path.stem else "that folder"
-        raise CinegenError(f"{out}: would lack the loops {', '.join(lost)}: copy {declaring} to {there} first")
+        where = out.with_suffix(".yaml").name if yaml is not None and yaml.stem == path.stem else "that folder"
+        raise CinegenError(f"{out}: would lack the loops {', '.join(lost)}: copy {declaring} to {where} first")
 
 
 def _copy_of(folder: Path, copy: Path) -> Path:
@@ -137,8 +137,8 @@ def _replace(file: Path, content: bytes) -> None:
 def _description(path: Path, robot: str | None, options: ReadOptions) -> tuple[str, Mapping[str, Any] | None]:
     """Return a robot as a URDF's text and its constraints."""
     if readers.holds_xml(path):
-        found = readers.read(path, robot, options=options)
-        return found.urdf, found.constraints
+        description = readers.read(path, robot, options=options)
+        return description.urdf, description.constraints
     document = parse(read(path), str(path))
     return describe(document, document.robot(robot), path.parent)
 
@@ -164,15 +164,15 @@ class _Files:
         system, q = self._loops([group.values([0.0] * len(group.is_length)) for group in self.groups])
         self.length, self.loops = system.length, [loop.name for loop in system.loops]
         self.clusters: list[int] = []
-        self.found: list[NearRedundancy] = []
+        self.redundancies: list[NearRedundancy] = []
         self.gaps: dict[str, tuple[float, float]] = {}
-        for i, (own, at) in enumerate(subsystems(system)):
-            found = near_redundancy(own, closure.close(own, q[at]).q, q[at])
-            if found is not None:
+        for i, (cluster, at) in enumerate(subsystems(system)):
+            redundancy = near_redundancy(cluster, closure.close(cluster, q[at]).q, q[at])
+            if redundancy is not None:
                 self.clusters.append(i)
-                self.found.append(found)
-                self.gaps |= loop_gaps(own, found)
-        if not self.found:
+                self.redundancies.append(redundancy)
+                self.gaps |= loop_gaps(cluster, redundancy)
+        if not self.redundancies:
             raise CinegenError(f"{path}: no loop is nearly redundant: there is nothing to heal")
 
     def heal(self) -> Healing:
@@ -190,7 +190,7 @@ class _Files:
         def solve(chosen: Indices) -> tuple[Array, float]:
             parts = [direction[:, chosen] for direction in directions]
             places = [where[i] for i in chosen]
-            change, gap = heal(self.found, lambda x: self._make(list(zip(places, x.tolist(), strict=True))), parts)
+            change, gap = heal(self.redundancies, lambda x: self._make([*zip(places, x.tolist(), strict=True)]), parts)
             whole = np.zeros(len(where))
             whole[chosen] = change
             return whole, gap
@@ -206,18 +206,18 @@ class _Files:
         if not np.abs(change).max() <= LARGEST_CHANGE:
             raise self._hopeless()
         values = self._values(list(zip(where, change.tolist(), strict=True)))
-        for group, own in zip(self.groups, values, strict=True):
+        for group, new in zip(self.groups, values, strict=True):
             for k, number in enumerate(group.numbers):
-                if own[k] != number.value and abs(own[k] * number.scale) < _ZERO:
-                    own[k] = 0.0
+                if new[k] != number.value and abs(new[k] * number.scale) < _ZERO:
+                    new[k] = 0.0
         return self._checked(values)
 
     def _checked(self, values: list[list[float]]) -> Healing:
         """Return files with these numbers, once they are exact."""
         system, q = self._loops(values)
-        for i, (own, at) in enumerate(subsystems(system)):
-            closing = closure.close_from_afar(own, q[at])
-            if i in self.clusters and (not closing.closed or near_redundancy(own, closing.q) is not None):
+        for i, (cluster, at) in enumerate(subsystems(system)):
+            closing = closure.close_from_afar(cluster, q[at])
+            if i in self.clusters and (not closing.closed or near_redundancy(cluster, closing.q) is not None):
                 raise self._hopeless()
         numbers = [number for group in self.groups for number in group.numbers]
         flat = [value for group in values for value in group]
@@ -229,8 +229,8 @@ class _Files:
         sidecar, urdf = constraints_of(self.path), contents.get(self.path)
         if sidecar not in contents or urdf is None:
             return contents
-        found = hash_of(parse_urdf(urdf.decode(), str(self.path)), str(self.path))
-        named = re.sub(rb'("%s"\s*:\s*")[^"]*' % HASH.encode(), rb"\g<1>" + found.encode(), contents[sidecar])
+        urdf_hash = hash_of(parse_urdf(urdf.decode(), str(self.path)), str(self.path))
+        named = re.sub(rb'("%s"\s*:\s*")[^"]*' % HASH.encode(), rb"\g<1>" + urdf_hash.encode(), contents[sidecar])
         return contents | {sidecar: named}
 
     def _hopeless(self) -> CinegenError:
@@ -270,20 +270,20 @@ class _Files:
     @staticmethod
     def _twists(base: list[ClosedLoops], other: list[ClosedLoops]) -> list[Array]:
         """Return the twists from one geometry to another, for each cluster, in bodies' frames; see `healing`."""
-        found = []
-        for one, two in zip(base, other, strict=True):
+        by_cluster = []
+        for old, new in zip(base, other, strict=True):
             before, behind = [], []
-            for j in range(1, one.model.njoints):
+            for j in range(1, old.model.njoints):
                 turn = np.zeros(3)
-                if one.model.joints[j].nv == 1:  # another axis is another placement, undone behind the joint
-                    turn = np.cross(axis(one.model.joints[j]), axis(two.model.joints[j]))
+                if old.model.joints[j].nv == 1:  # another axis is another placement, undone behind the joint
+                    turn = np.cross(axis(old.model.joints[j]), axis(new.model.joints[j]))
                 turned = pin.SE3(pin.exp3(turn), np.zeros(3))
-                step = one.model.jointPlacements[j].actInv(two.model.jointPlacements[j]) * turned
+                step = old.model.jointPlacements[j].actInv(new.model.jointPlacements[j]) * turned
                 before.append(pin.log6(step).vector)
                 behind.append(np.concatenate([np.zeros(3), -turn]))
-            pairs = list(zip(one.anchors, two.anchors, strict=True))
+            pairs = list(zip(old.anchors, new.anchors, strict=True))
             ends = [pin.log6(a[1].actInv(b[1])).vector for a, b in pairs]
             ends += [pin.log6(a[3].actInv(b[3])).vector for a, b in pairs]
-            twists = np.array([*before, *behind, *ends]) / np.repeat([one.length, 1.0], 3)
-            found.append(in_bodies(one, twists.reshape(-1, 1)).reshape(-1, 6))
-        return found
+            twists = np.array([*before, *behind, *ends]) / np.repeat([old.length, 1.0], 3)
+            by_cluster.append(in_bodies(old, twists.reshape(-1, 1)).reshape(-1, 6))
+        return by_cluster

@@ -36,22 +36,22 @@ class _Axis(NamedTuple):
 
 def relations(system: ClosedLoops) -> list[Relation]:
     """Return the relations of axes that are nearly satisfied."""
-    found: list[Relation] = []
+    satisfied: list[Relation] = []
     for body, axes in enumerate(_axes(system)):
-        for i, one in enumerate(axes):
-            for k, other in enumerate(axes[:i]):
-                across = np.cross(one.direction, other.direction)
-                between = (other.point - one.point) / system.length
+        for i, first in enumerate(axes):
+            for k, second in enumerate(axes[:i]):
+                across = np.cross(first.direction, second.direction)
+                between = (second.point - first.point) / system.length
                 if np.linalg.norm(across) < _TOLERANCE:
-                    found.append((body, i, k, "parallel"))
-                    if np.linalg.norm(np.cross(between, one.direction)) < _TOLERANCE:
-                        found.append((body, i, k, "coincident"))
+                    satisfied.append((body, i, k, "parallel"))
+                    if np.linalg.norm(np.cross(between, first.direction)) < _TOLERANCE:
+                        satisfied.append((body, i, k, "coincident"))
                     continue
-                if abs(one.direction @ other.direction) < _TOLERANCE:
-                    found.append((body, i, k, "perpendicular"))
+                if abs(first.direction @ second.direction) < _TOLERANCE:
+                    satisfied.append((body, i, k, "perpendicular"))
                 if abs(between @ across) < _TOLERANCE * np.linalg.norm(across):
-                    found.append((body, i, k, "intersecting"))
-    return found
+                    satisfied.append((body, i, k, "intersecting"))
+    return satisfied
 
 
 def errors(system: ClosedLoops, wanted: list[Relation], twists: int) -> tuple[Array, Array]:
@@ -60,22 +60,22 @@ def errors(system: ClosedLoops, wanted: list[Relation], twists: int) -> tuple[Ar
     values, rows = [np.zeros(0)], [np.zeros((0, 6 * twists))]
     bodies = _axes(system)
     for body, i, k, what in wanted:
-        one, other = bodies[body][i], bodies[body][k]
-        turn_one, shift_one = _changes(one, twists, system.length)
-        turn_other, shift_other = _changes(other, twists, system.length)
-        across = np.cross(one.direction, other.direction)
-        by_across = skew(one.direction) @ turn_other - skew(other.direction) @ turn_one
-        between, by_between = (other.point - one.point) / system.length, shift_other - shift_one
+        first, second = bodies[body][i], bodies[body][k]
+        turn_first, shift_first = _changes(first, twists, system.length)
+        turn_second, shift_second = _changes(second, twists, system.length)
+        across = np.cross(first.direction, second.direction)
+        by_across = skew(first.direction) @ turn_second - skew(second.direction) @ turn_first
+        between, by_between = (second.point - first.point) / system.length, shift_second - shift_first
         if what == "parallel":
             value, row = across, by_across
         elif what == "perpendicular":
-            value = np.array([one.direction @ other.direction])
-            row = (one.direction @ turn_other + other.direction @ turn_one)[None]
+            value = np.array([first.direction @ second.direction])
+            row = (first.direction @ turn_second + second.direction @ turn_first)[None]
         elif what == "intersecting":
             value, row = np.array([between @ across]), (between @ by_across + across @ by_between)[None]
         else:
-            value = np.cross(one.direction, between)
-            row = skew(one.direction) @ by_between - skew(between) @ turn_one
+            value = np.cross(first.direction, between)
+            row = skew(first.direction) @ by_between - skew(between) @ turn_first
         values.append(value)
         rows.append(row)
     return np.concatenate(values), np.concatenate(rows)
@@ -90,11 +90,11 @@ def _axes(system: ClosedLoops) -> list[list[_Axis]]:
             along = axis(model.joints[j])
             bodies[j].append(_Axis(along, np.zeros(3), count + j - 1, skew(along), -np.eye(3)))
             bodies[model.parents[j]].append(_placed(model.jointPlacements[j], along, j - 1))
-    for i, (loop, (one, on_one, other, on_other)) in enumerate(zip(system.loops, system.anchors, strict=True)):
+    for i, (loop, (a, on_a, b, on_b)) in enumerate(zip(system.loops, system.anchors, strict=True)):
         if loop.kind in (LoopKind.REVOLUTE, LoopKind.PRISMATIC):
             z = np.array([0.0, 0.0, 1.0])
-            bodies[one].append(_placed(on_one, z, 2 * count + i))
-            bodies[other].append(_placed(on_other, z, 2 * count + len(system.loops) + i))
+            bodies[a].append(_placed(on_a, z, 2 * count + i))
+            bodies[b].append(_placed(on_b, z, 2 * count + len(system.loops) + i))
     return bodies
 
 

@@ -48,26 +48,26 @@ def made_exact(
     kinds: dict[str, str] = {}
     twists: dict[tuple[str, str], Array] = {}
     texts, names = [], {joint.get("name") for joint in joints(tree)}
-    for own, at in subsystems(system):
-        start = closure.close(own, q[at]).q
-        found = near_redundancy(own, start, q[at])
-        if found is None:
+    for cluster, at in subsystems(system):
+        start = closure.close(cluster, q[at]).q
+        redundancy = near_redundancy(cluster, start, q[at])
+        if redundancy is None:
             continue
-        relaxed = _relaxed(own, start) if relax else None
-        healed = _healed(own, found, start, names) if relaxed is None else None
+        relaxed = _relaxed(cluster, start) if relax else None
+        healed = _healed(cluster, redundancy, start, names) if relaxed is None else None
         if relaxed is None and healed is None and not relax:
-            relaxed = _relaxed(own, start)
+            relaxed = _relaxed(cluster, start)
         if healed is not None:
             twists |= healed
-            done = f"healed: placements changed by up to {_size(own, np.array(list(healed.values())))}"
+            done = f"healed: placements changed by up to {_size(cluster, np.array(list(healed.values())))}"
         elif relaxed is not None:
-            kinds |= {loop.name: kind.name.lower() for loop, kind in zip(own.loops, relaxed, strict=True)}
+            kinds |= {loop.name: kind.name.lower() for loop, kind in zip(cluster.loops, relaxed, strict=True)}
             done = f"relaxed: closed by {', '.join(sorted({kind.name.lower() for kind in relaxed}))} joints"
-            more = found.rank - closure.generic_rank(own.with_kinds(relaxed), start)[0]
+            more = redundancy.rank - closure.generic_rank(cluster.with_kinds(relaxed), start)[0]
             done += f", which adds {more} degree{'s' * (more != 1)} of freedom" if more else ""
         else:
             done = "kept: neither small changes of the geometry nor weaker joints close it"
-        gaps, kind = loop_gaps(own, found), {loop.name: loop.kind.name.lower() for loop in own.loops}
+        gaps, kind = loop_gaps(cluster, redundancy), {loop.name: loop.kind.name.lower() for loop in cluster.loops}
         listed = ", ".join(f"loop '{key}' ({kind[key]}) by {_millimetres(*gap)}" for key, gap in gaps.items())
         texts.append(f"{listed}: {done}")
     if not texts:
@@ -105,18 +105,18 @@ def in_plane(constraints: Mapping[str, Any], system: ClosedLoops, q: Array, name
         q: (nq,) the configuration as written.
         name: the file's, for the warning.
     """
-    found, texts = dict[str, Array](), list[str]()
-    for own, at in subsystems(system):
-        closing = closure.close(own, q[at])
-        offsets = {} if closing.closed else play(own, q[at], closing)
+    moves, texts = dict[str, Array](), list[str]()
+    for cluster, at in subsystems(system):
+        closing = closure.close(cluster, q[at])
+        offsets = {} if closing.closed else play(cluster, q[at], closing)
         if offsets:
-            names = [loop.name for loop in own.loops]
-            texts.append(text(names, own.ends, offsets))
-            found |= {names[i]: translation(offset) for i, offset in offsets.items()}
-    if not found:
+            names = [loop.name for loop in cluster.loops]
+            texts.append(text(names, cluster.ends, offsets))
+            moves |= {names[i]: translation(offset) for i, offset in offsets.items()}
+    if not moves:
         return None
     warn(f"{name}: " + "\n  ".join(texts))
-    loops = [{**loop, "second": _moved_end(loop["second"], found.get(loop["name"]))} for loop in constraints["loops"]]
+    loops = [{**loop, "second": _moved_end(loop["second"], moves.get(loop["name"]))} for loop in constraints["loops"]]
     return {**constraints, "loops": loops}
 
 
@@ -133,12 +133,12 @@ def _moved_end(end: Mapping[str, Any], step: Array | None) -> Mapping[str, Any]:
     return end if step is None else {**end, "placement": (np.array(end["placement"]) @ step).tolist()}
 
 
-def loop_gaps(system: ClosedLoops, found: NearRedundancy) -> dict[str, tuple[float, float]]:
+def loop_gaps(system: ClosedLoops, redundancy: NearRedundancy) -> dict[str, tuple[float, float]]:
     """Return by how much loops are open where their clearly independent equations are solved, by name: (m, rad)."""
     gaps, row = {}, 0
     for loop in system.loops:
-        own = list(zip(found.gaps[row : row + loop.rows].tolist(), loop.components, strict=True))
-        lengths, angles = ([gap for gap, word in own if len(word) == size] for size in (1, 2))
+        pairs = list(zip(redundancy.gaps[row : row + loop.rows].tolist(), loop.components, strict=True))
+        lengths, angles = ([gap for gap, word in pairs if len(word) == size] for size in (1, 2))
         gaps[loop.name] = math.hypot(*lengths) * system.length, math.hypot(*angles)
         row += loop.rows
     return gaps
@@ -167,7 +167,7 @@ def _relaxed(system: ClosedLoops, start: Array) -> list[LoopKind] | None:
 
 
 def _healed(
-    system: ClosedLoops, found: NearRedundancy, start: Array, names: set[str]
+    system: ClosedLoops, redundancy: NearRedundancy, start: Array, names: set[str]
 ) -> dict[tuple[str, str], Array] | None:
     """Return the smallest twists that make the loops exactly redundant; None if there are none.
 
@@ -179,7 +179,7 @@ def _healed(
     keys += [(end, loop.name) for end in ("first", "second") for loop in system.loops]
     chosen = [i for i, (what, key) in enumerate(keys) if what != "behind" and (what != "joint" or key in names)]
     directions = np.eye(6 * len(keys))[:, np.add.outer(6 * np.array(chosen), np.arange(6)).ravel()]
-    change, _ = heal([found], lambda x: [moved(system, directions @ x)], [in_bodies(system, directions)])
+    change, _ = heal([redundancy], lambda x: [moved(system, directions @ x)], [in_bodies(system, directions)])
     healed = moved(system, directions @ change)
     closing = closure.close_from_afar(healed, start)
     if np.abs(change).max() > LARGEST_CHANGE or not closing.closed or near_redundancy(healed, closing.q) is not None:

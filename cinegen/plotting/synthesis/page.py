@@ -47,7 +47,7 @@ class ReportPage:
         """Add a paragraph of sentences, if there are any."""
         if not any(sentences):
             return
-        self._parts.append(f"<p>{html_text(' '.join(one for one in sentences if one))}</p>")
+        self._parts.append(f"<p>{html_text(' '.join(sentence for sentence in sentences if sentence))}</p>")
 
     def status(self, text: str, *, good: bool) -> None:
         """Add a sentence that is marked as good or bad."""

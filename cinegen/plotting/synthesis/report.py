@@ -50,11 +50,11 @@ def synthesis_report(result: Synthesis | LinkageSynthesis) -> str:
 
 class _Report:
     def __init__(self, result: Synthesis) -> None:
-        self.found, self.task, self.parameters = result, result.task, result.parameters
+        self.result, self.task, self.parameters = result, result.task, result.parameters
         self.problem = result.problem
         self.node = result.task.node or result.parameters.mechanism.end
         self.name = result.parameters.robot.name
-        goal = " and ".join(objective_text(one) for one in result.task.objectives)
+        goal = " and ".join(objective_text(objective) for objective in result.task.objectives)
         self.page = ReportPage(f"{self.name}: {goal}")
 
     def written(self) -> str:
@@ -64,22 +64,20 @@ class _Report:
         self._parameters()
         self._objectives()
         self._fields()
-        if self.found.front:
+        if self.result.front:
             self._front()
         self._starts()
         self._check()
         if self.task.written:
             self.page.section("The task as it was given")
-            lines = (
-                f"{key} = {json.dumps(one, default=str, ensure_ascii=False)}" for key, one in self.task.written.items()
-            )
-            self.page.listing("\n".join(lines))
+            encode = json.JSONEncoder(default=str, ensure_ascii=False).encode
+            self.page.listing("\n".join(f"{key} = {encode(value)}" for key, value in self.task.written.items()))
         return self.page.text_of_page()
 
     # --- sections ------------------------------------------------------------------------------------------------
 
     def _summary(self) -> None:
-        result, check = self.found, self.found.check
+        result, check = self.result, self.result.check
         source = Path(self.parameters.document.source.name).name
         changes = []
         for objective, old, new in zip(self.task.objectives, result.before, result.values, strict=True):
@@ -101,9 +99,9 @@ class _Report:
         task, parameters = self.task, self.parameters
         self.page.section("Task")
         pairs = [("reach", f"{self.node} reaches {reach_text(task.reach)}")]
-        pairs += [("objective", objective_text(one)) for one in task.objectives]
+        pairs += [("objective", objective_text(objective)) for objective in task.objectives]
         pairs += [
-            ("constraint", text) for text in constraint_texts(task, self.problem.scoring.most, self.found.torque_unit)
+            ("constraint", text) for text in constraint_texts(task, self.problem.scoring.most, self.result.torque_unit)
         ]
         pairs.append(("parameters", f"{len(parameters)}, see below"))
         pairs += [("tie", tie) for tie in task.ties]
@@ -116,7 +114,7 @@ class _Report:
         )
 
     def _robots(self) -> None:
-        result, reach = self.found, self.task.reach
+        result, reach = self.result, self.task.reach
         self.page.section("Robot before and after")
         designs, notes = {}, []
         for title, p in (("before", self.parameters.values), ("after", result.p)):
@@ -132,7 +130,7 @@ class _Report:
         self.page.text(*notes)
 
     def _parameters(self) -> None:
-        result, parameters = self.found, self.parameters
+        result, parameters = self.result, self.parameters
         self.page.section("Parameters")
         notes = [
             f"at its {'lower' if p - low < high - p else 'upper'} bound" if name in result.bound else ""
@@ -146,7 +144,7 @@ class _Report:
             self.page.picture(draw_parameters(result, good), "Parameters within their ranges")
 
     def _objectives(self) -> None:
-        result = self.found
+        result = self.result
         self.page.section("Objectives")
         unseen = "at the points" if len(self.task.reach.given) else f"at {result.check.points} unseen points"
         each = zip(self.task.objectives, result.before, result.values, result.check.values, strict=True)
@@ -160,7 +158,7 @@ class _Report:
         self.page.table("Values", ["objective", "before", "after", "change", f"after, {unseen}"], rows)
 
     def _fields(self) -> None:
-        result, reach = self.found, self.task.reach
+        result, reach = self.result, self.task.reach
         targets = self.problem.targets(_density(reach, self.problem))
         sides = [self.problem.quantities_at(p, targets, result.scale) for p in (self.parameters.values, result.p)]
         known = [name for name in sides[1] if name in sides[0]]
@@ -186,7 +184,7 @@ class _Report:
             )
 
     def _front(self) -> None:
-        result, objectives = self.found, self.task.objectives
+        result, objectives = self.result, self.task.objectives
         self.page.section("Pareto front")
         chosen = [bool(np.array_equal(each.p, result.p)) for each in result.front]
         self.page.text(
@@ -211,7 +209,7 @@ class _Report:
             self.page.text(f"{len(rows) - _MOST} more are not listed.")
 
     def _starts(self) -> None:
-        result = self.found
+        result = self.result
         self.page.section("Starts")
         good = [start for start in result.starts if start.is_feasible]
         best = max(good, key=lambda start: start.score, default=None)
@@ -252,10 +250,10 @@ class _Report:
         return f"failed: {start.text}"
 
     def _text(self, quantity: str, value: float) -> str:
-        return value_text(quantity, value, torque=self.found.torque_unit)
+        return value_text(quantity, value, torque=self.result.torque_unit)
 
     def _check(self) -> None:
-        check = self.found.check
+        check = self.result.check
         self.page.section("What was checked, and what is not proved")
         limits = f"at {check.within_limits} the joints are within their limits"
         self.page.text(

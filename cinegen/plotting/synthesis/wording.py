@@ -78,8 +78,8 @@ def reach_text(reach: Reach) -> str:
         return f"every point within {shown(reach.radius, LENGTH)} of ({axes}) = ({middle}){orientation}"
     ends = []
     for axis, low, high in zip(reach.axes, reach.low, reach.high, strict=True):
-        one = shown(float(low), LENGTH)
-        ends.append(f"{axis} = {one}" if low == high else f"{axis} from {one} to {shown(float(high), LENGTH)}")
+        least = shown(float(low), LENGTH)
+        ends.append(f"{axis} = {least}" if low == high else f"{axis} from {least} to {shown(float(high), LENGTH)}")
     return f"every point with {', '.join(ends)}{orientation}"
 
 
@@ -92,18 +92,18 @@ def constraint_texts(task: SynthesisTask, most_of: Mapping[str, float], torque: 
         torque: unit of torques.
     """
     low, high = task.singular_values
-    found = [f"singular values from {low:g} to {high:g}"]
-    found.append("joints within their limits" if task.joint_limits else "limits of joints are ignored")
+    texts = [f"singular values from {low:g} to {high:g}"]
+    texts.append("joints within their limits" if task.joint_limits else "limits of joints are ignored")
     if task.size is not None:
         of, most = task.size
-        found.append(f"{', '.join(of)} are at most {shown(most, LENGTH)} together")
+        texts.append(f"{', '.join(of)} are at most {shown(most, LENGTH)} together")
     for name, value in most_of.items():
-        found.append(f"{name_of(name)} at most {value_text(name, value, torque=torque)}")
+        texts.append(f"{name_of(name)} at most {value_text(name, value, torque=torque)}")
     if task.clearance is not None:
-        found.append(
+        texts.append(
             f"clearance of bars of radius {shown(task.clearance.radius, LENGTH)} at least "
             f"{shown(task.clearance.least, LENGTH)}"
             + f", also from {len(task.clearance.obstacles)} obstacles"
             * bool(task.clearance.obstacles)
         )
-    return found
+    return texts

@@ -103,7 +103,7 @@ _FIELDS = {
 
 def _attribute(of: Any, path: str) -> Any:
     """Return an attribute of an attribute; None where one is missing."""
-    return reduce(lambda one, name: None if one is None else getattr(one, name), path.split("."), of)
+    return reduce(lambda value, name: None if value is None else getattr(value, name), path.split("."), of)
 
 
 _COLUMNS = ("reaches", "of the box", "sigma 1 worst", "mean", "1/condition worst", "mean", "sigma 2 worst", "singular")

@@ -79,29 +79,29 @@ def sweep(
         UnknownNameError: no such node.
     """
     check_workers(workers, scheduler)
-    source, here = find_robot(path), Path(out).absolute()
+    source, root = find_robot(path), Path(out).absolute()
     document = parse(read(source), str(source))
     raff2urdf.check(document)
-    found = variants(document, variations, robot)
+    combinations = variants(document, variations, robot)
     plan = _Plan(region, box or WantedBox(), robot, settings)
     plan.box.grid(region)
     with warnings.catch_warnings(), suppress(ClosureError):  # each variant reports its own
         warnings.simplefilter("ignore")
         plan.spec(source)
     asked = _description(document, variations, plan)
-    _begin(here, asked)
+    _begin(root, asked)
     tasks: list[_Task] = []
-    for k, variant in enumerate(found):
-        folder = here / (variant.name if len(variant.name.encode()) <= _LONGEST else f"variant {k}")
+    for k, variant in enumerate(combinations):
+        folder = root / (variant.name if len(variant.name.encode()) <= _LONGEST else f"variant {k}")
         moved = replace(variant, document=_in_folder(folder, source, variant.document))
         _write_robot(folder / "robot.raff", moved.raff())
         tasks.append((variant.name, dict(variant.values), folder))
     rows = _rows(plan, tasks, workers, scheduler, report or (lambda *_: None))
     headings = tuple(variation.heading for variation in variations)
     chosen = document.robot(robot)
-    si = {one.heading: one.parameters[0].si(document, chosen) for one in variations}
+    si = {variation.heading: variation.parameters[0].si(document, chosen) for variation in variations}
     result = SweepResult(chosen.name, document.units, headings, plan.box, tuple(rows), si)
-    _write_table(here, asked, result.csv())
+    _write_table(root, asked, result.csv())
     return result
 
 
@@ -214,19 +214,19 @@ def _begin(out: Path, asked: dict[str, Any]) -> None:
     Raises:
         MapError: it is of something else, or can't be written.
     """
-    at, there = out / _NAME, None
+    at, begun = out / _NAME, None
     with raised_as(MapError, (OSError, ValueError), f"{out} can't be resumed: ", ". Give another folder"):
         if at.exists():
-            there = _there(out)
+            begun = _begun(out)
         elif out.exists() and any(out.iterdir()):
             raise MapError(f"{out} holds something other than a sweep: give an empty folder, or a new one")
-    if there is None:
+    if begun is None:
         _write({at: _json(asked)})
         return
-    if not isinstance(there, dict) or there.get("kind") != _KIND:
+    if not isinstance(begun, dict) or begun.get("kind") != _KIND:
         raise MapError(f"{at} is not the description of a sweep: give another folder")
-    if differs := [key for key in sorted({*asked, *there} - {_TABLE}) if asked.get(key) != there.get(key)]:
-        texts = ["the RAFF file" if key == "raff" else f"{key} ({there.get(key)}, not {asked.get(key)})"
+    if differs := [key for key in sorted({*asked, *begun} - {_TABLE}) if asked.get(key) != begun.get(key)]:
+        texts = ["the RAFF file" if key == "raff" else f"{key} ({begun.get(key)}, not {asked.get(key)})"
                  for key in differs]  # fmt: skip
         raise MapError(f"{out} holds another sweep, which differs in {', '.join(texts)}. Give another folder")
 
@@ -236,15 +236,15 @@ def _in_folder(folder: Path, source: Path, document: Document) -> Document:
 
     def moved(robot: RaffRobot) -> RaffRobot:
         named = {Path(name) for part in (robot.base, *robot.parts) for name in part.filenames or ()}
-        names = {one for one in named if not one.is_absolute() and ".." not in one.parts}
+        names = {path for path in named if not path.is_absolute() and ".." not in path.parts}
         if not named:
             return robot
-        there = source.parent / Path(robot.path or "").expanduser()
-        here = folder.parent / "graphics" / robot.name
+        origin = source.parent / Path(robot.path or "").expanduser()
+        target = folder.parent / "graphics" / robot.name
         for name in names:
-            for one in {name, name.with_suffix(".mtl")}:  # the colours of an OBJ
-                if may_read(there / one, source.parent) and (there / one).is_file():
-                    _write({here / one: (there / one).read_bytes()})
+            for file in {name, name.with_suffix(".mtl")}:  # the colours of an OBJ
+                if may_read(origin / file, source.parent) and (origin / file).is_file():
+                    _write({target / file: (origin / file).read_bytes()})
         return replace(robot, path=f"../graphics/{robot.name}")
 
     return replace(document, robots=tuple(map(moved, document.robots)))
@@ -270,7 +270,7 @@ def _write_table(out: Path, asked: dict[str, Any], text: str) -> None:
     Raises:
         MapError: it was changed by hand, or can't be written.
     """
-    path, known = out / "table.csv", _there(out).get(_TABLE)
+    path, known = out / "table.csv", _begun(out).get(_TABLE)
     if known is not None and path.exists() and _digest(path) != known:
         raise MapError(f"{path}: was changed by hand since the sweep made it: rename it, or give another folder")
     _write({path: text, out / _NAME: _json(asked | {_TABLE: digest_of(text.encode())})})
@@ -281,7 +281,7 @@ def _digest(path: Path) -> str:
         return digest_of(path.read_bytes())
 
 
-def _there(out: Path) -> Any:
+def _begun(out: Path) -> Any:
     return json.loads((out / _NAME).read_text(encoding="utf-8"))
 
 

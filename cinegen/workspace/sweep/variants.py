@@ -111,7 +111,7 @@ class SweptParameter:
             changed = replace(part, limits=(value, high) if self.name == "limits.low" else (low, value))
         if isinstance(changed, RaffBase):
             return replace(robot, base=changed)
-        return replace(robot, parts=tuple(changed if one is part else one for one in robot.parts))
+        return replace(robot, parts=tuple(changed if node is part else node for node in robot.parts))
 
     def dimension(self, robot: RaffRobot) -> Dimension:
         """Return the dimension of its values.
@@ -306,15 +306,15 @@ def variants(document: Document, variations: Sequence[Variation], robot: str | N
     count = math.prod(variation.count for variation in variations)
     if count > MOST:
         raise MapError(f"{count} variants: at most {MOST} can be compared. Give fewer values")
-    found = []
+    combinations = []
     for values in product(*(variation.values for variation in variations)):
-        given = {variation.heading: value for variation, value in zip(variations, values, strict=True)}
-        name = ",".join(f"{heading}={number(value)}" for heading, value in given.items())
+        by_heading = {variation.heading: value for variation, value in zip(variations, values, strict=True)}
+        name = ",".join(f"{heading}={number(value)}" for heading, value in by_heading.items())
         changed = chosen
         for variation, value in zip(variations, values, strict=True):
             for parameter in variation.parameters:
                 changed = parameter.put(changed, value)
-        robots = tuple(changed if one is chosen else one for one in document.robots)
+        robots = tuple(changed if entry is chosen else entry for entry in document.robots)
         varied = replace(document, robots=robots)
         try:
             check_tree(varied)
@@ -322,5 +322,5 @@ def variants(document: Document, variations: Sequence[Variation], robot: str | N
         except RaffError as error:
             text = "; ".join(problem.message for problem in error.problems)
             raise MapError(f"{name}: this is no robot: {text}") from None
-        found.append(Variant(name, given, varied))
-    return found
+        combinations.append(Variant(name, by_heading, varied))
+    return combinations
