@@ -270,13 +270,13 @@ class TaskControl(ObjectiveControl):
         key = tuple(_place(task) for task in tasks)
         if key not in self._ranks:
             try:
-                found = task_rank(self._joints.held, self._joints.held.structure.system, tasks)
+                rank = task_rank(self._joints.held, self._joints.held.structure.system, tasks)
             except Exception as error:  # of a task in Python: the loop must go on
                 self._catch(f"a task of {self.mechanism.name}", error)
                 return sum(task.rows for task in tasks)
             if key != tuple(_place(task) for task in tasks):  # another thread has changed one
-                return found
-            self._ranks[key] = found
+                return rank
+            self._ranks[key] = rank
         return self._ranks[key]
 
     @property

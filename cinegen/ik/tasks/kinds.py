@@ -93,8 +93,8 @@ class CenterOfMass(Kind):
 
     def jacobian(self, state: State) -> Array:
         """Return the derivative of the error: Pinocchio's Jacobian of the centre of mass."""
-        found = pin.jacobianCenterOfMass(state.model, state.dynamics_data, state.q, False)
-        return np.asarray(found.reshape(3, -1)[self._rows])
+        rows = pin.jacobianCenterOfMass(state.model, state.dynamics_data, state.q, False)
+        return np.asarray(rows.reshape(3, -1)[self._rows])
 
 
 class Pointing(Kind):
@@ -147,11 +147,11 @@ class LookAt(Pointing):
     on: str | None = None
 
     def _line(self, state: State) -> tuple[Array, Array]:
-        there, rates = placed(state, self.on, self.point)
-        here, own = placed(state, self.node, self.offset)
-        distance = float(np.linalg.norm(there - here))
-        along = (there - here) / max(distance, 1e-9)
-        return along, skew(along) @ (rates - own) / max(distance, 1e-9)
+        aim, rates = placed(state, self.on, self.point)
+        origin, origin_rates = placed(state, self.node, self.offset)
+        distance = float(np.linalg.norm(aim - origin))
+        along = (aim - origin) / max(distance, 1e-9)
+        return along, skew(along) @ (rates - origin_rates) / max(distance, 1e-9)
 
 
 @dataclass(eq=False, repr=False)
