@@ -157,7 +157,7 @@ class BatchEvaluator(OneThread):
         """Evaluate at configurations (count, nq), loops closed or not."""
         self._memory.resize(count=len(configurations))
         self._memory.is_given = 1
-        self._memory.point_at("given", np.ascontiguousarray(configurations))
+        self._memory.point_at("configurations", np.ascontiguousarray(configurations))
         return self._run()
 
     def _run(self) -> Evaluations:

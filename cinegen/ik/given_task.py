@@ -86,7 +86,7 @@ class GivenTask:
         self._scale = np.where(angles, 1.0, 1.0 / state.mechanism.length)[self._order]
         self._shape, self._columns = (rows, nv), state.mechanism.scale
         memory = self.memory
-        memory.resize(weighed=rows, given=rows, n=nv)
+        memory.resize(weighed=rows, python_rows=rows, n=nv)
         memory.translation, memory.rotation, memory.row_weight[:] = rows - sum(angles), sum(angles), 1.0
         self._minus_scale, self._weight = -self._scale, math.nan
         self.hold(())
