@@ -115,7 +115,7 @@ class Solver(TaskControl):
         self._model = mechanism.model
         self._data = None
         self._tasks = []
-        self._given = []
+        self._python_tasks = []
         self._blends = []
         self._objectives = ()
         self._detour = None
@@ -346,7 +346,7 @@ class Solver(TaskControl):
             self._evaluate_objectives(objectives)
         if self._barriers:
             self._evaluate_barriers()
-        if self._given:
+        if self._python_tasks:
             self._evaluate_given()
         if SE3_DISTANCE is None:  # targets may have been changed in place
             for task in self.frame_tasks:

@@ -16,7 +16,7 @@ from raff2urdf.errors import first_of
 _STARTS = 8  # random configurations within limits at which closing begins
 _ATTEMPTS = 10  # to draw home nearer to what is written
 _LITTLE = 0.05  # part of a distance: a smaller gain is followed by a shorter attempt
-_FOUND = 3  # closed configurations within limits of which the nearest is taken
+_ENOUGH = 3  # closed configurations within limits of which the nearest is taken
 _NEAR = 1e-6  # rad or lengths: joints that are so near to a limit are put on it
 _LISTED = 8  # joints that are named
 
@@ -48,7 +48,7 @@ def close_within(
         return closed
     solutions, starts = list[Array](), [bounds.clipped(written), bounds.clipped(closed)]
     for i, start in enumerate((*starts, *bounds.samples(written, _STARTS))):
-        if len(solutions) == _FOUND or (solutions and i == len(starts)):
+        if len(solutions) == _ENOUGH or (solutions and i == len(starts)):
             break
         closing = close(system, start, bounds=bounds)
         solutions += [closing.q] if closing.closed else []

@@ -185,7 +185,7 @@ class _OfPoint(Kind):
     node: str
     offset: Vector
 
-    def _here(self, state: State) -> Array:
+    def _xyz(self, state: State) -> Array:
         return np.asarray(state.frame(self.node).act(self.offset))
 
     def _rates(self, state: State) -> Array:
@@ -215,7 +215,7 @@ class PointOnLine(_OfPoint):
 
     def error(self, state: State) -> Array:
         """Return the distances (2,) from the line along two directions across it, m."""
-        return np.asarray(across(self.direction)[:2] @ (self._here(state) - self.through))
+        return np.asarray(across(self.direction)[:2] @ (self._xyz(state) - self.through))
 
     def jacobian(self, state: State) -> Array:
         """Return the derivative of the error."""
@@ -245,7 +245,7 @@ class PointInPlane(_OfPoint):
 
     def error(self, state: State) -> Array:
         """Return the height (1,) above the plane, m."""
-        return np.array([self.normal @ (self._here(state) - self.through)])
+        return np.array([self.normal @ (self._xyz(state) - self.through)])
 
     def jacobian(self, state: State) -> Array:
         """Return the derivative of the error."""
@@ -277,12 +277,12 @@ class PointAtDistance(_OfPoint):
 
     def error(self, state: State) -> Array:
         """Return the distance beyond the wanted one (1,), m."""
-        return np.array([np.linalg.norm(self._here(state) - placed(state, self.on, self.centre)[0]) - self.distance])
+        return np.array([np.linalg.norm(self._xyz(state) - placed(state, self.on, self.centre)[0]) - self.distance])
 
     def jacobian(self, state: State) -> Array:
         """Return the derivative of the error; 0 where the point is at the centre."""
         centre, rates = placed(state, self.on, self.centre)
-        away = self._here(state) - centre
+        away = self._xyz(state) - centre
         away /= max(float(np.linalg.norm(away)), 1e-12)
         return np.asarray(away[None, :] @ (self._rates(state) - rates))
 
