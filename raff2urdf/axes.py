@@ -37,7 +37,7 @@ def parse_axes(text: str) -> SensorAxes:
     def problem(message: str, start: int, length: int = 1) -> RaffError:
         return RaffError(Problem(message, "axes", SourceLocation(1, start + 1, length), text))
 
-    found: list[tuple[float, int]] = []
+    axes: list[tuple[float, int]] = []
     before = ","
     for token in re.finditer(r"[^,\s]+|,|$", text):
         word = token[0] or ","
@@ -46,7 +46,7 @@ def parse_axes(text: str) -> SensorAxes:
         before = word
         if word == ",":
             continue
-        length, number = len(word), len(found)
+        length, number = len(word), len(axes)
         if number == len(AXES):
             raise problem(texts.AXIS_TOO_MANY.format(found=word), token.start(), length)
         entry = _ENTRY.fullmatch(word)
@@ -57,11 +57,11 @@ def parse_axes(text: str) -> SensorAxes:
             message = texts.AXIS_FACTOR.format(found=word, axis=AXES[axis], largest=LARGEST_FACTOR)
             raise problem(message, token.start(), length)
         for other in range(number - number % 3, number):
-            if factor and found[other][0] and found[other][1] == axis:
+            if factor and axes[other][0] and axes[other][1] == axis:
                 message = texts.AXIS_TWICE.format(axis=AXES[axis], first=AXES[other], second=AXES[number])
                 raise problem(message, token.start(), length)
-        found.append((-factor if entry is not None and entry[1] == "-" else factor, axis))
-    return (*found, *((0.0, axis) for axis in range(len(found), len(AXES))))
+        axes.append((-factor if entry is not None and entry[1] == "-" else factor, axis))
+    return (*axes, *((0.0, axis) for axis in range(len(axes), len(AXES))))
 
 
 def format_axes(axes: SensorAxes) -> str:

@@ -50,13 +50,13 @@ class JointBounds(NamedTuple):
     def samples(self, q: Array, count: int) -> Iterator[Array]:
         """Yield configurations (nq,) within the limits: their middles, and random ones; joints without two limits are
         about where they are in q."""
-        rng, found = np.random.default_rng(0), self.clipped(q)
-        here = found[self.at]
-        low = np.where(np.isfinite(self.lower), self.lower, np.minimum(here, self.upper) - self.scale)
-        high = np.where(np.isfinite(self.upper), self.upper, np.maximum(here, self.lower) + self.scale)
+        rng, sample = np.random.default_rng(0), self.clipped(q)
+        values = sample[self.at]
+        low = np.where(np.isfinite(self.lower), self.lower, np.minimum(values, self.upper) - self.scale)
+        high = np.where(np.isfinite(self.upper), self.upper, np.maximum(values, self.lower) + self.scale)
         for part in (np.full(len(low), 0.5), *rng.uniform(size=(count, len(low)))):
-            found[self.at] = low + part * (high - low)
-            yield found.copy()
+            sample[self.at] = low + part * (high - low)
+            yield sample.copy()
 
     def step(self, jacobian: Array, c: Array, damping: float, q: Array) -> Array:
         """Return the step (nv,) within the limits, no component beyond `STEP_CAP`, that minimises

@@ -122,11 +122,11 @@ def close(
             step[free] = _step(jacobian[:, free], c, damping * float(c @ c))
         else:
             step = bounds.step(jacobian, c, damping * float(c @ c), q)
-        there = system.integrate(q, step) if bounds is None else bounds.clipped(system.integrate(q, step))
-        c_there, jacobian_there = system.evaluate(there)
-        if c_there @ c_there < c @ c:
-            before, gap = gap, _largest(c_there)
-            q, c, jacobian = there, c_there, jacobian_there
+        trial = system.integrate(q, step) if bounds is None else bounds.clipped(system.integrate(q, step))
+        c_trial, jacobian_trial = system.evaluate(trial)
+        if c_trial @ c_trial < c @ c:
+            before, gap = gap, _largest(c_trial)
+            q, c, jacobian = trial, c_trial, jacobian_trial
             damping = max(damping * 0.1, 1e-4)
             if gap <= 0.1 * CLOSED and gap > 0.25 * before:  # nothing but rounding is left
                 break
@@ -190,9 +190,9 @@ def closed_walk(system: LoopSystem, q: Array, samples: int, seed: int = 0) -> It
                 return
             step = step * (_WALK * (1.0 + 0.5 * attempt) / size)
             ahead = system.integrate(q, step)
-            there = close(system, ahead)
-            if there.closed and _largest(there.q - q) >= 0.2 * _largest(ahead - q):
-                q = there.q
+            closing = close(system, ahead)
+            if closing.closed and _largest(closing.q - q) >= 0.2 * _largest(ahead - q):
+                q = closing.q
                 yield q
                 break
 
@@ -204,18 +204,18 @@ def generic_rank(system: LoopSystem, q: Array) -> tuple[int, Array]:
     branches of closed configurations meet at q, many walks end near q and near a singularity; further ones are made
     then. The mobility is the number of degrees of freedom less this rank.
     """
-    found, where = rank(system.evaluate(q)[1]), q
+    best, where = rank(system.evaluate(q)[1]), q
     for walk in range(_WALKS):
         is_clear = True
-        for there in closed_walk(system, q, _SAMPLES, walk):
-            jacobian = system.evaluate(there)[1]
+        for closed in closed_walk(system, q, _SAMPLES, walk):
+            jacobian = system.evaluate(closed)[1]
             count = rank(jacobian)
-            if count > found:
-                found, where = count, there
+            if count > best:
+                best, where = count, closed
             is_clear = is_clear and rank(jacobian, 1e-2 * RANK) == rank(jacobian, 1e2 * RANK)
         if is_clear:
             break
-    return found, where
+    return best, where
 
 
 def passive(jacobian: Array, order: Sequence[int]) -> list[int]:

@@ -121,14 +121,14 @@ def _named(values: Mapping[str, Any]) -> Iterator[tuple[list[str | int], str, st
 def _other_joints(values: Mapping[str, Any], joints: Mapping[str, MovingJoint]) -> Problems:
     """Yield types and limits of joints that are not those of the URDF."""
     for i, entry in enumerate(values["joints"]):
-        own = joints.get(entry["name"])
-        if own is None:
+        joint = joints.get(entry["name"])
+        if joint is None:
             continue
-        if entry.get("type", own.type) != own.type:
-            why = f"its type is {entry['type']} here and {own.type} in the URDF: correct one of them"
+        if entry.get("type", joint.type) != joint.type:
+            why = f"its type is {entry['type']} here and {joint.type} in the URDF: correct one of them"
             yield ["joints", i, "type"], f"joint '{entry['name']}': {why}"
-        for key, there in (("limits", own.limits), ("velocity", own.velocity)):
-            pair = [[] if value is None else np.atleast_1d(value).tolist() for value in (entry.get(key, there), there)]
+        for key, limit in (("limits", joint.limits), ("velocity", joint.velocity)):
+            pair = [[] if value is None else np.atleast_1d(value).tolist() for value in (entry.get(key, limit), limit)]
             if len(pair[0]) != len(pair[1]) or not np.allclose(pair[0], pair[1], 1e-12, 0.0):
                 shown = [", ".join(map(str, value)) or "none" for value in pair]
                 what = f"{key.removesuffix('s')} {shown[0]} of joint '{entry['name']}' is {shown[1]} in the URDF"

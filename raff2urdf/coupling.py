@@ -96,16 +96,16 @@ def coupled_scales(
         scales: of the joints without couplings: the characteristic length (m), or 1 rad.
         outermost: joints behind which there are no other joints and no ends of loops.
     """
-    found = dict(scales)
+    sizes = dict(scales)
     for coupling in couplings:
         for joint in coupling.terms.keys() & outermost:
-            own = abs(coupling.terms[joint][0])
+            factor = abs(coupling.terms[joint][0])
             driven = max(
                 (abs(c[0]) * scales[other] for other, c in coupling.terms.items() if other != joint), default=0.0
             )
-            if own > 0.0:
-                found[joint] = max(found[joint], driven / own)
-    return found
+            if factor > 0.0:
+                sizes[joint] = max(sizes[joint], driven / factor)
+    return sizes
 
 
 def followed(couplings: Iterable[Coupling], values: Mapping[str, float]) -> dict[str, float]:
@@ -115,10 +115,10 @@ def followed(couplings: Iterable[Coupling], values: Mapping[str, float]) -> dict
     """
     moved = dict(values)
     for coupling in _leaders_first(couplings):
-        (own, *powers), follower = coupling.terms[coupling.follower], coupling.follower
+        (factor, *powers), follower = coupling.terms[coupling.follower], coupling.follower
         lack, _ = coupling.evaluate(moved)
-        if not powers and abs(lack) > _EXACT * abs(own):
-            moved[follower] -= lack / own
+        if not powers and abs(lack) > _EXACT * abs(factor):
+            moved[follower] -= lack / factor
     return moved
 
 
@@ -127,10 +127,10 @@ def _leaders_first(couplings: Iterable[Coupling]) -> Iterator[Coupling]:
     pending = list(couplings)
     while pending:
         following = Counter(coupling.follower for coupling in pending)
-        ready = [one for one in pending if all(not following[joint] for joint in one.terms if joint != one.follower)]
+        ready = [c for c in pending if all(not following[joint] for joint in c.terms if joint != c.follower)]
         first = ready or pending[:1]
         yield from first
-        pending = [one for one in pending if not any(one is other for other in first)]
+        pending = [c for c in pending if not any(c is other for other in first)]
 
 
 def coupling_entry(name: str, terms: Mapping[str, Sequence[float]], constant: float = 0.0) -> dict[str, Any]:

@@ -121,8 +121,8 @@ class RaffWarning(UserWarning):
 def warn(message: str, category: type[Warning] = RaffWarning) -> None:
     """Warn the program that calls these packages: the warning is of its line, however deep in them it arose."""
     frame, level = sys._getframe(1), 2
-    own = ("raff2urdf", "cinegen", "functools", "contextlib")  # cached properties
-    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in own:
+    ours = ("raff2urdf", "cinegen", "functools", "contextlib")  # cached properties
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in ours:
         frame, level = frame.f_back, level + 1
     warnings.warn(message, category, stacklevel=level)
 
@@ -158,9 +158,9 @@ def _edits(word: str, other: str) -> int:
     before, last = [0] * (len(other) + 1), list(range(len(other) + 1))
     for i, letter in enumerate(word, 1):
         row = [i]
-        for j, one in enumerate(other, 1):
-            row.append(min(last[j] + 1, row[-1] + 1, last[j - 1] + (letter != one)))
-            if i > 1 and j > 1 and letter == other[j - 2] and one == word[i - 2]:
+        for j, other_letter in enumerate(other, 1):
+            row.append(min(last[j] + 1, row[-1] + 1, last[j - 1] + (letter != other_letter)))
+            if i > 1 and j > 1 and letter == other[j - 2] and other_letter == word[i - 2]:
                 row[-1] = min(row[-1], before[j - 2] + 1)
         before, last = last, row
     return last[-1]
@@ -170,7 +170,7 @@ def did_you_mean(word: str, known: Sequence[str]) -> str:
     """Return `": did you mean 'alpha'?"`, or a list of the known words if none is near, see `near_names`."""
     if near := near_names(word, known):
         return texts.DID_YOU_MEAN.format(word="' or '".join(near))
-    shown = [one[:LONGEST] for one in known[:MOST_KNOWN]]
+    shown = [name[:LONGEST] for name in known[:MOST_KNOWN]]
     more = ", ..." if len(known) > len(shown) else ""
     return texts.KNOWN.format(listed=", ".join(shown), more=more) if shown else ""
 

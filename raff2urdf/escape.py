@@ -36,7 +36,7 @@ def terminal(text: str) -> str:
     """
     if text.translate(_LINES).isprintable():
         return text
-    return "".join(one if one in "\n\t" else _visible(one) for one in text)
+    return "".join(character if character in "\n\t" else _visible(character) for character in text)
 
 
 def _visible(letter: str) -> str:
@@ -58,7 +58,7 @@ def line_comment(text: str) -> str:
 def unique_name(name: str, taken: Container[str], mark: str = "#") -> str:
     """Return the name, with `#2` and so on appended if it is taken."""
     numbered = (f"{name}{mark}{number}" for number in itertools.count(2))
-    return next(own for own in itertools.chain([name], numbered) if own not in taken)
+    return next(candidate for candidate in itertools.chain([name], numbered) if candidate not in taken)
 
 
 def identifiers(texts: Iterable[str]) -> list[str]:
@@ -67,10 +67,10 @@ def identifiers(texts: Iterable[str]) -> list[str]:
 
     They need a prefix: they may begin with a digit, or be reserved.
     """
-    found: dict[str, None] = {}
+    names: dict[str, None] = {}
     for text in texts:
-        found[unique_name(re.sub("[^A-Za-z0-9_]", "_", text), found, "_")] = None
-    return list(found)
+        names[unique_name(re.sub("[^A-Za-z0-9_]", "_", text), names, "_")] = None
+    return list(names)
 
 
 def javascript(value: Any) -> str:

@@ -63,10 +63,10 @@ _NOTED: ContextVar[dict[Path, Signature] | None] = ContextVar("noted", default=N
 def signature(path: str | Path) -> Signature:
     """Return the signature of a file; None where there is none."""
     try:
-        there = os.stat(path)
+        status = os.stat(path)
     except (OSError, ValueError):
         return None
-    return there.st_mtime_ns, there.st_size, there.st_ino
+    return status.st_mtime_ns, status.st_size, status.st_ino
 
 
 @contextmanager
@@ -129,17 +129,17 @@ def stem_of(path: Path) -> str:
     return "stdin" if path == STANDARD else path.stem.removesuffix(".urdf" if path.suffix == ".xacro" else "")
 
 
-def output_path(given: str | Path | None, name: str) -> Path:
+def output_path(path: str | Path | None, name: str) -> Path:
     """Return the file that an output option names.
 
     Args:
-        given: a file; or a folder, which exists or ends with a slash. None is the current folder.
+        path: a file; or a folder, which exists or ends with a slash. None is the current folder.
         name: of the file in a folder.
     """
-    if given is None:
+    if path is None:
         return Path(name)
-    folder = str(given).endswith(("/", os.sep)) or os.path.isdir(given)
-    return Path(given, name) if folder else Path(given)
+    folder = str(path).endswith(("/", os.sep)) or os.path.isdir(path)
+    return Path(path, name) if folder else Path(path)
 
 
 def check_new(
@@ -161,14 +161,14 @@ def check_new(
     with writing(RaffError):
         if is_stream(path) or not os.path.isfile(path) or os.path.getsize(path) == 0:
             return
-        there = Path(path).read_bytes() if remakeable or content is not None else b""
-    if content is not None and there == signed(content):
+        existing = Path(path).read_bytes() if remakeable or content is not None else b""
+    if content is not None and existing == signed(content):
         return
-    if remakeable and _is_changed(there):
+    if remakeable and _is_changed(existing):
         raise RaffError(
             f"{path}: was changed by hand since cinegen generated it: name another file, or replace it with --force"
         )
-    if not (remakeable and (is_companion or MARK.encode() in there[:_MARKED] + there[-_MARKED:])):
+    if not (remakeable and (is_companion or MARK.encode() in existing[:_MARKED] + existing[-_MARKED:])):
         raise RaffError(f"{path}: exists already: name another file, or replace it with --force")
 
 
@@ -203,8 +203,8 @@ def _is_changed(content: bytes) -> bool:
 def _place(content: bytes) -> slice | None:
     """Return where the digest of a content is; None where its mark, if there is one, has none."""
     first = max(0, len(content) - _MARKED)
-    found = _DIGEST.search(content, 0, _MARKED) or _DIGEST.search(content, first)
-    return None if found is None else slice(*found.span())
+    match = _DIGEST.search(content, 0, _MARKED) or _DIGEST.search(content, first)
+    return None if match is None else slice(*match.span())
 
 
 def _with_digest(content: bytes, place: slice, digest: bytes) -> bytes:
@@ -288,10 +288,10 @@ def is_stream(path: str | Path) -> bool:
     if Path(path) == STANDARD:
         return True
     try:
-        there = os.stat(path)
+        status = os.stat(path)
     except FileNotFoundError:
         return False
-    return not (stat.S_ISREG(there.st_mode) or stat.S_ISDIR(there.st_mode)) or _standard(there) is not None
+    return not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)) or _standard(status) is not None
 
 
 def open_stream(path: str | Path) -> int:
@@ -319,12 +319,12 @@ def _write_stream(path: Path, content: bytes) -> None:
         raise
 
 
-def _standard(there: os.stat_result) -> int | None:
+def _standard(status: os.stat_result) -> int | None:
     """The descriptor of standard output or standard error, if that is the same file. It is used as it is: `/dev/stdout`
     opened anew begins at the start of the file, and fails where the stream is a socket."""
     for descriptor in (1, 2):
         with suppress(OSError):  # it is closed
-            if os.path.samestat(there, os.fstat(descriptor)):
+            if os.path.samestat(status, os.fstat(descriptor)):
                 return descriptor
     return None
 
@@ -359,19 +359,19 @@ def _remove_abandoned(folder: Path) -> None:
 def _take_over(target: Path, fresh: str) -> None:
     """Give a fresh file the permissions, and where allowed the owner, of the one that it replaces; else the usual."""
     try:
-        there = os.stat(target)
+        status = os.stat(target)
     except FileNotFoundError:
         os.chmod(fresh, 0o666 & ~_umask())
         return
     if hasattr(os, "chown"):
         with suppress(PermissionError):
-            os.chown(fresh, there.st_uid, there.st_gid)
-    os.chmod(fresh, stat.S_IMODE(there.st_mode))
+            os.chown(fresh, status.st_uid, status.st_gid)
+    os.chmod(fresh, stat.S_IMODE(status.st_mode))
 
 
 def _missing(folder: Path) -> list[Path]:
     """The folder and its parents, as far as they don't exist, outermost first."""
-    return [one for one in (folder, *folder.parents) if not one.exists()][::-1]
+    return [path for path in (folder, *folder.parents) if not path.exists()][::-1]
 
 
 def _umask() -> int:

@@ -15,18 +15,18 @@ _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 
 def inverse(placement: ArrayLike) -> Array:
     """Return the inverse placement: of the outer frame in the inner one."""
-    given = np.asarray(placement, dtype=float)
-    found = np.eye(4)
-    found[:3, :3] = given[:3, :3].T
-    found[:3, 3] = -given[:3, :3].T @ given[:3, 3]
-    return found
+    m = np.asarray(placement, dtype=float)
+    inverted = np.eye(4)
+    inverted[:3, :3] = m[:3, :3].T
+    inverted[:3, 3] = -m[:3, :3].T @ m[:3, 3]
+    return inverted
 
 
 def translation(vector: ArrayLike) -> Array:
     """Return the placement of a frame that is translated by a vector (3,), m."""
-    found = np.eye(4)
-    found[:3, 3] = vector
-    return found
+    placement = np.eye(4)
+    placement[:3, 3] = vector
+    return placement
 
 
 def cross(a: Array, b: Array) -> Array:
@@ -47,9 +47,9 @@ def along(origin: Array, z: Array) -> Array:
 
 def rotation(axis: Sequence[float] | Array, angle: float) -> Array:
     """Return the placement of a frame that is rotated by an angle (rad) about a unit axis (3,)."""
-    cross, found = skew(axis), np.eye(4)
-    found[:3, :3] += math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross)
-    return found
+    cross, placement = skew(axis), np.eye(4)
+    placement[:3, :3] += math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross)
+    return placement
 
 
 def joint_motion(prismatic: bool, axis: Array, value: float) -> Array:
@@ -74,9 +74,9 @@ def from_quaternion(xyz: ArrayLike, wxyz: ArrayLike) -> Array:
     """Return the placement of a frame at a point (3,) whose rotation is a quaternion (4,) of any length above 0."""
     from scipy.spatial.transform import Rotation  # slow to import, and few files have quaternions
 
-    found = translation(xyz)
-    found[:3, :3] = Rotation.from_quat(np.roll(wxyz, -1)).as_matrix()
-    return found
+    placement = translation(xyz)
+    placement[:3, :3] = Rotation.from_quat(np.roll(wxyz, -1)).as_matrix()
+    return placement
 
 
 def roll_pitch_yaw(placement: ArrayLike) -> tuple[float, float, float]:

@@ -114,8 +114,8 @@ def parse(text: str, dimension: Dimension, unit: str | None = None) -> float:
     Raises:
         QuantityError: it is not a finite number, or its unit is unknown or of another dimension.
     """
-    number, given = _split(text, dimension)
-    used = given or unit or dimension.default
+    number, stated = _split(text, dimension)
+    used = stated or unit or dimension.default
     factor = dimension.units.get(used, "1")
     if factor is None:
         return math.radians(float(number))
@@ -125,14 +125,14 @@ def parse(text: str, dimension: Dimension, unit: str | None = None) -> float:
 
 def has_unit(text: str) -> bool:
     """Return whether a text is a number with a unit behind it."""
-    found = _QUANTITY.fullmatch(text.strip())
-    return found is not None and bool(found[2])
+    match = _QUANTITY.fullmatch(text.strip())
+    return match is not None and bool(match[2])
 
 
 def is_quantity(text: str) -> bool:
     """Return whether a text is a number, with or without a unit of any dimension."""
-    found = _QUANTITY.fullmatch(text.strip())
-    return found is not None and (not found[2] or any(found[2].strip() in one.units for one in DIMENSIONS))
+    match = _QUANTITY.fullmatch(text.strip())
+    return match is not None and (not match[2] or any(match[2].strip() in dimension.units for dimension in DIMENSIONS))
 
 
 def parse_list(texts: Sequence[str], dimension: Dimension) -> list[float]:
@@ -169,21 +169,21 @@ def parse_range(text: str, dimension: Dimension) -> tuple[float, float]:
 def _split(text: str, dimension: Dimension) -> tuple[str, str]:
     """Return the number and the unit, empty if there is none."""
     shown = text.strip() if len(text) < 60 else f"{text.strip()[:40]}..."
-    found = _QUANTITY.fullmatch(text.strip())
-    if found is None or not math.isfinite(float(found[1])):
+    match = _QUANTITY.fullmatch(text.strip())
+    if match is None or not math.isfinite(float(match[1])):
         unit = f", with a unit unless it is in {dimension.default}" if dimension.default else ""
         raise QuantityError(f"'{shown}' is not {dimension.name}: write a number{unit}")
-    unit = (found[2] or "").strip()
+    unit = (match[2] or "").strip()
     if unit and unit not in dimension.units:
         wanted = f"{dimension.name} is wanted ({dimension.shown})" if dimension.units else f"{dimension.name} is wanted"
-        other = next((one for one in DIMENSIONS if unit in one.units), None)
+        other = next((known for known in DIMENSIONS if unit in known.units), None)
         if other is not None:
             raise QuantityError(f"'{shown}' is {other.name}: {wanted}")
-        near = next((one for one in dimension.units if one.lower() == unit.lower().removesuffix("s")), None)
+        near = next((name for name in dimension.units if name.lower() == unit.lower().removesuffix("s")), None)
         near = near or {"degree": "deg", "degrees": "deg", "radians": "rad", '"': "in"}.get(unit.lower())
         hint = f"did you mean {near}? " if near in dimension.units else ""
         raise QuantityError(f"'{shown}': unknown unit '{unit[:20]}': {hint}{wanted}")
-    return found[1], unit
+    return match[1], unit
 
 
 # --- what people read --------------------------------------------------------------------------------------------
@@ -234,8 +234,8 @@ def typed_in_radians(limits: Sequence[float]) -> list[float] | None:
     typed with two decimals at least. None if they may well be degrees."""
     if not 0.0 < max(map(abs, limits), default=0.0) <= math.tau:
         return None
-    found = [math.degrees(limit) for limit in limits]
-    rounded = [5.0 * round(degrees / 5.0) for degrees in found]
-    near = all(abs(one - other) < 0.05 for one, other in zip(found, rounded, strict=True))
+    in_degrees = [math.degrees(limit) for limit in limits]
+    rounded = [5.0 * round(degrees / 5.0) for degrees in in_degrees]
+    near = all(abs(value - other) < 0.05 for value, other in zip(in_degrees, rounded, strict=True))
     decimals = any(limit != round(limit, 1) for limit in limits)
     return rounded if near and decimals else None

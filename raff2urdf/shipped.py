@@ -57,7 +57,7 @@ def find_robot(path: str | Path) -> Path:
     Raises:
         RaffError: the path is a name, and neither a file nor a robot has it.
     """
-    return _found(Path(path), {**reference_robots(), **robots()}, "robot")
+    return _shipped(Path(path), {**reference_robots(), **robots()}, "robot")
 
 
 def find_scene(path: str | Path) -> Path:
@@ -66,7 +66,7 @@ def find_scene(path: str | Path) -> Path:
     Raises:
         RaffError: the path is a name, and neither a file nor a scene has it.
     """
-    return _found(Path(path), scenes(), "scene")
+    return _shipped(Path(path), scenes(), "scene")
 
 
 def similar_file(path: str | Path) -> str:
@@ -81,9 +81,9 @@ def similar_file(path: str | Path) -> str:
         return ""
     stems = {Path(name).stem: path.with_name(name) for name in names if path.suffix in ("", Path(name).suffix)}
     known = {name: Path(name) for name, file in {**robots(), **scenes()}.items() if path.suffix in ("", file.suffix)}
-    for found in (stems, known):
-        if near := near_names(path.stem, found):
-            return f": did you mean '{found[near[0]]}'?"
+    for candidates in (stems, known):
+        if near := near_names(path.stem, candidates):
+            return f": did you mean '{candidates[near[0]]}'?"
     return ""
 
 
@@ -93,12 +93,12 @@ def description(path: Path) -> str:
     content = path.read_text(encoding="utf-8")
     if path.suffix == ".py":
         return (ast.get_docstring(ast.parse(content)) or "").partition("\n")[0]
-    found = re.search(r"^(?://|#) (.+(?:\n(?://|#) .+)*)", content, flags=re.MULTILINE)
-    text = re.sub(r"\n(//|#) ", " ", found[1]) if found else ""
+    match = re.search(r"^(?://|#) (.+(?:\n(?://|#) .+)*)", content, flags=re.MULTILINE)
+    text = re.sub(r"\n(//|#) ", " ", match[1]) if match else ""
     return re.split(r"[.:](?:\s|$)", text, maxsplit=1)[0]
 
 
-def _found(path: Path, known: dict[str, Path], what: str) -> Path:
+def _shipped(path: Path, known: dict[str, Path], what: str) -> Path:
     folder_of_that_name = path.name in known and path.is_dir()
     if path.name != str(path) or path.suffix or str(path) == "-" or (path.exists() and not folder_of_that_name):
         return path

@@ -115,13 +115,13 @@ def _placed(
     parts: Iterable[RaffPart], parameters: Mapping[int, Kleinfinger], values: Mapping[int, float], root: Array
 ) -> dict[int, Array]:
     """Return placements by number. Parents precede their children; what has no parent here is on `root` (4, 4)."""
-    found: dict[int, Array] = {}
+    placed: dict[int, Array] = {}
     for part in parts:
-        own = parameters[part.number]
+        numbers = parameters[part.number]
         if part.number in values:
-            own = moved(part, own, values[part.number])
-        found[part.number] = found.get(part.pred, root) @ transform(own)
-    return found
+            numbers = moved(part, numbers, values[part.number])
+        placed[part.number] = placed.get(part.pred, root) @ transform(numbers)
+    return placed
 
 
 def moved(part: RaffPart, parameters: Kleinfinger, value: float) -> Kleinfinger:
@@ -179,8 +179,8 @@ def edges(
         length: characteristic length, m.
         q: of all joints that move, which are the columns of a step in file order.
     """
-    placed, bodies, found = placements(document, robot, q), {0: 0}, list[Edge]()
-    columns = {link.number: i for i, link in enumerate(one for one in robot.links if one.type is not JointType.FIXED)}
+    placed, bodies, connections = placements(document, robot, q), {0: 0}, list[Edge]()
+    columns = {link.number: i for i, link in enumerate(p for p in robot.links if p.type is not JointType.FIXED)}
     unit = np.repeat([length, 1.0], 3)[:, None]
     for part in robot.outward:
         parent = bodies[part.pred]
@@ -189,12 +189,12 @@ def edges(
         if column is not None:
             slides = isinstance(part, RaffLink) and part.type is JointType.PRISMATIC
             screws = cut_screws(LoopKind.PRISMATIC if slides else LoopKind.REVOLUTE, placed[part.number])
-            found.append(Edge(parent, column + 1, screws if slides else screws / unit, (column,)))
+            connections.append(Edge(parent, column + 1, screws if slides else screws / unit, (column,)))
     for i, loop in enumerate(robot.loops):
         screws = cut_screws(kinds[i], placed[loop.first])
         slides = kinds[i] is LoopKind.PRISMATIC
-        found.append(Edge(bodies[loop.first], bodies[loop.second], screws if slides else screws / unit))
-    return found
+        connections.append(Edge(bodies[loop.first], bodies[loop.second], screws if slides else screws / unit))
+    return connections
 
 
 class Cluster:
@@ -314,12 +314,12 @@ def clusters(document: Document, robot: RaffRobot, kinds: Mapping[int, LoopKind]
 
     Only the loops' kinds are given: couplings have none.
     """
-    found = [
+    singles = [
         ({part.number for branch in _branches(robot, i) for part in branch}, i, -1) for i in range(len(robot.loops))
     ]
-    found += [(_coupled(robot, i), -1, i) for i in range(len(robot.couplings))]
+    singles += [(_coupled(robot, i), -1, i) for i in range(len(robot.couplings))]
     groups: list[tuple[set[int], list[int], list[int]]] = []  # of nodes, loops, couplings; no node is in two
-    for nodes, loop, coupling in found:
+    for nodes, loop, coupling in singles:
         loops, couplings, apart = [loop] * (loop >= 0), [coupling] * (coupling >= 0), []
         for group in groups:
             if group[0].isdisjoint(nodes):
@@ -340,7 +340,7 @@ def coupling_of(document: Document, robot: RaffRobot, index: int) -> Coupling:
         return link.joint, link.type is JointType.PRISMATIC, joint_units(document, link, 1.0)
 
     coupling = robot.couplings[index]
-    follower, slides, own = unit(coupling.follower)
+    follower, slides, size = unit(coupling.follower)
     terms: dict[str, tuple[float, ...]] = {follower: (1.0,)}
     for drive in coupling.drives:
         joint, _, other = unit(drive.link)
@@ -350,7 +350,7 @@ def coupling_of(document: Document, robot: RaffRobot, index: int) -> Coupling:
             metres = metres / math.tau if drive.kind is DriveKind.LEAD else metres
             factors = (metres if slides else _quotient(1.0, metres),)
         elif drive.kind is DriveKind.POLYNOMIAL:
-            factors = tuple(_quotient(c * own, other**power) for power, c in enumerate(factors, 1))
+            factors = tuple(_quotient(c * size, other**power) for power, c in enumerate(factors, 1))
         terms[joint] = tuple(-factor for factor in factors)
     link = robot.nodes[coupling.follower]
     assert isinstance(link, RaffLink)
@@ -364,15 +364,15 @@ def _quotient(a: float, b: float) -> float:
 
 def _coupled(robot: RaffRobot, coupling: int) -> set[int]:
     """Return the numbers of the links whose joints a coupling names."""
-    one = robot.couplings[coupling]
-    return {one.follower, *(drive.link for drive in one.drives)}
+    equation = robot.couplings[coupling]
+    return {equation.follower, *(drive.link for drive in equation.drives)}
 
 
 def _outermost(robot: RaffRobot) -> set[str]:
     """Return the joints behind which there are no other joints and no ends of loops, by name."""
     moving = [link for link in robot.links if link.type is not JointType.FIXED]
     inner = {0}
-    for number in (*(link.pred for link in moving), *(end for one in robot.loops for end in (one.first, one.second))):
+    for number in (*(link.pred for link in moving), *(end for c in robot.loops for end in (c.first, c.second))):
         while number not in inner:
             inner.add(number)
             part = robot.nodes[number]

@@ -44,12 +44,12 @@ def all_solutions(
     """Compute all isolated configurations that bring a node to a pose; see `inverse_kinematics`."""
     if mechanism.spherical is not None:
         joints = mechanism.spherical
-        found = all_solutions(mechanism.successive, task, joints.to_successive(q), locked, report, effort)
-        closest = None if found.closest is None else joints.from_successive(found.closest)
+        solutions = all_solutions(mechanism.successive, task, joints.to_successive(q), locked, report, effort)
+        closest = None if solutions.closest is None else joints.from_successive(solutions.closest)
         return replace(
-            found, mechanism=mechanism, start=joints.from_successive(found.start), closest=closest,
-            configurations=tuple(map(joints.from_successive, found.configurations)),
-            self_motions=tuple(motion.with_ball_joints(joints) for motion in found.self_motions),
+            solutions, mechanism=mechanism, start=joints.from_successive(solutions.start), closest=closest,
+            configurations=tuple(map(joints.from_successive, solutions.configurations)),
+            self_motions=tuple(motion.with_ball_joints(joints) for motion in solutions.self_motions),
         )  # fmt: skip
     with raised_as(IKError, ClosureError, "no closed configuration near the start: "):
         start = mechanism.close(mechanism.configuration(locked, q), tuple(locked))
@@ -117,32 +117,32 @@ class _Assembly:
             method = f"'{task.node}' moves {parts.motions.description}: {off}"
             method += "" if parts.every else "; other modes of operation are not examined"
             return self._result([], [], parts.every, None, method, SolutionCounts(0, 0, 0, 0, 0))
-        found = []
+        groups = []
         for number, part in enumerate(parts.parts, 1):
             said = f"part {number} of {len(parts.parts)}: " if len(parts.parts) > 1 else ""
             told = None if report is None else (lambda text, said=said: report(said + text))
-            found.append(part.solver.modes(part.mechanism, pose.values, told, effort))
-        counts = _product(found)
-        if counts.real > _MOST and min(map(len, found)):
+            groups.append(part.solver.modes(part.mechanism, pose.values, told, effort))
+        counts = _product(groups)
+        if counts.real > _MOST and min(map(len, groups)):
             raise IKError(f"{self._mechanism.name}: {counts.real} solutions; lock some joints")
         configurations, times, wrong = [], [], 0
-        chosen = [[part.values(part.near(q)) for q in modes] for part, modes in zip(parts.parts, found, strict=True)]
-        coincident = itertools.product(*(modes.coincident for modes in found))
+        chosen = [[part.values(part.near(q)) for q in modes] for part, modes in zip(parts.parts, groups, strict=True)]
+        coincident = itertools.product(*(modes.coincident for modes in groups))
         for values, together in zip(itertools.product(*chosen), coincident, strict=True):
             q = self._mechanism.configuration({k: v for some in values for k, v in some.items()}, self._start)
-            there = self._coupled(self._unwound(self._polished(q)))
-            if there is not None and self._error(there) < _WRONG:
-                configurations.append(there)
+            closed = self._coupled(self._unwound(self._polished(q)))
+            if closed is not None and self._error(closed) < _WRONG:
+                configurations.append(closed)
                 times.append(math.prod(together))
             else:
                 wrong += 1
-        complete = all(modes.complete for modes in found) or any(modes.complete and not modes for modes in found)
-        proved = all(modes.proved for modes in found) or any(modes.proved and not modes for modes in found)
+        complete = all(modes.complete for modes in groups) or any(modes.complete and not modes for modes in groups)
+        proved = all(modes.proved for modes in groups) or any(modes.proved and not modes for modes in groups)
         remarks = [f"; {wrong} were lost in polishing"] if wrong else []
         if task.rotation < 3 and not partial and parts.motions.rotations < 3 and not parts.every:
             remarks.append("; modes of operation in which it rotates otherwise are not among them")
             complete = False
-        if not any(_CURVE in modes.method for modes in found) and any(map(self._can_move, configurations)):
+        if not any(_CURVE in modes.method for modes in groups) and any(map(self._can_move, configurations)):
             remarks.append(f"; solutions are singular: {_CURVE} is not excluded")
             complete = False
         coupled = {name for coupling in self._mechanism.couplings for name in coupling.terms}
@@ -151,27 +151,27 @@ class _Assembly:
             remarks.append(f"; joints that do not move it stay where they are: {', '.join(still)}")
         if self._mechanism.floating:
             remarks.append("; the base stays where it is")
-        tests = [modes.trace_test for modes in found if modes.trace_test is not None]
+        tests = [modes.trace_test for modes in groups if modes.trace_test is not None]
         trace_test = all(tests) and not wrong if tests else None
-        method = _method(found) + "".join(remarks)
+        method = _method(groups) + "".join(remarks)
         result = self._result(configurations, times, complete and not wrong, trace_test, method, counts)
         return replace(
-            result, self_motions=tuple(self._self_motions(found, chosen)), almost_surely=result.complete and not proved
+            result, self_motions=tuple(self._self_motions(groups, chosen)), almost_surely=result.complete and not proved
         )
 
     def _self_motions(
-        self, found: Sequence[AssemblyModes], chosen: Sequence[Sequence[Mapping[str, float]]]
+        self, groups: Sequence[AssemblyModes], chosen: Sequence[Sequence[Mapping[str, float]]]
     ) -> Iterator[SelfMotion]:
         """Yield the self-motions of each part, with a solution of each other part, if all have one."""
-        for k, (part, modes) in enumerate(zip(self._parts.parts, found, strict=True)):
+        for k, (part, modes) in enumerate(zip(self._parts.parts, groups, strict=True)):
             others = [some for j, some in enumerate(chosen) if j != k]
             for motion in modes.self_motions if all(others) else ():
                 values = [*(some[0] for some in others), part.values(motion.configuration)]
                 q = self._mechanism.configuration({k: v for some in values for k, v in some.items()}, self._start)
-                there = self._coupled(self._unwound(self._polished(q)))
-                if there is not None and self._error(there) < _WRONG:
+                closed = self._coupled(self._unwound(self._polished(q)))
+                if closed is not None and self._error(closed) < _WRONG:
                     yield replace(
-                        motion, configuration=there, moving=tuple(n for n in motion.moving if n in part.joints)
+                        motion, configuration=closed, moving=tuple(n for n in motion.moving if n in part.joints)
                     )
 
     def _result(
@@ -225,9 +225,9 @@ class _Assembly:
             return len(free) > 1
         step, scale = np.zeros(self._mechanism.model.nv), self._mechanism.scale
         step[self._columns] = _STEP * free[0] / np.abs(free[0, at]).max()
-        there = self._polished(self._mechanism.integrate(q, step * scale), _PATIENCE, _WEAK)
-        moved = (self._mechanism.difference(q, there) / scale)[self._columns][at]
-        return self._error(there) < _ON_CURVE and bool(np.abs(moved).max() > 0.5 * _STEP)
+        polished = self._polished(self._mechanism.integrate(q, step * scale), _PATIENCE, _WEAK)
+        moved = (self._mechanism.difference(q, polished) / scale)[self._columns][at]
+        return self._error(polished) < _ON_CURVE and bool(np.abs(moved).max() > 0.5 * _STEP)
 
     # --- one solution ---------------------------------------------------------------------------------------------
 
@@ -283,10 +283,10 @@ class _Assembly:
             return None
 
 
-def _product(found: Sequence[AssemblyModes]) -> SolutionCounts:
+def _product(groups: Sequence[AssemblyModes]) -> SolutionCounts:
     """Return the counts of all combinations of solutions."""
-    counts = [modes.counts for modes in found]
-    real = math.prod(sum(modes.coincident) for modes in found)
+    counts = [modes.counts for modes in groups]
+    real = math.prod(sum(modes.coincident) for modes in groups)
     finite = math.prod(c.real + c.complex for c in counts)
     followed = math.prod(c.real + c.complex + c.infinite for c in counts)
     every = math.prod(c.real + c.complex + c.infinite + c.lost for c in counts)
@@ -294,9 +294,9 @@ def _product(found: Sequence[AssemblyModes]) -> SolutionCounts:
     return SolutionCounts(real, finite - real, followed - finite, multiple, every - followed)
 
 
-def _method(found: Sequence[AssemblyModes]) -> str:
-    methods = Counter(modes.method for modes in found)
-    if len(found) == 1:
-        return found[0].method
+def _method(groups: Sequence[AssemblyModes]) -> str:
+    methods = Counter(modes.method for modes in groups)
+    if len(groups) == 1:
+        return groups[0].method
     listed = [f"{number} times {text}" if number > 1 else text for text, number in methods.items()]
-    return f"{len(found)} parts, independent at a given pose: {'; '.join(listed)}"
+    return f"{len(groups)} parts, independent at a given pose: {'; '.join(listed)}"

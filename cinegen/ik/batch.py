@@ -73,13 +73,13 @@ def evaluate(
         UnknownNameError: no such node.
         CinegenError: values has a wrong shape.
     """
-    given = np.ascontiguousarray(values, dtype=float)
-    if given.ndim != 2 or given.shape[1] != len(mechanism.actuated):
+    positions = np.ascontiguousarray(values, dtype=float)
+    if positions.ndim != 2 or positions.shape[1] != len(mechanism.actuated):
         raise CinegenError(
             f"values must be (count, {len(mechanism.actuated)}), one for each actuated joint of {mechanism.name}, "
-            f"not {given.shape}"
+            f"not {positions.shape}"
         )
-    return BatchEvaluator(mechanism, node, translation, rotation).follow(given)
+    return BatchEvaluator(mechanism, node, translation, rotation).follow(positions)
 
 
 class BatchEvaluator(OneThread):
@@ -157,7 +157,7 @@ class BatchEvaluator(OneThread):
         """Evaluate at configurations (count, nq), loops closed or not."""
         self._memory.resize(count=len(configurations))
         self._memory.is_given = 1
-        self._memory.point_at("given", np.ascontiguousarray(configurations))
+        self._memory.point_at("configurations", np.ascontiguousarray(configurations))
         return self._run()
 
     def _run(self) -> Evaluations:

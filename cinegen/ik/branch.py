@@ -35,29 +35,29 @@ class _Block(NamedTuple):
     rank: int
 
 
-def passes_toggle(mechanism: Mechanism, q: Array, there: Array) -> bool:
+def passes_toggle(mechanism: Mechanism, q: Array, q_next: Array) -> bool:
     """Return whether the sign of a determinant is another at a configuration than at one a tick before.
 
     Args:
         mechanism: with locked joints, if there are any.
         q: (nq,) closed.
-        there: (nq,) closed, near q.
+        q_next: (nq,) closed, near q.
     """
     blocks = mechanism.structure.derived(_blocks)
     if not blocks:
         return False
-    here, after = (mechanism.structure.system.evaluate(x)[1] for x in (q, there))
-    return any(_turned(here[np.ix_(*one[:2])], after[np.ix_(*one[:2])], one.rank) for one in blocks)
+    before, after = (mechanism.structure.system.evaluate(x)[1] for x in (q, q_next))
+    return any(_turned(before[np.ix_(*block[:2])], after[np.ix_(*block[:2])], block.rank) for block in blocks)
 
 
 def _blocks(mechanism: Mechanism) -> list[_Block]:
-    found, samples = list[_Block](), [mechanism.structure.system.evaluate(q)[1] for q in mechanism.structure.samples]
+    blocks, samples = list[_Block](), [mechanism.structure.system.evaluate(q)[1] for q in mechanism.structure.samples]
     for cluster in clusters(mechanism.structure.system):
         columns = np.intersect1d(cluster.columns, mechanism.structure.passive_columns)
         most = max(closure.rank(jacobian[np.ix_(cluster.rows, columns)]) for jacobian in samples)
         if most:
-            found.append(_Block(cluster.rows, columns, most))
-    return found
+            blocks.append(_Block(cluster.rows, columns, most))
+    return blocks
 
 
 def _turned(before: Array, after: Array, count: int) -> bool:

@@ -90,7 +90,7 @@ def _starts(mechanism: Mechanism, q: Array | None, limits: bool, count: int, see
 
 
 def _is_less(left: Sequence[float], right: Sequence[float]) -> bool:
-    for one, other in zip(left, right, strict=True):
-        if not math.isclose(one, other, abs_tol=_EQUAL, rel_tol=0.0):
-            return one < other
+    for value, other in zip(left, right, strict=True):
+        if not math.isclose(value, other, abs_tol=_EQUAL, rel_tol=0.0):
+            return value < other
     return False

@@ -86,7 +86,7 @@ class GivenTask:
         self._scale = np.where(angles, 1.0, 1.0 / state.mechanism.length)[self._order]
         self._shape, self._columns = (rows, nv), state.mechanism.scale
         memory = self.memory
-        memory.resize(weighed=rows, given=rows, n=nv)
+        memory.resize(weighed=rows, python_rows=rows, n=nv)
         memory.translation, memory.rotation, memory.row_weight[:] = rows - sum(angles), sum(angles), 1.0
         self._minus_scale, self._weight = -self._scale, math.nan
         self.hold(())
@@ -137,22 +137,22 @@ class GivenTask:
 
     def evaluate_error(self, state: State) -> None:
         """Evaluate the error only, at a configuration that a tick tries."""
-        error, given = np.asarray(self.task.error(state), dtype=float), self.memory.given_error
-        if error.shape != given.shape:
-            raise CinegenError(f"error(state) returned shape {error.shape}: return {given.shape}")
-        np.multiply(error if self._is_ordered else error[self._order], self._minus_scale, out=given)
-        if not math.isfinite(given.dot(given)):
+        error, stored = np.asarray(self.task.error(state), dtype=float), self.memory.given_error
+        if error.shape != stored.shape:
+            raise CinegenError(f"error(state) returned shape {error.shape}: return {stored.shape}")
+        np.multiply(error if self._is_ordered else error[self._order], self._minus_scale, out=stored)
+        if not math.isfinite(stored.dot(stored)):
             raise CinegenError("error(state) is not finite")
 
     def _check_sign(self, state: State) -> None:
         """Compare the Jacobian with a difference of errors: the opposite sign is a mistake that no tick can mend."""
-        mechanism, given = state.mechanism, self.memory.given_error
+        mechanism, error = state.mechanism, self.memory.given_error
         direction = np.cos(np.arange(1.0, state.model.nv + 1.0))
-        before, told = given.copy(), self.memory.given_rows @ direction
+        before, told = error.copy(), self.memory.given_rows @ direction
         ahead = mechanism.structure.system.integrate(state.q, _STEP * direction)
         self.evaluate_error(State(mechanism, ahead, state.dt))
-        found, size = (before - given) / _STEP, float(np.linalg.norm(told))
-        if size > 1e-3 and np.linalg.norm(found + told) < 1e-2 * size:
+        slope, size = (before - error) / _STEP, float(np.linalg.norm(told))
+        if size > 1e-3 and np.linalg.norm(slope + told) < 1e-2 * size:
             raise CinegenError(f"{self.task!r}: jacobian(state) has the wrong sign: return the derivative of the error")
 
 
@@ -183,9 +183,9 @@ def rows_of(task: Task, state: State) -> Array:
     Raises:
         Exception: of the task's own, or one that names what is wrong with what it returned.
     """
-    found = np.asarray(task.jacobian(state), dtype=float)
-    scale = np.array([1.0 if unit == "rad" else 1.0 / state.mechanism.length for unit in _units(task, len(found))])
-    return np.asarray(found * state.mechanism.scale * scale[:, None])
+    rows = np.asarray(task.jacobian(state), dtype=float)
+    scale = np.array([1.0 if unit == "rad" else 1.0 / state.mechanism.length for unit in _units(task, len(rows))])
+    return np.asarray(rows * state.mechanism.scale * scale[:, None])
 
 
 def checked_weight(weight: Any) -> float:

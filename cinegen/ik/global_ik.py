@@ -203,9 +203,9 @@ def inverse_kinematics(
         return _all(mechanism, frames, checked, values, report, effort)
     held = _held(mechanism, names, checked)
     if of_levels:
-        found, at, tried, ticks, saturated = solve_by_ticks(held, targets, checked, tolerance, limits, starts, seed)
+        success, at, tried, ticks, saturated = solve_by_ticks(held, targets, checked, tolerance, limits, starts, seed)
         closure = mechanism.closure(at)
-        return IKResult(found, at, closure, tried, ticks, () if found else saturated, mechanism, tuple(targets))
+        return IKResult(success, at, closure, tried, ticks, () if success else saturated, mechanism, tuple(targets))
     poses = [task.target for task in frames]
     solved = _global_ik(held, tuple(frames), limits, seed).solve(poses, checked, tolerance, starts)
     return replace(solved, _mechanism=mechanism)
@@ -215,9 +215,9 @@ def _with_values(mechanism: Mechanism, values: Mapping[str, float], names: tuple
     """Return a closed configuration (nq,) near q or home in which locked joints have their values."""
     if mechanism.base in names and ("base" in values or mechanism.base in values):
         raise CinegenError("the base keeps its pose in q: name it without a value, as in locked=['base']")
-    there = mechanism.configuration(values, q)
-    check_configuration(mechanism, there)
-    return there if mechanism.closure(there) <= CLOSURE else mechanism.close(there, names)
+    near = mechanism.configuration(values, q)
+    check_configuration(mechanism, near)
+    return near if mechanism.closure(near) <= CLOSURE else mechanism.close(near, names)
 
 
 def _value(mechanism: Mechanism, joint: str, q: Array | None) -> float:
@@ -283,9 +283,9 @@ class _GlobalIK:
                 else:
                     rng = rng or np.random.default_rng(self._seed)
                     start = local.random_start(rng)
-            found = local.solve(start, goal)
+            success = local.solve(start, goal)
             iterations += local.iterations
-            if found:
+            if success:
                 return self._result(True, local.best, local.closure, count + 1, iterations, ())
             if local.closure <= CLOSURE and local.cost < best[0]:
                 best = local.cost, local.best
@@ -308,10 +308,10 @@ class _GlobalIK:
         return self._result(False, step.q, step.closure, starts, iterations, step.saturated)
 
     def _result(
-        self, found: bool, q: Array, closure: float, starts: int, iterations: int, saturated: tuple[str, ...]
+        self, success: bool, q: Array, closure: float, starts: int, iterations: int, saturated: tuple[str, ...]
     ) -> IKResult:
         tasks = tuple(task.copy() for task in self._local.tasks)  # the solver's change with the next call
-        return IKResult(found, q, closure, starts, iterations, saturated, self._mechanism, tasks)
+        return IKResult(success, q, closure, starts, iterations, saturated, self._mechanism, tasks)
 
 
 def placement_weights(task: FrameTask, length: float) -> tuple[float, Array]:

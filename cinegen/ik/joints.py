@@ -36,7 +36,7 @@ def checked_names(mechanism: Mechanism, joints: Iterable[str]) -> tuple[str, ...
     """
     if isinstance(joints, str):
         raise CinegenError(f"joints are named in a list, such as ['{joints}'], not by one text")
-    found, names = list[str](), names_of(mechanism)
+    checked, names = list[str](), names_of(mechanism)
     for joint in joints:
         if joint == "base" and joint not in names and mechanism.base is not None:
             joint = mechanism.base
@@ -45,8 +45,8 @@ def checked_names(mechanism: Mechanism, joints: Iterable[str]) -> tuple[str, ...
             raise CinegenError(message)
         if joint not in names:
             raise UnknownNameError("joint", str(joint), names)
-        found.append(joint)
-    return tuple(dict.fromkeys(found))
+        checked.append(joint)
+    return tuple(dict.fromkeys(checked))
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,18 +140,18 @@ class JointSettings:
 
     def holds(self, q: Array) -> bool:
         """Return whether q (nq,) has the locked joints where they were locked."""
-        model, here = self.held.model, self.held.structure.held_at
+        model, held_at = self.held.model, self.held.structure.held_at
         joints = [model.joints[model.getJointId(name)] for name in self.held.held]
         places = [slice(joint.idx_q, joint.idx_q + joint.nq) for joint in joints]
-        return all(np.array_equal(q[at], here[at]) for at in places)
+        return all(np.array_equal(q[at], held_at[at]) for at in places)
 
     @property
     def limited(self) -> Mechanism:
         """The mechanism as it is controlled: with its locked joints and its present limits."""
         if self._limited is None:
-            model, own, velocity = self.held.model, self.mechanism.limits, self.columns[VELOCITY.what]
+            model, limits, velocity = self.held.model, self.mechanism.limits, self.columns[VELOCITY.what]
             self._limited = self.held
-            if self.lower is not own.lower or self.upper is not own.upper or velocity is not own.velocity:
+            if self.lower is not limits.lower or self.upper is not limits.upper or velocity is not limits.velocity:
                 model = pin.Model(model)
                 model.lowerPositionLimit, model.upperPositionLimit = self.lower, self.upper
                 model.upperVelocityLimit = velocity
@@ -161,17 +161,17 @@ class JointSettings:
     def set_columns(self, setting: Setting, values: Mapping[str, Any] | float | None, restore: bool = True) -> None:
         """Set values by joint; those of other joints become the model's if they are restored."""
         mechanism, model = self.mechanism, setting.of_model(self.mechanism)
-        found = (model if restore else self.columns[setting.what]).copy()
+        updated = (model if restore else self.columns[setting.what]).copy()
         if values is None:
             values = {}
         elif not isinstance(values, Mapping):
             values = dict.fromkeys(names_of(mechanism), values)
-        for given, value in values.items():
-            (joint,) = checked_names(mechanism, [given])
+        for name, value in values.items():
+            (joint,) = checked_names(mechanism, [name])
             columns = mechanism.columns_of(joint)
-            found[columns] = model[columns] if value is None else self._numbers(setting, joint, value, len(columns))
-        unchanged = np.array_equal(found, model)
-        self.columns[setting.what], self._limited = model if unchanged else found, None
+            updated[columns] = model[columns] if value is None else self._numbers(setting, joint, value, len(columns))
+        unchanged = np.array_equal(updated, model)
+        self.columns[setting.what], self._limited = model if unchanged else updated, None
 
     def _numbers(self, setting: Setting, joint: str, value: Any, count: int) -> Array:
         try:
@@ -193,18 +193,18 @@ class JointSettings:
 
     def set_positions(self, values: Mapping[str, Any] | None, restore: bool = True) -> None:
         """Set limits of positions by joint; those of other joints become the model's if they are restored."""
-        mechanism, own = self.mechanism, self.mechanism.limits
-        lower, upper = (own.lower.copy(), own.upper.copy()) if restore else (self.lower.copy(), self.upper.copy())
+        mechanism, limits = self.mechanism, self.mechanism.limits
+        lower, upper = (limits.lower.copy(), limits.upper.copy()) if restore else (self.lower.copy(), self.upper.copy())
         if values is not None and not isinstance(values, Mapping):
             raise CinegenError(f"position_limits takes a mapping from joints to (lower, upper), not {values!r:.60}")
-        for given, value in (values or {}).items():
-            joint = self._scalar(given)
+        for name, value in (values or {}).items():
+            joint = self._scalar(name)
             at = mechanism.q_index(joint)
-            low, high = (own.lower[at], own.upper[at]) if value is None else _range(joint, value)
+            low, high = (limits.lower[at], limits.upper[at]) if value is None else _range(joint, value)
             check_joint(mechanism, joint, [x for x in (low, high) if math.isfinite(x)] or [0.0])
             lower[at], upper[at] = low, high
-        unchanged = np.array_equal(lower, own.lower) and np.array_equal(upper, own.upper)
-        self.lower, self.upper = (own.lower, own.upper) if unchanged else (lower, upper)
+        unchanged = np.array_equal(lower, limits.lower) and np.array_equal(upper, limits.upper)
+        self.lower, self.upper = (limits.lower, limits.upper) if unchanged else (lower, upper)
         self._limited = None
 
     def get_positions(self, joint: str) -> tuple[float, float]:

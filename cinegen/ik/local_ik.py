@@ -115,9 +115,9 @@ class LocalIK(OneThread):
         if not self.mechanism.is_constrained:
             return np.array([self.random_start(rng) for _ in range(count)])
         home = self.mechanism.structure.held_at
-        found, points = [home], [home[self._at] / self._scale]
+        configurations, points = [home], [home[self._at] / self._scale]
         for _ in range(4 * count if len(self._at) else 0):
-            if len(found) == count:
+            if len(configurations) == count:
                 break
             wanted = self.random_start(rng)[self._at] / self._scale
             known = np.array(points)
@@ -127,9 +127,9 @@ class LocalIK(OneThread):
             part = min(1.0, _STRIDE / max(float(np.abs(direction).max()), 1e-12))
             start[self._at] = (known[nearest] + part * direction) * self._scale
             if self.solve(start, 1e-10):
-                found.append(self.best)
+                configurations.append(self.best)
                 points.append(self.best[self._at] / self._scale)
-        return np.array(found)
+        return np.array(configurations)
 
     def placements(self, q: Array) -> list[pin.SE3]:
         """Return the poses at q (nq,) of all frames that have targets."""

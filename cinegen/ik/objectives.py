@@ -295,17 +295,17 @@ class Manipulability(_Rated):
         mechanism = state.mechanism
         system = mechanism.structure.system
         loops = system.evaluate(q)[1]
-        found: list[Array] = []
+        jacobians: list[Array] = []
         for tasks in (state.tasks, measured):
             if tasks is None:
-                found.append(found[0])
+                jacobians.append(jacobians[0])
                 continue
             frames = [task for task in tasks if isinstance(task, FrameTask) and task.is_valid()]
             rows = [equations(mechanism, system, [(task, axes_of(task, mechanism, system)) for task in frames])[1]]
-            here = State(mechanism, q, state.dt)
-            rows += [rows_of(task, here) for task in tasks if not isinstance(task, FrameTask)]
-            found.append(np.vstack(rows))
-        return loops, found[0], found[1]
+            at_q = State(mechanism, q, state.dt)
+            rows += [rows_of(task, at_q) for task in tasks if not isinstance(task, FrameTask)]
+            jacobians.append(np.vstack(rows))
+        return loops, jacobians[0], jacobians[1]
 
 
 def _count(count: int, what: str) -> int:

@@ -143,8 +143,8 @@ def _ever(mechanism: Mechanism, system: ClosedLoops, q: Array, tasks: Sequence[t
     """Return an orthonormal basis (rows, .) of the directions in which the tasks can move in any configuration. The
     direction out of the plane of a planar mechanism always has a singular value of 0: it is not a lost DoF."""
     images = []
-    for there in (*mechanism.structure.samples, q):
-        rows, motions = _on_free_motions(mechanism, system, there, tasks)
+    for sample in (*mechanism.structure.samples, q):
+        rows, motions = _on_free_motions(mechanism, system, sample, tasks)
         images.append(rows @ motions)
     together = np.hstack(images)
     if not np.isfinite(together).all():
@@ -161,8 +161,8 @@ def _twists(mechanism: Mechanism, system: ClosedLoops, tasks: Sequence[tuple[Fra
         placement = pin.updateFramePlacement(mechanism.model, system.data, task.frame) * task.offset
         seen = task.equations(placement, np.eye(6), axes)[1]  # (rows, 6) of the node's twist in its own axes
         part = along[row : row + task.rows] / units(task, mechanism.length) * (heaviest / task.row_weights)
-        own = np.linalg.pinv(seen) @ part
-        twist[:3], twist[3:] = placement.rotation @ own[:3], placement.rotation @ own[3:]
+        local = np.linalg.pinv(seen) @ part
+        twist[:3], twist[3:] = placement.rotation @ local[:3], placement.rotation @ local[3:]
         row += task.rows
     return twists
 

@@ -142,10 +142,10 @@ def _values(mechanism: Mechanism, q: Array) -> dict[str, Any]:
     return {"joints": mechanism.values(q)} | ({"base": q[:7].tolist()} if mechanism.floating else {})
 
 
-def with_closest(solutions: IKSolutions, q: Array, found: bool) -> IKSolutions:
+def with_closest(solutions: IKSolutions, q: Array, is_solution: bool) -> IKSolutions:
     """Return solutions, of which there are none, with the closest configuration q (nq,) that was found otherwise; with
     that as a solution if it is one."""
-    if not found:
+    if not is_solution:
         return replace(solutions, closest=q)
     outside = solutions.mechanism.limits.exceeded(q, AT_LIMIT)
     return replace(

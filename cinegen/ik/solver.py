@@ -115,7 +115,7 @@ class Solver(TaskControl):
         self._model = mechanism.model
         self._data = None
         self._tasks = []
-        self._given = []
+        self._python_tasks = []
         self._blends = []
         self._objectives = ()
         self._detour = None
@@ -247,25 +247,25 @@ class Solver(TaskControl):
         self.copy_tasks([task.task if isinstance(task, GivenTask) else task for task in valid])
         if self._changed:
             self._write_tasks()
-        own, memory, ratio = self._memory, other._memory, self.dt / other.dt
+        fresh, memory, ratio = self._memory, other._memory, self.dt / other.dt
         self.gain, self.keep_branch = other.gain, other.keep_branch
         self._q[:], self._objectives, self._detour = other._q, other._objectives, other._detour
         self.exception_log = other.exception_log  # the same objectives: none of their exceptions is logged twice
         for name in ("closure", "secondary_scale", "damping_threshold", "ticks"):
-            setattr(own, name, getattr(memory, name))
-        own.tasks_are_suspended, own.is_warm = memory.tasks_are_suspended, 0
+            setattr(fresh, name, getattr(memory, name))
+        fresh.tasks_are_suspended, fresh.is_warm = memory.tasks_are_suspended, 0
         for name in ("last", "drift", "secondary"):  # of the last tick
-            getattr(own, name)[:] = getattr(memory, name) * ratio
+            getattr(fresh, name)[:] = getattr(memory, name) * ratio
         for copy, task in zip(self._tasks, valid, strict=True):
             copy.memory.aim[:], copy.memory.is_followed = task.memory.aim, task.memory.is_followed
             copy.memory.kept_error[:] = task.memory.kept_error
         if other._changed != BIND and len(valid) == len(other.tasks):
-            own.level_scale[:], own.level_rank[:] = memory.level_scale, memory.level_rank
-            own.level_last[:] = memory.level_last * ratio
+            fresh.level_scale[:], fresh.level_rank[:] = memory.level_scale, memory.level_rank
+            fresh.level_last[:] = memory.level_last * ratio
             for name in ("is_warm", "signature", "task_rank"):
-                setattr(own, name, getattr(memory, name))
-            own.left[:] = memory.left
-        own.is_at_q, own.phase = 0, BEGIN
+                setattr(fresh, name, getattr(memory, name))
+            fresh.left[:] = memory.left
+        fresh.is_at_q, fresh.phase = 0, BEGIN
 
     @property
     def keeps_linearisation(self) -> bool:
@@ -346,7 +346,7 @@ class Solver(TaskControl):
             self._evaluate_objectives(objectives)
         if self._barriers:
             self._evaluate_barriers()
-        if self._given:
+        if self._python_tasks:
             self._evaluate_given()
         if SE3_DISTANCE is None:  # targets may have been changed in place
             for task in self.frame_tasks:

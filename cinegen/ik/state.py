@@ -82,8 +82,8 @@ class State:
         Raises:
             UnknownNameError: no such node.
         """
-        found = pin.updateFramePlacement(self.model, self.data, self.mechanism.frame_id(node)).copy()
-        return found if seen_from is None else self.frame(seen_from).actInv(found)
+        pose = pin.updateFramePlacement(self.model, self.data, self.mechanism.frame_id(node)).copy()
+        return pose if seen_from is None else self.frame(seen_from).actInv(pose)
 
     def jacobian(self, node: str) -> Array:
         """Return the Jacobian (6, nv) of a node: velocity of its origin, then angular velocity, in the world's axes.
@@ -109,9 +109,9 @@ class State:
         if not model.nv:
             return np.zeros((6, 0))
         placement = pin.updateFramePlacement(model, data, frame)
-        found: Array = pin.getFrameJacobian(model, data, frame, _ALIGNED)
-        if found.ndim == 1:  # one column
-            found = found.reshape(6, 1)
+        rows: Array = pin.getFrameJacobian(model, data, frame, _ALIGNED)
+        if rows.ndim == 1:  # one column
+            rows = rows.reshape(6, 1)
         if point is not None:
-            found[:3] += _CROSS @ (placement.rotation @ point) @ found[3:]
-        return found
+            rows[:3] += _CROSS @ (placement.rotation @ point) @ rows[3:]
+        return rows

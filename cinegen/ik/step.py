@@ -135,11 +135,11 @@ class Step:
         if self._record[m.ERRORS_KNOWN]:
             return tuple((left, angle) for left, angle in self._layout.get(self._record, "record_errors").tolist())
         mechanism, q = self._layout.mechanism, self.q
-        found = [(math.nan, math.nan)] * len(self._layout.tasks)
+        remaining = [(math.nan, math.nan)] * len(self._layout.tasks)
         for i, task, axes in self._wanted():
             straight, turn = task.errors(mechanism.placement(q, task.node) * task.offset, axes)
-            found[i] = math.hypot(*straight), math.hypot(*turn)
-        return tuple(found)
+            remaining[i] = math.hypot(*straight), math.hypot(*turn)
+        return tuple(remaining)
 
     @property
     def problems(self) -> tuple[str, ...]:
@@ -157,15 +157,15 @@ class Step:
         if status in (Status.IN_COLLISION, Status.UNAVOIDABLE, Status.REFUSED):
             return (status,) * len(tasks)
         levels = [self._hindrance] if status is Status.BAD_TARGET else [level.status for level in self.levels]
-        found, length = list[Status](), self._layout.mechanism.length
+        statuses, length = list[Status](), self._layout.mechanism.length
         for i, (distance, angle) in enumerate(self.errors):
             if not tasks[i, 1]:
-                found.append(Status.BAD_TARGET)
+                statuses.append(Status.BAD_TARGET)
             elif max(distance / length, angle) <= ARRIVED:
-                found.append(Status.FOLLOWING)
+                statuses.append(Status.FOLLOWING)
             else:
-                found.append(levels[min(self._layout.levels[i], len(levels) - 1)])
-        return tuple(found)
+                statuses.append(levels[min(self._layout.levels[i], len(levels) - 1)])
+        return tuple(statuses)
 
     @property
     def _hindrance(self) -> Status:
@@ -196,10 +196,10 @@ class Step:
     @property
     def levels(self) -> tuple[Level, ...]:
         """Outcome of each level of priority, the first first. A level's errors are those of its tasks in `errors`."""
-        found = self._layout.get(self._record, "record_levels").tolist()
-        if len(found) == 1:  # its status may be that of a task in Python, too
-            return (Level(self.status, found[0][1]),)
-        return tuple(Level(STATUSES[int(status)], smallest) for status, smallest in found)
+        rows = self._layout.get(self._record, "record_levels").tolist()
+        if len(rows) == 1:  # its status may be that of a task in Python, too
+            return (Level(self.status, rows[0][1]),)
+        return tuple(Level(STATUSES[int(status)], smallest) for status, smallest in rows)
 
     @property
     def singular_values(self) -> Array:
@@ -236,16 +236,16 @@ class Step:
     def lost_dof_in(self, system: ClosedLoops | None) -> LostDoF | None:
         """Return `lost_dof` by another Jacobian of the mechanism's loops: see `cinegen.ik.singular_values.lost`."""
         wanted, layout = self._first_level(), self._layout
-        count, given = int(self._record[m.TASK_RANK]), zip(layout.tasks, layout.levels, strict=True)
-        if any(offset is None and level == 0 for (_, _, offset), level in given):
+        count, pairs = int(self._record[m.TASK_RANK]), zip(layout.tasks, layout.levels, strict=True)
+        if any(offset is None and level == 0 for (_, _, offset), level in pairs):
             return None
-        found = lost(layout.mechanism, self.q, wanted, count, system)
-        if found is None or len(wanted) == len(layout.tasks):
-            return found
+        dof = lost(layout.mechanism, self.q, wanted, count, system)
+        if dof is None or len(wanted) == len(layout.tasks):
+            return dof
         twists = np.zeros((len(layout.tasks), 6))
         first = np.array(layout.levels) == 0
-        twists[first & (layout.get(self._record, "record_tasks")[:, 1] != 0.0)] = found.twists
-        return replace(found, twists=twists)
+        twists[first & (layout.get(self._record, "record_tasks")[:, 1] != 0.0)] = dof.twists
+        return replace(dof, twists=twists)
 
     @property
     def uncontrolled_dof(self) -> UncontrolledDoF | None:

@@ -234,13 +234,13 @@ class FrameTask(FrameEquations):
     @twist.setter
     def twist(self, twist: Any) -> None:
         try:
-            given = np.array(twist, dtype=float).reshape(6)
-            if not np.isfinite(given).all():
+            numbers = np.array(twist, dtype=float).reshape(6)
+            if not np.isfinite(numbers).all():
                 raise ValueError
         except (TypeError, ValueError):
             self._refuse("target", twist)
             return
-        self._twist = given
+        self._twist = numbers
         self._accept("target")
 
     @property
@@ -279,8 +279,8 @@ class FrameTask(FrameEquations):
     @weights.setter
     def weights(self, weights: ArrayLike) -> None:
         try:
-            given = np.array(weights, dtype=float)
-            good = given.shape == (6,) and bool(((given >= 0.0) & (given < np.inf)).all())
+            numbers = np.array(weights, dtype=float)
+            good = numbers.shape == (6,) and bool(((numbers >= 0.0) & (numbers < np.inf)).all())
         except (TypeError, ValueError):
             good = False
         if not good:
@@ -288,7 +288,7 @@ class FrameTask(FrameEquations):
             return
         for name in ("weights", "translation", "rotation"):
             self._wrong.pop(name, None)
-        self._constrain_by(given)
+        self._constrain_by(numbers)
 
     @property
     def weight(self) -> float:

@@ -232,7 +232,7 @@ def _load_xml(source: Path | URDF, text: str | None, settings: _Settings) -> Mec
     disabled = _read_srdf(srdf, urdf, str(path), reading)
     placed, remarks = with_home(urdf, constraints, srdf, str(path), reading)
     stated = _with_actuated(urdf, placed, settings.actuated, str(path))
-    packages = tuple((name, str(folder)) for name, folder in reading.search.given.items())
+    packages = tuple((name, str(folder)) for name, folder in reading.search.folders.items())
     make = partial(
         build, urdf, stated, str(folder), str(path), parsed.dialects, (*parsed.notes, *remarks), disabled,
         packages=packages, relax=settings.relax, is_driven=parsed.is_driven and settings.actuated is None,

@@ -75,11 +75,11 @@ class AvoidingRobot(DrivenRobot):
             return super()._advance(dt)
         self._hold(self.locked)
         self._follow(False)
-        there = solver.destination
-        if there is None:
-            there, self._waited, self._nearest = self.q, 0.0, np.inf
+        destination = solver.destination
+        if destination is None:
+            destination, self._waited, self._nearest = self.q, 0.0, np.inf
         ended = False
-        if self.mechanism.distance(self.q, there) < _LAG:
+        if self.mechanism.distance(self.q, destination) < _LAG:
             q = motion.advance(dt)
             if q is None:
                 ended = True
@@ -87,12 +87,12 @@ class AvoidingRobot(DrivenRobot):
                 solver.destination = q
                 self.jump_to(q)
                 return ""
-            elif not np.array_equal(q, there):
-                there, self._nearest = q, np.inf
-        solver.destination = there
+            elif not np.array_equal(q, destination):
+                destination, self._nearest = q, np.inf
+        solver.destination = destination
         self.step = solver.step()
         self._retarget()
-        remaining = self.mechanism.distance(self.q, there)
+        remaining = self.mechanism.distance(self.q, destination)
         if ended and remaining < _THERE:
             self.motion = None
             return f"{self.name}: {motion.problem}" if motion.problem else ""
@@ -102,7 +102,7 @@ class AvoidingRobot(DrivenRobot):
         is_joints = isinstance(motion, JointMotion)
         if remaining < _THERE or self._waited < (_STOPPED if is_joints else PATIENCE):
             return ""
-        problem = self.collision(there) or "obstacles block the path"
+        problem = self.collision(destination) or "obstacles block the path"
         if is_joints:
             solver.destination = None
             motion.block(self.q, problem)
@@ -120,8 +120,8 @@ class AvoidingRobot(DrivenRobot):
 
     def collision(self, q: Array) -> str:
         """See `DrivenRobot`."""
-        here = self.q
-        if np.array_equal(q, here) or is_clear(self._clearance, here, q, self.safety):
+        start = self.q
+        if np.array_equal(q, start) or is_clear(self._clearance, start, q, self.safety):
             return ""
         pair = int(self._clearance.distances(q).argmin())
         return f"'{self._clearance.names(pair)[0]}' would hit {self._what(pair)}"

@@ -60,12 +60,12 @@ def carried_over(mechanism: Mechanism, values: JointValues, otherwise: Array) ->
         None where the loops can't be closed from there, or only beyond a limit.
     """
     q, limits = otherwise.copy(), mechanism.limits
-    own = joint_values(mechanism, q)
-    new, old = ([name for name in some if name not in others] for some, others in ((own, values), (values, own)))
-    kinds = [[_kind(of[name]) for name in names] for of, names in ((own, new), (values, old))]
-    former = {name: name for name in own if name in values}
+    ours = joint_values(mechanism, q)
+    new, old = ([name for name in some if name not in others] for some, others in ((ours, values), (values, ours)))
+    kinds = [[_kind(of[name]) for name in names] for of, names in ((ours, new), (values, old))]
+    former = {name: name for name in ours if name in values}
     former |= dict(zip(new, old, strict=True)) if kinds[0] == kinds[1] else {}
-    known = [name for name, before in former.items() if _kind(values[before]) == _kind(own[name])]
+    known = [name for name, before in former.items() if _kind(values[before]) == _kind(ours[name])]
     for name in known:
         joint = mechanism.model.joints[mechanism.model.getJointId(name)]
         q[joint.idx_q : joint.idx_q + joint.nq] = values[former[name]][1]

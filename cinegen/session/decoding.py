@@ -25,7 +25,7 @@ def check_names(command: TypedMessage, setup: Setup) -> None:
         CommandError: one of them does not exist; the message names the field.
     """
     robot = getattr(command, "robot", None)
-    if isinstance(command, ChangeSensor) and command.sensor not in [one.name for one in setup.devices if one.has_axes]:
+    if isinstance(command, ChangeSensor) and command.sensor not in [d.name for d in setup.devices if d.has_axes]:
         raise CommandError(f"Unknown sensor {command.sensor!r:.80} - at `$.sensor`")
     if robot is None:
         return
@@ -37,7 +37,7 @@ def check_names(command: TypedMessage, setup: Setup) -> None:
         "robot": (*setup.robots, *setup.obstacles),
         "node": (robot,) if mechanism is None else mechanism.nodes,
         "joint": () if mechanism is None else _joints_of(command, mechanism),
-        "sensor": next((one.choices for one in setup.switches if (one.robot, one.node) == switch), ()),
+        "sensor": next((s.choices for s in setup.switches if (s.robot, s.node) == switch), ()),
     }
     for name in command.__struct_fields__:
         value = getattr(command, name)
@@ -49,9 +49,9 @@ def _check_described(command: AddTask, setup: Setup) -> None:
     mechanism = setup.robots.get(command.robot)
     if mechanism is None:
         raise CommandError(f"Unknown robot {command.robot!r:.80} - at `$.robot`")
-    found = unknown_name(command.description, mechanism.nodes, mechanism.joints)
-    if found is not None:
-        raise CommandError(f"Unknown {found[0]} {found[1]!r:.80} - at `$.description.{found[2]}`")
+    unknown = unknown_name(command.description, mechanism.nodes, mechanism.joints)
+    if unknown is not None:
+        raise CommandError(f"Unknown {unknown[0]} {unknown[1]!r:.80} - at `$.description.{unknown[2]}`")
 
 
 def _joints_of(command: TypedMessage, mechanism: Mechanism) -> Collection[str]:

@@ -48,7 +48,7 @@ class Drags:
         self._drags: dict[int, _Drag] = {}
 
     def __repr__(self) -> str:
-        return f"<Drags: {', '.join(f'{key}: {one.task.task.node}' for key, one in self._drags.items()) or 'none'}>"
+        return f"<Drags: {', '.join(f'{key}: {drag.task.task.node}' for key, drag in self._drags.items()) or 'none'}>"
 
     def __bool__(self) -> bool:
         return bool(self._drags)
@@ -58,13 +58,13 @@ class Drags:
         self.end(command.pointer)
         robot = self._robots[command.robot]
         robot.motion = None
-        other = next((one for one in self._drags.values() if one.is_of(robot, command.node)), None)
+        other = next((active for active in self._drags.values() if active.is_of(robot, command.node)), None)
         was = None
         if other is None:  # otherwise the other drag has suspended them already
             self._sensors.suspend(command.robot, command.node)
-            was = next((one for one in robot.recorded_tasks(PIN) if one.node == command.node), None)
-            for one in robot.tasks_of(PIN, command.node):  # a pin moves with its node, and is restored at the end
-                robot.remove_task(one)
+            was = next((recorded for recorded in robot.recorded_tasks(PIN) if recorded.node == command.node), None)
+            for pinned in robot.tasks_of(PIN, command.node):  # a pin moves with its node, and is restored at the end
+                robot.remove_task(pinned)
         point = command.point
         offset = pin.SE3.Identity() if point is None else pin.SE3(np.eye(3), np.array(point))
         dof = 3, 3 if command.rotation and point is None else 0
@@ -110,7 +110,7 @@ class Drags:
     def _release(self, drag: _Drag, as_pin: bool) -> None:
         robot, task = drag.robot, drag.task
         node = task.task.node
-        other = next((one for one in self._drags.values() if one.is_of(robot, node)), None)
+        other = next((active for active in self._drags.values() if active.is_of(robot, node)), None)
         if as_pin:
             task.source = task.label = PIN
             self._sensors.deselect_suspended(robot.name, node)
@@ -120,6 +120,6 @@ class Drags:
             other.pin = other.pin or drag.pin
             return
         if drag.pin is not None:
-            here = robot.placement(node) * drag.pin.offset
-            robot.restore(self._new_id(), msgspec.structs.replace(drag.pin, target=here))
+            at = robot.placement(node) * drag.pin.offset
+            robot.restore(self._new_id(), msgspec.structs.replace(drag.pin, target=at))
         self._sensors.resume(robot.name, node)

@@ -58,9 +58,9 @@ class DrivenObstacle(DrivenRobot):
             obstacle: the obstacle in the scene.
         """
         joint = self.mechanism.model.frames[self.mechanism.frame_id(self.name)].parentJoint
-        own = [replace(piece, joint=joint) for piece in obstacle.pieces]
+        pieces = [replace(piece, joint=joint) for piece in obstacle.pieces]
         links = [Obstacle(body.name, (replace(body, joint=0, placement=pin.SE3.Identity()),)) for body in robot.bodies]
-        clearance = Clearance(self.mechanism, own, links)
+        clearance = Clearance(self.mechanism, pieces, links)
         barrier = ClearanceBarrier(clearance, _NEAREST * robot.safety)
         self.solver.barriers = (barrier,)
         self._meets = number, robot, clearance, barrier
@@ -83,9 +83,9 @@ class DrivenObstacle(DrivenRobot):
         """See `DrivenRobot`: an obstacle that moves in a plane stays in it."""
         super().set_target(task, target)
         if not self.mechanism.floating:
-            here = self.mechanism.placement(self.q, task.task.node) * task.task.offset
+            placement = self.mechanism.placement(self.q, task.task.node) * task.task.offset
             in_plane = task.task.target.copy()
-            in_plane.translation[2] = here.translation[2]
+            in_plane.translation[2] = placement.translation[2]
             task.task.target = in_plane
 
     def tick(self, dt: float) -> str:

@@ -55,7 +55,7 @@ def largest_payload(mechanism: Mechanism) -> float:
     1, 2 or 5 times a power of ten."""
     mass = max(_LIGHT, moving_mass(mechanism))
     power = 10.0 ** np.floor(np.log10(mass))
-    return float(f"{next(one for one in _ROUND if one * power >= mass * (1.0 - 1e-9)) * power:.3g}")
+    return float(f"{next(factor for factor in _ROUND if factor * power >= mass * (1.0 - 1e-9)) * power:.3g}")
 
 
 def moving_mass(mechanism: Mechanism) -> float:
@@ -100,13 +100,13 @@ class Holding:
         open."""
         mechanism = self.dynamics.mechanism
         try:
-            found = self.dynamics.torques(q)
+            efforts = self.dynamics.torques(q)
         except CinegenError:  # a recording with open loops
             return np.full(len(mechanism.actuated), np.nan)
         weight = np.linalg.norm(self._down) * (self._mass + self.carried.mass)
         steps = self.dynamics.tree.step[[mechanism.v_index(joint) for joint in mechanism.actuated]]
-        held = np.abs(found * steps).max(initial=0.0) <= _BOUND * weight * mechanism.length + _NOISE
-        return found if held else np.full(len(found), np.nan)
+        held = np.abs(efforts * steps).max(initial=0.0) <= _BOUND * weight * mechanism.length + _NOISE
+        return efforts if held else np.full(len(efforts), np.nan)
 
 
 _COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
@@ -161,7 +161,7 @@ class BearingReporter:
         balance = dynamics.balance(robot.q, still, still)
         if not balance.is_held:
             return ()
-        return tuple(self._described(robot, one) for one in reactions(dynamics.tree, balance))
+        return tuple(self._described(robot, reaction) for reaction in reactions(dynamics.tree, balance))
 
     def _described(self, robot: RobotState, reaction: Reaction) -> ReactionReport:
         node = self.mechanism.placement(robot.q, reaction.body)

@@ -93,10 +93,10 @@ class JointMotion:
         """See `RobotMotion`."""
         values = {}
         for joint, goal in self.goal.items():
-            here = self._q[self._mechanism.q_index(joint)]
+            value = self._q[self._mechanism.q_index(joint)]
             most = self._speeds[self._mechanism.v_index(joint)] * dt
-            if here != goal:
-                values[joint] = float(here + min(max(goal - here, -most), most))
+            if value != goal:
+                values[joint] = float(value + min(max(goal - value, -most), most))
         if not values:
             return None if self._ends else self._q
         self.problem = ""

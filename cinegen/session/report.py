@@ -172,8 +172,8 @@ class Reporter:
         inner = {mechanism.model.getJointId(joint) for names in balls(mechanism) for joint in names[:2]}
         frames = {node: mechanism.model.frames[mechanism.frame_id(node)] for node in mechanism.nodes}
         self._within = {node for node, frame in frames.items() if frame.parentJoint in inner}
-        self._own = mechanism.structure.own_system()
-        self._counted = CountedLoops(mechanism) if inner else self._own
+        self._system = mechanism.structure.own_system()
+        self._counted = CountedLoops(mechanism) if inner else self._system
         self._loops = self._counted
         self._look_ahead = LookAhead(mechanism, _DT)
         self._solver = self._look_ahead.solver
@@ -197,21 +197,21 @@ class Reporter:
             self._solver.q = q
             self._solver.lock(*robot.locked)
         tasks = self._solver.frame_tasks
-        self._loops = self._own if any(task.node in self._within for task in tasks) else self._counted
+        self._loops = self._system if any(task.node in self._within for task in tasks) else self._counted
         mechanism = self._solver.held_mechanism
         if robot.locked:
             self._loops = mechanism.structure.system
         node, at = tasks[0].node, tasks[0].offset
         self._look_ahead.velocities = self._velocities(robot, time)
-        here, step = mechanism.placement(q, node) * at, self._step_at(q)
+        placement, step = mechanism.placement(q, node) * at, self._step_at(q)
         lost, uncontrolled = step.lost_dof_in(self._loops), gained(mechanism, q, self._loops)
         type1 = type2 = None
         base = robot.base
         if lost is not None:
             which = int(np.argmax(np.linalg.norm(lost.twists, axis=1)))
-            own = tasks[which]
+            worst = tasks[which]
             type1 = self._singularity(
-                lost.values, NEAR_SINGULAR, own.node, own.offset, lost.twists[which], robot, "lost"
+                lost.values, NEAR_SINGULAR, worst.node, worst.offset, lost.twists[which], robot, "lost"
             )
         if uncontrolled is not None:
             moving, twist = self._moved_most(uncontrolled.joints)
@@ -228,7 +228,7 @@ class Reporter:
             robot.closure,
             type1,
             type2,
-            None if ellipsoid is None else Ellipsoid(base.act(here.translation), ellipsoid),
+            None if ellipsoid is None else Ellipsoid(base.act(placement.translation), ellipsoid),
             ForecastReport(path @ base.rotation.T + base.translation, events),
             robot.carried,
             self._bearing.report(robot) if with_reactions and self._bearing is not None else None,
@@ -247,14 +247,14 @@ class Reporter:
     def _set_tasks(self, robot: RobotState) -> None:
         """Give the look-ahead solver the robot's tasks; one for its end if there are none."""
         tasks = [
-            FrameTask(one.node, one.target, one.translation, one.rotation, one.weight, offset=one.offset)
-            for one in robot.tasks
+            FrameTask(task.node, task.target, task.translation, task.rotation, task.weight, offset=task.offset)
+            for task in robot.tasks
         ]
         self._solver.copy_tasks(tasks or [FrameTask(self.mechanism.end, pin.SE3.Identity())])
 
     def _velocities(self, robot: RobotState, time: float) -> tuple[pin.Motion, ...]:
         """Return the velocity of each target in the robot's own world."""
-        found, now = [], {}
+        velocities, now = [], {}
         for task in robot.tasks:
             velocity = pin.Motion.Zero()
             before = self._last.get(task.id)
@@ -263,9 +263,9 @@ class Reporter:
                 angular = pin.log3(task.target.rotation @ before[1].rotation.T)
                 velocity = pin.Motion(linear, angular) / (time - before[0])
             now[task.id] = time, task.target
-            found.append(velocity)
+            velocities.append(velocity)
         self._last = now
-        return tuple(found)
+        return tuple(velocities)
 
     # --- singularities -------------------------------------------------------------------------------------------
 
@@ -302,24 +302,24 @@ class Reporter:
         part, how = (unit[:3], "along") if linear >= angular else (unit[3:], "about")
         axis = part / np.linalg.norm(part) if part.any() else part
         for axes, of in ((rotation, node), (np.eye(3), "the base")):
-            own = axes.T @ axis
-            k = int(np.argmax(np.abs(own)))
-            if abs(own[k]) > _ALONG:
+            in_axes = axes.T @ axis
+            k = int(np.argmax(np.abs(in_axes)))
+            if abs(in_axes[k]) > _ALONG:
                 return f"{how} {'xyz'[k]} of {of}"
         return f"{how} ({', '.join(f'{x:.1f}' for x in axis)}) of the base"
 
     def _moved_most(self, joints: Array) -> tuple[str, Array]:
         """Return the node that a motion, of the columns of `_loops`, moves most, preferably the end, and its twist in
         the world's axes."""
-        best, most, found = self.mechanism.end, 0.0, np.zeros(6)
+        best, most, best_twist = self.mechanism.end, 0.0, np.zeros(6)
         for node in (self.mechanism.end, *self.mechanism.nodes):
             if node in self._within:
                 continue
             twist = self._jacobian(node, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED) @ joints
             size = float(np.linalg.norm(twist / np.array([self.mechanism.length] * 3 + [1.0] * 3)))
             if size > 1.5 * most + 1e-6:
-                best, most, found = node, size, twist
-        return best, found
+                best, most, best_twist = node, size, twist
+        return best, best_twist
 
     def _jacobian(self, node: str, axes: pin.ReferenceFrame) -> Array:
         """Return the Jacobian (6, nv) of a node where `_loops` was evaluated last, m and rad."""
@@ -333,21 +333,21 @@ class Reporter:
         motions = motions_of(self._loops, q, mechanism.loop_rank)
         if motions.shape[1] == 0:
             return None
-        own = at.toActionMatrixInverse() @ self._jacobian(node, pin.ReferenceFrame.LOCAL)
+        jacobian = at.toActionMatrixInverse() @ self._jacobian(node, pin.ReferenceFrame.LOCAL)
         rotation = (mechanism.placement(q, node) * at).rotation
-        u, sigma, _ = np.linalg.svd(rotation @ own[:3] * mechanism.scale @ motions)
+        u, sigma, _ = np.linalg.svd(rotation @ jacobian[:3] * mechanism.scale @ motions)
         sizes = np.zeros(3)
         sizes[: len(sigma)] = sigma
         return np.asarray((u * sizes).T * _REACH)
 
     def _near_limit(self, q: Array) -> tuple[str, ...]:
         """Return the joints near a limit."""
-        found = []
+        joints = []
         for joint, (low, high, *_) in self.mechanism.limits.items():
             value = q[self.mechanism.q_index(joint)]
             if np.isfinite(high - low) and min(value - low, high - value) < _CLEAR * (high - low):
-                found.append(joint)
-        return tuple(found)
+                joints.append(joint)
+        return tuple(joints)
 
     # --- forecast ---------------------------------------------------------------------------------------------------
 
@@ -356,8 +356,8 @@ class Reporter:
         mechanism = self.mechanism
         if not robot.tasks or robot.described:  # it does not know tasks of other kinds
             return np.zeros((0, 3)), ()
-        for own, task in zip(self._solver.frame_tasks, robot.tasks, strict=True):
-            own.target = task.target
+        for copied, task in zip(self._solver.frame_tasks, robot.tasks, strict=True):
+            copied.target = task.target
         forecast = self._look_ahead.forecast(HORIZON, NEAR_SINGULAR)
         every = max(1, len(forecast.q) // _POINTS)
         path = np.array([(mechanism.placement(q, node) * at).translation for q in forecast.q[::every]])
@@ -380,7 +380,7 @@ class Reporter:
         if not isinstance(self._loops, CountedLoops) or event.kind not in (EventKind.TYPE_1, EventKind.TYPE_2):
             return False
         if event.kind is EventKind.TYPE_1:
-            found = self._step_at(event.q).lost_dof_in(self._loops)
-            return found is not None and found.sigma > NEAR_SINGULAR + _ROUGH
+            lost = self._step_at(event.q).lost_dof_in(self._loops)
+            return lost is not None and lost.sigma > NEAR_SINGULAR + _ROUGH
         weakest = gained(self.mechanism, event.q, self._loops)
         return weakest is not None and weakest.sigma > NEAR_SINGULAR + _ROUGH

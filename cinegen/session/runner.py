@@ -185,9 +185,9 @@ class SessionRunner:
             self._send: Callable[[_Message], None] = outbox.send
         else:
             self._taken = ctypes.c_longlong()
-            own = _Inbox(self._taken)
-            self._send = own.put
-            self._clock.start(_ticks(Session(setup), own, self._bell.ring))
+            local_inbox = _Inbox(self._taken)
+            self._send = local_inbox.put
+            self._clock.start(_ticks(Session(setup), local_inbox, self._bell.ring))
 
     def send(self, command: Command) -> None:
         """Send a command. Commands are carried out in their order, before the next tick."""

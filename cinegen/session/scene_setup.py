@@ -69,7 +69,7 @@ def scene_setup(
             key += "'"
         obstacles[key] = appearance.obstacle(obstacle)
     attached = tuple(
-        DrawnAttached(name, one.node, _path_safe(one.name), appearance.attached(one)) for one in scene.attached
+        DrawnAttached(name, part.node, _path_safe(part.name), appearance.attached(part)) for part in scene.attached
     )
     return replace(setup, obstacles=obstacles, avoidance=Avoidance(name, scene), attached=attached)
 

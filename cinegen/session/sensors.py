@@ -42,7 +42,7 @@ class SessionSensors:
         self, setup: Setup, robots: Mapping[str, DrivenRobot], new_id: Callable[[], int], wake: Callable[[], object]
     ) -> None:
         self.robots, self._new_id, self._wake = robots, new_id, wake
-        self.selected: dict[tuple[str, str], str | None] = {(one.robot, one.node): None for one in setup.switches}
+        self.selected: dict[tuple[str, str], str | None] = {(s.robot, s.node): None for s in setup.switches}
         self.view = np.eye(3)
         self._devices = {device.name: device for device in setup.devices}
         self.axes = {name: format_axes(parse_axes(device.axes)) for name, device in self._devices.items()}
@@ -105,7 +105,7 @@ class SessionSensors:
     def scripts_run(self) -> bool:
         """Return whether a node follows a script that has not ended."""
         sensors = (self._sensors[name] for name in self.selected.values() if name is not None)
-        return any(scheme(one.url) in _SCRIPTS and one.status.state is SensorState.LIVE for one in sensors)
+        return any(scheme(sensor.url) in _SCRIPTS and sensor.status.state is SensorState.LIVE for sensor in sensors)
 
     def put_gamepad(self, twist: Twist, buttons: frozenset[int]) -> None:
         """Give the state of a browser's gamepad to the sensors that stand for it."""
@@ -153,7 +153,7 @@ class SessionSensors:
         Returns:
             messages about nodes that no longer follow a sensor.
         """
-        before = {(names.get(name, name), node): one for (name, node), one in self.selected.items()}
+        before = {(names.get(name, name), node): chosen for (name, node), chosen in self.selected.items()}
         suspended = {(names.get(name, name), node) for name, node in self._suspended}
         old, devices = self._sensors, self._devices
         self._driven.clear()
@@ -161,22 +161,22 @@ class SessionSensors:
         self._devices = {device.name: device for device in setup.devices}
         self.axes = {
             name: self.axes[name]
-            if name in devices and devices[name].axes == one.axes and one.has_axes
-            else format_axes(parse_axes(one.axes))
-            for name, one in self._devices.items()
+            if name in devices and devices[name].axes == d.axes and d.has_axes
+            else format_axes(parse_axes(d.axes))
+            for name, d in self._devices.items()
         }
         stays = {
             name
-            for name, one in self._devices.items()
-            if name in devices and replace(devices[name], axes=one.axes) == one and not _is_script(one)
+            for name, d in self._devices.items()
+            if name in devices and replace(devices[name], axes=d.axes) == d and not _is_script(d)
         }
-        self._sensors = {name: old[name] if name in stays else one for name, one in fresh.items()}
-        self.selected = {(one.robot, one.node): None for one in setup.switches}
-        choices = {(one.robot, one.node): one.choices for one in setup.switches}
+        self._sensors = {name: old[name] if name in stays else s for name, s in fresh.items()}
+        self.selected = {(s.robot, s.node): None for s in setup.switches}
+        choices = {(s.robot, s.node): s.choices for s in setup.switches}
         lost = [
-            f"{node} no longer follows sensor {one}"
-            for (robot, node), one in before.items()
-            if one is not None and one not in choices.get((robot, node), ())
+            f"{node} no longer follows sensor {chosen}"
+            for (robot, node), chosen in before.items()
+            if chosen is not None and chosen not in choices.get((robot, node), ())
         ]
         for switch in setup.switches:
             key = switch.robot, switch.node
@@ -240,5 +240,5 @@ def opened(device: Device, robots: Mapping[str, DrivenRobot]) -> Sensor:
 
 def default_speed(robots: dict[str, DrivenRobot]) -> float:
     """Return the speed of sensors at full deflection, m/s: the size of the largest robot in about three seconds."""
-    length = max(one.mechanism.length for one in robots.values())
+    length = max(robot.mechanism.length for robot in robots.values())
     return float(f"{0.3 * length:.1g}")

@@ -52,7 +52,7 @@ class SessionRecorder:
         if self._recorder is not None:
             return
         path = path or time.strftime("mission-%Y%m%d-%H%M%S.jsonl")
-        self._ended = [one for one in self._ended if not one.finished]
+        self._ended = [recorder for recorder in self._ended if not recorder.finished]
         setup = self.setup
         self._recorder = MissionRecorder(Path(path), setup.robots, setup.bases, overwrite, setup.obstacles)
 
@@ -71,12 +71,12 @@ class SessionRecorder:
             return
         self._sampled = time
         samples = {name: robot.sample() for name, robot in self._robots.items()}
-        self._recorder.write(time, samples, {name: one.pose for name, one in self._obstacles.items()})
+        self._recorder.write(time, samples, {name: obstacle.pose for name, obstacle in self._obstacles.items()})
 
     def status(self) -> RecordingStatus | None:
         """Return the recording that is being made."""
-        one = self._recorder
-        return None if one is None else RecordingStatus(str(one.path), one.seconds, one.error)
+        recorder = self._recorder
+        return None if recorder is None else RecordingStatus(str(recorder.path), recorder.seconds, recorder.error)
 
     def close(self) -> None:
         """End all recordings, and wait for the disk."""

@@ -36,7 +36,7 @@ class Snapshot:
     def of(cls, robots: Mapping[str, DrivenRobot]) -> Snapshot:
         """Return the present one."""
         q = {name: robot.q for name, robot in robots.items()}
-        described = {name: {one.id: one.description for one in robot.described} for name, robot in robots.items()}
+        described = {name: {t.id: t.description for t in robot.described} for name, robot in robots.items()}
         return cls(q, {name: robot.recorded_tasks(PIN) for name, robot in robots.items()}, described)
 
     def is_same(self, other: Snapshot) -> bool:
@@ -45,7 +45,7 @@ class Snapshot:
         pins = ((pins, other.pins[name]) for name, pins in self.pins.items())
         same = all(len(some) == len(others) and all(map(_is_same_pin, some, others)) for some, others in pins)
         same = same and self.described == other.described
-        return same and all(np.allclose(one, two, atol=1e-9) for one, two in pairs)
+        return same and all(np.allclose(first, second, atol=1e-9) for first, second in pairs)
 
     def detached(self, robots: Mapping[str, DrivenRobot], names: Mapping[str, str]) -> Snapshot:
         """Return it for robots that replace others: joint values, under their new names."""
@@ -55,15 +55,15 @@ class Snapshot:
         return Snapshot(values, pins, {names.get(key, key): tasks for key, tasks in self.described.items()})
 
 
-def _is_same_pin(one: RecordedTask, other: RecordedTask) -> bool:
-    same = (one.node, one.translation, one.rotation, one.weight, one.priority) == (
+def _is_same_pin(pin: RecordedTask, other: RecordedTask) -> bool:
+    same = (pin.node, pin.translation, pin.rotation, pin.weight, pin.priority) == (
         other.node, other.translation, other.rotation, other.weight, other.priority
     )  # fmt: skip
-    for here, there in ((one.offset, other.offset), (one.target, other.target)):
-        if here is not None and there is not None:
-            same = same and here.isApprox(there, 1e-9)
+    for placed, other_placed in ((pin.offset, other.offset), (pin.target, other.target)):
+        if placed is not None and other_placed is not None:
+            same = same and placed.isApprox(other_placed, 1e-9)
         else:
-            same = same and here is there
+            same = same and placed is other_placed
     return same
 
 
@@ -186,7 +186,7 @@ class UndoHistory:
         for steps in (self._done, self._undone):
             for _ in range(len(steps)):
                 step = steps.popleft()
-                before, after = (one.detached(self._robots, names) for one in (step.before, step.after))
+                before, after = (snapshot.detached(self._robots, names) for snapshot in (step.before, step.after))
                 steps.append(UndoStep(before, after, MotionTrace(step.trace.period)))
 
     def _close(self) -> None:
@@ -218,15 +218,15 @@ class UndoHistory:
             return ""
         step = source.pop()
         target.append(step)
-        there = step.before if backwards else step.after
+        snapshot = step.before if backwards else step.after
         reached, lost = dict[str, Kept](), list[str]()
         name, label = ("undo", "undoing") if backwards else ("redo", "redoing")
         for key, robot in self._robots.items():
             for pin in robot.tasks_of(PIN):
                 robot.remove_task(pin)
-            if key not in there.q:  # it came with a later version of its file
+            if key not in snapshot.q:  # it came with a later version of its file
                 continue
-            q, trace = attached(robot.mechanism, there.q[key], robot.q), step.trace.configurations.get(key, [])
+            q, trace = attached(robot.mechanism, snapshot.q[key], robot.q), step.trace.configurations.get(key, [])
             if q is None:
                 lost.append(key)
                 continue
@@ -239,7 +239,7 @@ class UndoHistory:
                 robot.motion = Retrace(path, step.trace.period, name, label)
             else:
                 robot.motion = ConfigurationMotion(robot.mechanism, robot.q, q, name, label)
-        self._goal = Snapshot(reached, there.pins, there.described)
+        self._goal = Snapshot(reached, snapshot.pins, snapshot.described)
         what = "before" if backwards else "after"
         return f"{', '.join(lost)}: the file has changed: no configuration as {what} this step is left" if lost else ""
 
@@ -253,9 +253,9 @@ class UndoHistory:
         for name, tasks in snapshot.described.items():
             robot = self._robots.get(name)
             if robot is not None:
-                for one in [one for one in robot.described if one.id not in tasks]:
-                    robot.remove_described(one)
-                present = {one.id: one for one in robot.described}
+                for task in [task for task in robot.described if task.id not in tasks]:
+                    robot.remove_described(task)
+                present = {task.id: task for task in robot.described}
                 for id, description in tasks.items():
                     with contextlib.suppress(CinegenError):
                         if id not in present:

@@ -56,12 +56,12 @@ class Waypoints:
         self._waits = self._records = False  # whether a recording starts at the first waypoint, or is in progress
 
     def __repr__(self) -> str:
-        return f"<Waypoints: {', '.join(one.name for one in self._all) or 'none'}>"
+        return f"<Waypoints: {', '.join(waypoint.name for waypoint in self._all) or 'none'}>"
 
     @property
     def infos(self) -> tuple[WaypointInfo, ...]:
         """Ids and names, in order."""
-        return tuple(WaypointInfo(one.id, one.name) for one in self._all)
+        return tuple(WaypointInfo(waypoint.id, waypoint.name) for waypoint in self._all)
 
     @property
     def target(self) -> int | None:
@@ -86,11 +86,11 @@ class Waypoints:
         Raises:
             WaypointError: it does not exist.
         """
-        one = self._found(change.waypoint)
-        one.name = change.name or one.name
+        waypoint = self._waypoint(change.waypoint)
+        waypoint.name = change.name or waypoint.name
         if change.index is not None:
-            self._all.remove(one)
-            self._all.insert(change.index, one)
+            self._all.remove(waypoint)
+            self._all.insert(change.index, waypoint)
 
     def remove(self, id: int) -> None:
         """Remove a waypoint; a motion to it goes on.
@@ -98,13 +98,13 @@ class Waypoints:
         Raises:
             WaypointError: it does not exist.
         """
-        self._all.remove(self._found(id))
+        self._all.remove(self._waypoint(id))
 
-    def _found(self, id: int) -> Waypoint:
-        found = next((one for one in self._all if one.id == id), None)
-        if found is None:
+    def _waypoint(self, id: int) -> Waypoint:
+        waypoint = next((waypoint for waypoint in self._all if waypoint.id == id), None)
+        if waypoint is None:
             raise WaypointError("this waypoint was removed")
-        return found
+        return waypoint
 
     def detach(self, names: Mapping[str, str]) -> None:
         """End the motion, before other robots take the place of the present ones: waypoints keep the values of joints.
@@ -113,10 +113,10 @@ class Waypoints:
             names: new names of robots by their old ones, where they differ.
         """
         self.stop()
-        for one in self._all:
-            one.configurations = {
+        for waypoint in self._all:
+            waypoint.configurations = {
                 names.get(key, key): detached(self._robots[key].mechanism if key in self._robots else None, q)
-                for key, q in one.configurations.items()
+                for key, q in waypoint.configurations.items()
             }
 
     # --- the motion ----------------------------------------------------------------------------------------------
@@ -127,7 +127,7 @@ class Waypoints:
         Raises:
             WaypointError: it does not exist.
         """
-        self._start([self._found(id)])
+        self._start([self._waypoint(id)])
 
     def play(self, record: bool = False) -> None:
         """Start a motion through all waypoints, which replaces all other motions.

@@ -104,9 +104,9 @@ def no_effect(where: str, *names: str, remedy: str = "leave it out") -> None:
     Raises:
         UsageError: one was given.
     """
-    given = [name for name in names if name in _GIVEN.get()]
-    if given:
-        raise UsageError(f"{' and '.join(given)} {_verb(given)} no effect {where}: {remedy}")
+    typed = [name for name in names if name in _GIVEN.get()]
+    if typed:
+        raise UsageError(f"{' and '.join(typed)} {_verb(typed)} no effect {where}: {remedy}")
 
 
 def check_ending(name: str, value: object, endings: tuple[str, ...], others: Mapping[str, Rules] | None = None) -> None:
@@ -126,7 +126,7 @@ def check_ending(name: str, value: object, endings: tuple[str, ...], others: Map
     if suffix not in ENDINGS or suffix in endings or str(value).endswith("/") or path.is_dir():
         return
     writes = "a folder: name" if endings == FOLDER else f"{' or '.join(endings)}: name"
-    other = next((f", or write {one} {path}" for one, rules in (others or {}).items() if suffix in rules.endings), "")
+    other = next((f", or write {key} {path}" for key, rules in (others or {}).items() if suffix in rules.endings), "")
     better = f"{path.with_suffix('')}{endings[0]}"
     raise UsageError(f"{name} {path}: {suffix} is another format's ending, {name} writes {writes} {better}{other}")
 
@@ -150,29 +150,29 @@ class Command(_ColouredHelp, TyperCommand):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse the command line; refuse options without effect, and endings of other formats."""
         left = super().parse_args(ctx, args)
-        names = {one.name: _shown_name(one) for one in self.params if one.name}
+        names = {parameter.name: _shown_name(parameter) for parameter in self.params if parameter.name}
         known = {name: ctx.params.get(key) for key, name in names.items()}
         typed = [key for key in names if getattr(ctx.get_parameter_source(key), "name", "") == "COMMANDLINE"]
         _GIVEN.set(frozenset(names[key] for key in typed))
         rules: dict[str, Rules] = getattr(self.callback, "rules", {})
-        by_name = {names[key]: one for key, one in rules.items()}
+        by_name = {names[key]: rule for key, rule in rules.items()}
 
         def active(wanted: str) -> bool:
             wanted, _, others = wanted.partition(" but ")
             name, _, value = wanted.partition(" ")
             return (known[name] == value if value else bool(known[name])) and not any(map(known.get, others.split()))
 
-        def there(options: Iterable[str]) -> list[str]:
-            return [one for one in options if one.partition(" ")[0] in known]
+        def known_only(options: Iterable[str]) -> list[str]:
+            return [wanted for wanted in options if wanted.partition(" ")[0] in known]
 
         for name in (names[key] for key in typed if key in rules):
-            needs, unless = there(by_name[name].needs), there(by_name[name].unless)
+            needs, unless = known_only(by_name[name].needs), known_only(by_name[name].unless)
             if needs and not any(map(active, needs)):
                 raise UsageError(
-                    f"{name} has no effect without {' or '.join(needs)}: add {_one(needs)}, or leave it out"
+                    f"{name} has no effect without {' or '.join(needs)}: add {_pronoun(needs)}, or leave it out"
                 )
-            for one in filter(active, unless):
-                raise UsageError(f"{name} has no effect with {one.partition(' but ')[0]}: leave one out")
+            for option in filter(active, unless):
+                raise UsageError(f"{name} has no effect with {option.partition(' but ')[0]}: leave one out")
             if by_name[name].endings:
                 check_ending(name, known[name], by_name[name].endings, by_name)
         return left
@@ -187,7 +187,7 @@ def _verb(names: Sequence[str]) -> str:
     return "has" if len(names) == 1 else "have"
 
 
-def _one(names: Sequence[str]) -> str:
+def _pronoun(names: Sequence[str]) -> str:
     return "that" if len(names) == 1 else "one"
 
 
@@ -207,7 +207,7 @@ class Commands(_ColouredHelp, TyperGroup):
         if args[0] not in self.commands:
             meant = _suggestion(args[0], list(self.commands))
             for name, command in self.commands.items() if Path(args[0]).suffix else ():
-                if any(one.name in ("file", "files") for one in command.params):
+                if any(parameter.name in ("file", "files") for parameter in command.params):
                     meant = f" (did you mean '{name} {args[0]}'?)"
                     break
             ctx.fail(f"unknown command '{args[0]}'{meant}")
@@ -277,10 +277,10 @@ def expand(function: Callable[..., int]) -> Callable[..., int]:
         members = {name: parameter} if group is None else inspect.signature(group).parameters
         types = hints if group is None else get_type_hints(group, include_extras=True)
         parameters += [
-            one.replace(annotation=types[key], kind=inspect.Parameter.KEYWORD_ONLY) for key, one in members.items()
+            p.replace(annotation=types[key], kind=inspect.Parameter.KEYWORD_ONLY) for key, p in members.items()
         ]
-        for key, one in members.items():
-            for info in (one.default, *getattr(types[key], "__metadata__", ())):
+        for key, member in members.items():
+            for info in (member.default, *getattr(types[key], "__metadata__", ())):
                 if isinstance(declared := getattr(info, "rules", None), Rules):
                     rules[key] = declared
 
@@ -292,7 +292,7 @@ def expand(function: Callable[..., int]) -> Callable[..., int]:
     paragraphs = inspect.cleandoc(function.__doc__ or "").split("\n\n")
     command.__doc__ = "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs)  # as wide as the terminal
     command.rules = rules  # type: ignore[attr-defined]
-    command.__annotations__ = {one.name: one.annotation for one in parameters}
+    command.__annotations__ = {p.name: p.annotation for p in parameters}
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     return command
 
@@ -306,14 +306,14 @@ def quantity_parser(dimension: Dimension, least: float, most: float) -> Callable
         most: largest valid value.
     """
 
-    def parser(given: Any) -> float:
-        if not isinstance(given, str):  # a default
-            return float(given)
+    def parser(typed: Any) -> float:
+        if not isinstance(typed, str):  # a default
+            return float(typed)
         with raised_as(typer.BadParameter, QuantityError):
-            value = parse(given, dimension)
+            value = parse(typed, dimension)
         if not least <= value <= most:
             raise typer.BadParameter(
-                f"'{given}' is not in the range {least:g} to {most:g} {dimension.default}".rstrip()
+                f"'{typed}' is not in the range {least:g} to {most:g} {dimension.default}".rstrip()
             )
         return value
 

@@ -52,12 +52,12 @@ def loop_kinds_of(texts: Sequence[str] | None) -> dict[str, str]:
 
 
 def _pairs(option: str, example: str, texts: Sequence[str]) -> dict[str, str]:
-    found: dict[str, str] = {}
+    pairs: dict[str, str] = {}
     for text in texts:
         name, equals, value = text.partition("=")
         if not (name and equals):
             raise UsageError(f"{option} {text}: write NAME=VALUE, for example {option} {example}")
-        if name in found:
+        if name in pairs:
             raise UsageError(f"{option} {text}: '{name}' is given twice: leave one out")
-        found[name] = value
-    return found
+        pairs[name] = value
+    return pairs

@@ -80,7 +80,7 @@ class BodyDrawing:
             carrier = self._carrier(body)
             self._fill(body)
             back = inverse(body.nodes[carrier])
-            self._drawn[carrier] += [self._written(one, back @ one.placement) for one in body.shapes]
+            self._drawn[carrier] += [self._written(shape, back @ shape.placement) for shape in body.shapes]
 
     def of(self, node: RaffNode) -> list[Shape]:
         """Return the shapes of one node, in its own frame."""
@@ -169,7 +169,7 @@ class BodyDrawing:
             return False
         if before.link.own_joint is not None and before.link.filenames == ():
             return True  # `raff2urdf.raff.compound` has put it there
-        coupled = {n for one in self.robot.couplings for n in (one.follower, *(drive.link for drive in one.drives))}
+        coupled = {n for c in self.robot.couplings for n in (c.follower, *(drive.link for drive in c.drives))}
         is_passive = not any(link.actuated or link.number in coupled for link in (before.link, after.link))
         turns = before.kind is after.kind is LoopKind.REVOLUTE
         aligned = abs(float(before.on_second[:3, 2] @ after.on_first[:3, 2]))
@@ -209,7 +209,7 @@ class BodyDrawing:
             self.add(joint.first, cylinder(joint.on_first, 0.6 * u, -1.6 * u, 1.6 * u), JOINT)
 
     def _slide(self, joint: Joint, round_: bool = False) -> None:
-        u, place, own = self.unit, joint.on_first, joint.on_second
+        u, place, on_second = self.unit, joint.on_first, joint.on_second
         if joint.link is None:
             low, high, rod = -8.0 * u, 8.0 * u, 0.0
         else:
@@ -221,15 +221,15 @@ class BodyDrawing:
             sign = math.copysign(1.0, rod)
             self.add(joint.first, cylinder(place, 1.15 * u, low, high))
             self.add(joint.first, cylinder(place, 1.4 * u, high - 1.2 * sign * u, high + 0.1 * sign * u), JOINT)
-            self.add(joint.second, cylinder(own, 0.65 * u, -rod, 0.0))
+            self.add(joint.second, cylinder(on_second, 0.65 * u, -rod, 0.0))
         elif round_:
             self.add(joint.first, cylinder(place, 0.7 * u, low - 1.5 * u, high + 1.5 * u))
-            self.add(joint.second, cylinder(own, 1.3 * u, -1.5 * u, 1.5 * u), JOINT)
+            self.add(joint.second, cylinder(on_second, 1.3 * u, -1.5 * u, 1.5 * u), JOINT)
         else:
             self.add(joint.first, box(place, (1.3 * u, 1.3 * u), low - 1.6 * u, high + 1.6 * u))
             for end, side in ((low, -1.0), (high, 1.0)):
                 self.add(joint.first, box(place, (2.0 * u, 2.0 * u), end + 1.6 * side * u, end + 2.1 * side * u))
-            self.add(joint.second, box(own, (2.4 * u, 2.4 * u), -1.6 * u, 1.6 * u), JOINT)
+            self.add(joint.second, box(on_second, (2.4 * u, 2.4 * u), -1.6 * u, 1.6 * u), JOINT)
 
     def _is_shaft(self, joint: Joint) -> bool:
         """Return whether a prismatic joint is along the axis about which its parent turns, through the same point."""
@@ -293,19 +293,19 @@ class BodyDrawing:
             self._rods(body, points)
         elif not shown:
             if body in self._shared:
-                own, body.colour = body.colour, SHARED
-                body.shapes[:] = [one._replace(colour=SHARED) if one.colour == own else one for one in body.shapes]
+                colour, body.colour = body.colour, SHARED
+                body.shapes[:] = [s._replace(colour=SHARED) if s.colour == colour else s for s in body.shapes]
             self._plate(body, points, plane)
         self._ends(body, [point for point, _ in points])
         if not body.shapes and body not in self._inner:
             self.add(body, sphere(np.zeros(3), self.unit))
 
     def _distinct(self, body: DrawnBody) -> list[tuple[Array, RaffPart | None]]:
-        found: list[tuple[Array, RaffPart | None]] = []
+        points: list[tuple[Array, RaffPart | None]] = []
         for point, path in body.points:
-            if all(np.abs(point - other).max() > 0.5 * self.unit for other, _ in found):
-                found.append((point, path))
-        return found
+            if all(np.abs(point - other).max() > 0.5 * self.unit for other, _ in points):
+                points.append((point, path))
+        return points
 
     def _plane(self, points: Array) -> Array | None:
         """Return the placement (4, 4) whose x-y plane is that of three or more of a body's joints, and of two thirds of
@@ -373,7 +373,7 @@ class BodyDrawing:
             node, point = self.robot.nodes[number], placed[:3, 3]
             if not isinstance(node, RaffFrame):
                 continue
-            nearest = min(anchors or [np.zeros(3)], key=lambda one: float(np.linalg.norm(one - point)))
+            nearest = min(anchors or [np.zeros(3)], key=lambda anchor: float(np.linalg.norm(anchor - point)))
             if np.linalg.norm(nearest - point) > 0.5 * u:
                 self.add(body, self._tube(nearest, point, 0.6))
                 if node.filenames is None:

@@ -27,9 +27,9 @@ def unit_of(path: Path) -> float:
     """
     if path.suffix.lower() != ENDING:
         return 1.0
-    found = _UNIT.search(read_bytes(path, most=_HEAD))
+    match = _UNIT.search(read_bytes(path, most=_HEAD))
     try:
-        unit = 1.0 if found is None else float(found[1])
+        unit = 1.0 if match is None else float(match[1])
     except ValueError:
         return 1.0
     return unit if math.isfinite(unit) and unit > 0.0 else 1.0

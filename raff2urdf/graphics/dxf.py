@@ -110,9 +110,9 @@ class _Reader:
         if name in around.blocks:
             raise RaffError(f"block '{name}' contains itself")
         colour = self.colour(entity, layer, around)
-        for one in entity.multi_insert() if entity.mcount > 1 else (entity,):
+        for instance in entity.multi_insert() if entity.mcount > 1 else (entity,):
             self.count_in_blocks()  # an empty block may be repeated a thousand million times
-            placement = one.matrix44() if around.placement is None else one.matrix44() @ around.placement
+            placement = instance.matrix44() if around.placement is None else instance.matrix44() @ around.placement
             self.draw(block, _Surroundings(placement, colour, layer, (*around.blocks, name)))
 
     def count_in_blocks(self) -> None:

@@ -77,23 +77,23 @@ class Graphics:
     def __init__(self, robot: RaffRobot, folder: Path, meshes: Path | None = None, written_out: bool = True) -> None:
         self.robot, self.folder, self.meshes, self.written_out = robot, folder, meshes, written_out
         self.written: dict[Path, bytes] = {}
-        self._found: dict[Path, tuple[list[Drawing], str | None]] = {}  # arms of one kind share their files
+        self._read_files: dict[Path, tuple[list[Drawing], str | None]] = {}  # arms of one kind share their files
         self._stems: set[str] = set()
         self._solids: dict[str, Path] = {}  # by recipe
 
     def of(self, node: RaffNode) -> tuple[list[Drawing], list[str]]:
         """Return the drawings of a node's graphic files, and why others, or parts of them, can't be shown."""
-        found = [(name, *self.of_file(name)) for name in node.filenames or ()]
-        reasons = [f"{name} ({reason})" for name, _, reason in found if reason is not None]
-        return [drawing for _, drawings, _ in found for drawing in drawings], reasons
+        files = [(name, *self.of_file(name)) for name in node.filenames or ()]
+        reasons = [f"{name} ({reason})" for name, _, reason in files if reason is not None]
+        return [drawing for _, drawings, _ in files for drawing in drawings], reasons
 
     def of_file(self, name: str) -> tuple[list[Drawing], str | None]:
         """Return the drawings of a graphic file, and why it, or a part of it, can't be shown; None if it can."""
         try:
             path = self.folder / Path(self.robot.path or "").expanduser() / Path(name).expanduser()
-            if path not in self._found:
-                self._found[path] = self._read(path)
-            return self._found[path]
+            if path not in self._read_files:
+                self._read_files[path] = self._read(path)
+            return self._read_files[path]
         except RuntimeError as error:  # "~nobody"
             return [], str(error)
 

@@ -77,12 +77,12 @@ class Packages:
     Its name is its folder's, or the one in its package.xml, as if the repository was cloned under another name.
 
     Args:
-        given: folders, by the name of the package.
+        folders: by the name of the package.
         can_be_given: whether an error may propose that.
     """
 
-    def __init__(self, given: Mapping[str, Path] = MappingProxyType({}), can_be_given: bool = True) -> None:
-        self.given, self.can_be_given = dict(given), can_be_given
+    def __init__(self, folders: Mapping[str, Path] = MappingProxyType({}), can_be_given: bool = True) -> None:
+        self.folders, self.can_be_given = dict(folders), can_be_given
         self._below: dict[Path, dict[str, list[Path]]] = {}
 
     def find(self, package: str, folder: Path) -> Path:
@@ -103,7 +103,7 @@ class Packages:
         """Return the error for a package that is not found."""
         if package in _NO_PACKAGES:
             return f"'{package}' is not found: it is no name of a package"
-        where = self.given.get(package)
+        where = self.folders.get(package)
         if where is not None:
             return f"it is not in {where}, the folder of the package '{package}'"
         remedy = "add the folder above it to ROS_PACKAGE_PATH"
@@ -114,9 +114,9 @@ class Packages:
 
     def candidates(self, package: str, folder: Path) -> Iterator[tuple[Path, bool]]:
         """Yield the folders that may be the package of that name, and whether the user names them."""
-        if package in self.given:
-            yield self.given[package], True
-        if package in self.given or package in _NO_PACKAGES:
+        if package in self.folders:
+            yield self.folders[package], True
+        if package in self.folders or package in _NO_PACKAGES:
             return
         absolute, home = Path(os.path.abspath(folder)), home_of(folder)
         for height, above in enumerate((absolute, *absolute.parents)):
@@ -160,17 +160,17 @@ def _tops(home: Path) -> list[Path]:
 
 def _marked_below(top: Path) -> dict[str, list[Path]]:
     """Return the packages at most `_DEEP` folders below a folder, by name."""
-    found: dict[str, list[Path]] = {}
+    packages: dict[str, list[Path]] = {}
     level, seen = [top], 0
     for _ in range(_DEEP + 1):
         below: list[Path] = []
         for folder in level:
             seen += 1
             if seen > _MOST_FOLDERS:
-                return found
+                return packages
             if _is_marked(folder):
                 for name in _names(folder):
-                    found.setdefault(name, []).append(folder)
+                    packages.setdefault(name, []).append(folder)
             try:
                 with os.scandir(folder) as entries:
                     inner = [e.name for e in entries if e.name[0] != "." and e.is_dir(follow_symlinks=False)]
@@ -178,7 +178,7 @@ def _marked_below(top: Path) -> dict[str, list[Path]]:
                 continue
             below += [folder / name for name in sorted(inner)]
         level = below
-    return found
+    return packages
 
 
 def _names(folder: Path) -> set[str]:
@@ -273,7 +273,7 @@ def cache_folder() -> Path | None:
 
 def _check_place(path: Path, root: Path, label: str, follows_links: bool = False) -> None:
     real = Path(os.path.abspath(path) if follows_links else os.path.realpath(path))
-    if not any(real.is_relative_to(os.path.realpath(one)) for one in (root, *_entries(ALLOWED), cache_folder()) if one):
+    if not any(real.is_relative_to(os.path.realpath(top)) for top in (root, *_entries(ALLOWED), cache_folder()) if top):
         where = real if os.path.isdir(real) else real.parent
         raise RaffError(
             f"{label} leads out of {root}, to {real}: copy the file, or allow its folder by the "
@@ -300,9 +300,9 @@ def _candidates(name: str, folder: Path, packages: Packages) -> Iterator[_Candid
     Raises:
         RaffError: there is no such package, or no such scheme.
     """
-    scheme, found, rest = name.partition("://")
-    if not found or scheme == "file":
-        yield _Candidate(_joined(folder, unquote(rest) if found else name), home_of(folder))
+    scheme, mark, rest = name.partition("://")
+    if not mark or scheme == "file":
+        yield _Candidate(_joined(folder, unquote(rest) if mark else name), home_of(folder))
     elif scheme not in ("package", "model"):
         raise RaffError(f"mesh '{name}': '{scheme}://' can't be read: name a file")
     elif rest.startswith("/"):

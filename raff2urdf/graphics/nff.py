@@ -209,11 +209,11 @@ class _Reader:
         return value
 
     def colour(self, line: _Line, i: int) -> Colour:
-        found = _HEX.fullmatch(line.words[i])
-        if found is None:
+        match = _HEX.fullmatch(line.words[i])
+        if match is None:
             self.wrong(f"'{_short(line.words[i])}' is not a colour: write 0xRGB or 0xRRGGBB", line, i)
-        value = int(found[1], 16)
-        if len(found[1]) <= 3:
+        value = int(match[1], 16)
+        if len(match[1]) <= 3:
             return 17 * (value >> 8), 17 * (value >> 4 & 15), 17 * (value & 15), 255
         return value >> 16, value >> 8 & 255, value & 255, 255
 
@@ -230,7 +230,7 @@ class _Reader:
         self.wrong(f"this is not a Neutral File Format: its first word is '{word}', not 'nff'", line)
 
     def wrong(self, message: str, line: _Line, word: int = 0) -> NoReturn:
-        starts = [found.span() for found in re.finditer(r"\S+", line.text)]
+        starts = [match.span() for match in re.finditer(r"\S+", line.text)]
         begin, end = starts[word] if word < len(starts) else (0, 1)
         raise RaffError(Problem(message, self.name, SourceLocation(line.number, begin + 1, end - begin), line.text))
 

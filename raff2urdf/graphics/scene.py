@@ -28,11 +28,11 @@ def read(path: str | Path) -> list[ColouredSurface]:
         if size > LARGEST_MESH:
             raise RaffError(f"holds {size / 1e6:.0f} MB when unpacked: the most is {LARGEST_MESH / 1e6:.0f} MB")
     scene: Any = trimesh.load_scene(path)
-    found: list[ColouredSurface] = []
+    surfaces: list[ColouredSurface] = []
     for mesh in scene.dump():
         if isinstance(mesh, trimesh.Trimesh):
-            found += _of_mesh(mesh)
-    return found
+            surfaces += _of_mesh(mesh)
+    return surfaces
 
 
 def _of_mesh(mesh: Any) -> Iterator[ColouredSurface]:

@@ -201,15 +201,15 @@ def hull(points: ArrayLike) -> list[int]:
     order = np.lexsort((points[:, 1], points[:, 0])).tolist()
 
     def chain(indices: Sequence[int]) -> list[int]:
-        found: list[int] = []
+        corners: list[int] = []
         for i in indices:
-            while len(found) > 1:
-                (ax, ay), (bx, by) = points[found[-1]] - points[found[-2]], points[i] - points[found[-2]]
+            while len(corners) > 1:
+                (ax, ay), (bx, by) = points[corners[-1]] - points[corners[-2]], points[i] - points[corners[-2]]
                 if ax * by - ay * bx > 0.0:
                     break
-                found.pop()
-            found.append(i)
-        return found[:-1]
+                corners.pop()
+            corners.append(i)
+        return corners[:-1]
 
     return [*chain(order), *chain(order[::-1])]
 

@@ -78,11 +78,11 @@ class Polygons:
         Raises:
             RaffError: a coordinate is not finite, or too large.
         """
-        found = []
+        coloured = []
         for colour, kinds in self._gathered.items():
             parts = [_cut(_checked(np.array(corners, dtype=float))) for _, corners in sorted(kinds.items())]
-            found.append(ColouredSurface(solid(np.concatenate(parts)), colour))
-        return [surface for surface in found if len(surface.triangles)]
+            coloured.append(ColouredSurface(solid(np.concatenate(parts)), colour))
+        return [surface for surface in coloured if len(surface.triangles)]
 
 
 def solid(triangles: Array) -> NDArray[np.float32]:
@@ -113,7 +113,7 @@ def fewer_colours(surfaces: Sequence[ColouredSurface], most: int = MOST_COLOURS)
         if len(groups) <= most:
             break
     return [
-        ColouredSurface(np.concatenate([one.triangles for one in group]), _mean(group)) for group in groups.values()
+        ColouredSurface(np.concatenate([part.triangles for part in group]), _mean(group)) for group in groups.values()
     ]
 
 

@@ -16,7 +16,7 @@ from raff2urdf.errors import first_of
 _STARTS = 8  # random configurations within limits at which closing begins
 _ATTEMPTS = 10  # to draw home nearer to what is written
 _LITTLE = 0.05  # part of a distance: a smaller gain is followed by a shorter attempt
-_FOUND = 3  # closed configurations within limits of which the nearest is taken
+_ENOUGH = 3  # closed configurations within limits of which the nearest is taken
 _NEAR = 1e-6  # rad or lengths: joints that are so near to a limit are put on it
 _LISTED = 8  # joints that are named
 
@@ -46,13 +46,13 @@ def close_within(
     bounds = _bounds(system, closed, lower, upper, columns)
     if bounds.contain(closed):
         return closed
-    found, starts = list[Array](), [bounds.clipped(written), bounds.clipped(closed)]
+    solutions, starts = list[Array](), [bounds.clipped(written), bounds.clipped(closed)]
     for i, start in enumerate((*starts, *bounds.samples(written, _STARTS))):
-        if len(found) == _FOUND or (found and i == len(starts)):
+        if len(solutions) == _ENOUGH or (solutions and i == len(starts)):
             break
         closing = close(system, start, bounds=bounds)
-        found += [closing.q] if closing.closed else []
-    nearest = min(found, key=lambda q: bounds.distance(q, written), default=None)
+        solutions += [closing.q] if closing.closed else []
+    nearest = min(solutions, key=lambda q: bounds.distance(q, written), default=None)
     return closed if nearest is None else _drawn(system, nearest, written, bounds)
 
 
@@ -68,23 +68,23 @@ def _drawn(system: LoopSystem, q: Array, written: Array, bounds: JointBounds) ->
     part, step = 1.0, np.zeros(system.evaluate(q)[1].shape[1])
     for _ in range(_ATTEMPTS):
         step[bounds.columns] = part * (written[bounds.at] - q[bounds.at]) / bounds.scale
-        there = close(system, bounds.clipped(system.integrate(q, step)), bounds=bounds)
-        gained = bounds.distance(q, written) - bounds.distance(there.q, written)
-        if there.closed and gained > 0.0:
-            q = there.q
-        if not there.closed or gained < _LITTLE * bounds.distance(q, written):
+        closing = close(system, bounds.clipped(system.integrate(q, step)), bounds=bounds)
+        gained = bounds.distance(q, written) - bounds.distance(closing.q, written)
+        if closing.closed and gained > 0.0:
+            q = closing.q
+        if not closing.closed or gained < _LITTLE * bounds.distance(q, written):
             part *= 0.5
     return _on_limits(system, q, bounds)
 
 
 def _on_limits(system: LoopSystem, q: Array, bounds: JointBounds) -> Array:
     """Return the closed q (nq,) with joints that are at a limit but for rounding exactly there, if loops close so."""
-    free, there = np.ones(system.evaluate(q)[1].shape[1], dtype=bool), q.copy()
+    free, snapped = np.ones(system.evaluate(q)[1].shape[1], dtype=bool), q.copy()
     for limit in (bounds.lower, bounds.upper):
         near = np.abs(q[bounds.at] - limit) < _NEAR * bounds.scale
-        there[bounds.at[near]] = limit[near]
+        snapped[bounds.at[near]] = limit[near]
         free[bounds.columns[near]] = False
-    closing = close(system, there, free)
+    closing = close(system, snapped, free)
     return closing.q if closing.closed and bounds.contain(closing.q) else q
 
 

@@ -62,29 +62,29 @@ def spins(configurations: Sequence[Sequence[Edge]], fixed: Collection[int] = ())
         configurations: the same joints at regular closed configurations.
         fixed: columns that take no part: of joints that are actuated or coupled.
     """
-    found, still = list[Spin](), set(fixed)
+    all_spins, still = list[Spin](), set(fixed)
     for chain in _chains(configurations[0]):
         usable = {index for index in chain if still.isdisjoint(configurations[0][index].columns)}
         if len(usable) < 2:
             continue
-        bodies, own = _bodies(configurations[0], chain), list[Spin]()
+        bodies, of_chain = _bodies(configurations[0], chain), list[Spin]()
         before = [_group(configurations, chain[i::-1], usable) for i in range(len(chain) - 1)]
         after = [_group(configurations, chain[i + 1 :], usable) for i in range(len(chain) - 1)]
         for size, first in product(range(1, _LONGEST + 1), range(len(bodies))):
             rod, last = tuple(bodies[first : first + size]), first + size - 1
-            if len(rod) < size or any(set(spin.bodies) <= set(rod) for spin in own):
+            if len(rod) < size or any(set(spin.bodies) <= set(rod) for spin in of_chain):
                 continue
             ends, inner = (before[first], after[last]), chain[first + 1 : first + size]
             if all(_spin(edges, ends, inner) is not None for edges in configurations):
-                own.append(Spin(rod, (*ends[0], *ends[1])))
-        found += own
-    return found
+                of_chain.append(Spin(rod, (*ends[0], *ends[1])))
+        all_spins += of_chain
+    return all_spins
 
 
-def motions(edges: Sequence[Edge], found: Sequence[Spin], columns: int) -> Array:
+def motions(edges: Sequence[Edge], idle: Sequence[Spin], columns: int) -> Array:
     """Return the idle motions (n, columns) as steps of length 1, at the configuration of the joints."""
-    rows = np.zeros((len(found), columns))
-    for row, spin in zip(rows, found, strict=True):
+    rows = np.zeros((len(idle), columns))
+    for row, spin in zip(rows, idle, strict=True):
         screws = np.hstack([edges[i].screws for i in spin.edges])
         step, at = np.linalg.svd(screws)[2][-1], 0
         for i in spin.edges:
@@ -103,7 +103,7 @@ def _chains(edges: Sequence[Edge]) -> Iterator[list[int]]:
     for i, edge in enumerate(edges):
         for body in (edge.first, edge.second):
             at.setdefault(body, []).append(i)
-    ends = [body for body, own in at.items() if body == 0 or len(own) != 2]
+    ends = [body for body, joints in at.items() if body == 0 or len(joints) != 2]
     seen: set[int] = set()
     for start in (*ends, *at):
         for first in at[start]:
@@ -123,10 +123,10 @@ def _chains(edges: Sequence[Edge]) -> Iterator[list[int]]:
 def _bodies(edges: Sequence[Edge], chain: Sequence[int]) -> list[int]:
     """Return the bodies between the joints of a chain."""
     pairs = [{edges[i].first, edges[i].second} for i in chain]
-    found: list[int] = []
-    for one, other in pairwise(pairs):
-        found.append(next(iter(one & other - set(found[-1:]) or one & other)))
-    return found
+    bodies: list[int] = []
+    for pair, other in pairwise(pairs):
+        bodies.append(next(iter(pair & other - set(bodies[-1:]) or pair & other)))
+    return bodies
 
 
 def _group(configurations: Sequence[Sequence[Edge]], series: Sequence[int], usable: Collection[int]) -> list[int]:

@@ -90,7 +90,7 @@ def near_redundancy(system: LoopSystem, *starts: Array) -> NearRedundancy | None
         if settled is None or settled.rank == len(settled.c):
             continue
         walk = _walk(system, settled, small)
-        samples, found = [settled, *islice(walk, _QUICK)], None
+        samples, redundancy = [settled, *islice(walk, _QUICK)], None
         if any(np.abs(sample.c).max() > _EXACT for sample in samples):
             samples = [*samples[1:], *islice(walk, _SAMPLES - _QUICK)]
             rank = max((sample.rank for sample in samples), default=len(settled.c))
@@ -102,11 +102,11 @@ def near_redundancy(system: LoopSystem, *starts: Array) -> NearRedundancy | None
             if rank == len(settled.c) or gaps.max() > min(LARGEST_GAP, 0.1 * clearest):
                 continue  # rounding makes singular values as large as the gaps
             if 2 * len(stalls) > len(samples):
-                found = NearRedundancy(small, rank, tuple(sample.q for sample in stalls), gaps)
+                redundancy = NearRedundancy(small, rank, tuple(sample.q for sample in stalls), gaps)
         ratio = float(np.median([sample.ratio for sample in samples]))
-        if ratio > best[0] and not (found and best[1] and found.rank == best[1].rank):
-            best = ratio, found
-        if found is None and ratio > _CERTAIN:
+        if ratio > best[0] and not (redundancy and best[1] and redundancy.rank == best[1].rank):
+            best = ratio, redundancy
+        if redundancy is None and ratio > _CERTAIN:
             break
     return best[1]
 
@@ -156,16 +156,16 @@ def _walk(system: LoopSystem, start: _Settled, small: float) -> Iterator[_Settle
     largest rank."""
     rng, regular, failures = np.random.default_rng(0), [start], 0
     while failures < _ATTEMPTS:
-        here = regular[rng.integers(len(regular))]
-        free = np.linalg.svd(system.evaluate(here.q)[1])[2][here.rank :]
+        origin = regular[rng.integers(len(regular))]
+        free = np.linalg.svd(system.evaluate(origin.q)[1])[2][origin.rank :]
         if not len(free):
             return
         step = np.asarray(rng.standard_normal(len(free))) @ free
         size = rng.uniform(*_STEPS) / float(np.abs(step).max())
-        there = settle(system, system.integrate(here.q, size * step), small)
-        if there is None or there.rank < here.rank:
+        settled = settle(system, system.integrate(origin.q, size * step), small)
+        if settled is None or settled.rank < origin.rank:
             failures += 1
             continue
         failures = 0
-        regular = [there] if there.rank > here.rank else [*regular, there]
-        yield there
+        regular = [settled] if settled.rank > origin.rank else [*regular, settled]
+        yield settled

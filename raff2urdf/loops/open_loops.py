@@ -26,9 +26,9 @@ PARALLEL = 0.5
 def shown_gaps(loops: KindedLoops, q: Array) -> list[str]:
     """Return the residual of each loop and coupling at q (nq,) as text: mm and degrees, in the axes of the loop's first
     end."""
-    found = residuals(loops, q)
-    texts = [_shown_gap(kind, part, loops.length) for kind, part in zip(loops.kinds, found, strict=False)]
-    return texts + [f"{float(np.abs(part).max()):.3g} rad or characteristic lengths" for part in found[len(texts) :]]
+    gaps = residuals(loops, q)
+    texts = [_shown_gap(kind, part, loops.length) for kind, part in zip(loops.kinds, gaps, strict=False)]
+    return texts + [f"{float(np.abs(part).max()):.3g} rad or characteristic lengths" for part in gaps[len(texts) :]]
 
 
 def _shown_gap(kind: LoopKind, c: Array, length: float) -> str:
@@ -39,15 +39,15 @@ def _shown_gap(kind: LoopKind, c: Array, length: float) -> str:
         parts = [(c[2:3], "mm along its axis"), (c[:2], "mm across it"), (c[3:], "degrees between its axes")]
     else:
         parts = [(c[:count], "mm"), (c[count:], "degrees")]
-    found = []
+    shown = []
     for part, unit in parts:
         size, scale = float(np.linalg.norm(part)), 1e3 * length if unit.startswith("mm") else math.degrees(1.0)
         if size > 1e-3 * float(np.abs(c).max()):
             near = int(np.argmax(np.abs(part)))
             is_along = kind is not LoopKind.REVOLUTE and abs(part[near]) > 0.95 * size
             word = f" {'along' if unit == 'mm' else 'about'} {'xyz'[near]}" if is_along else ""
-            found.append(f"{scale * size:.3g} {unit}{word}")
-    return " and ".join(found) or "0 mm"
+            shown.append(f"{scale * size:.3g} {unit}{word}")
+    return " and ".join(shown) or "0 mm"
 
 
 def why_open(loops: KindedLoops, names: Sequence[str], start: Array, best: Closing, raff: bool) -> str:
@@ -110,7 +110,7 @@ def why_open(loops: KindedLoops, names: Sequence[str], start: Array, best: Closi
 def _turns(loops: KindedLoops, open_loops: Sequence[int], start: Array) -> dict[int, tuple[float, float, Array]]:
     """Return for open hinges whose z axes are not parallel as written: the angle between them, and about which axis of
     the second end's x and y it is turned to make them parallel, by its angle from x, degrees; and that rotation."""
-    found, placed = {}, loops.placements(start)
+    rotations, placed = {}, loops.placements(start)
     for i in open_loops:
         if i < len(loops.kinds) and loops.kinds[i] is LoopKind.REVOLUTE:
             swung, _ = swing(placed[i][2, :3])  # the first end's z axis, seen from the second
@@ -118,8 +118,8 @@ def _turns(loops: KindedLoops, open_loops: Sequence[int], start: Array) -> dict[
             if angle > PARALLEL:
                 about = math.degrees(math.atan2(swung[1], swung[0]))
                 size = float(np.linalg.norm(swung))
-                found[i] = angle, about, rotation(np.append(swung, 0.0) / size, size)
-    return found
+                rotations[i] = angle, about, rotation(np.append(swung, 0.0) / size, size)
+    return rotations
 
 
 def _edits(loops: KindedLoops, start: Array, turns: Mapping[int, Array]) -> dict[int, Array] | None:

@@ -48,18 +48,18 @@ def constant_gaps(loops: KindedLoops, best: Closing, still: float = ROUNDED) -> 
     steps = 0.3 * np.asarray(rng.standard_normal((2, jacobian.shape[1])))
     others = [loops.integrate(best.q, step) for step in steps]
     jacobians = [jacobian, *(loops.evaluate(q)[1] for q in others)]
-    found, row = dict[int, Array](), 0
+    offsets, row = dict[int, Array](), 0
     for i, (kind, placed) in enumerate(zip(loops.kinds, loops.placements(best.q), strict=True)):
         rows = slice(row, row + 3)
         row += ROWS[kind]
         gap = placed[:3, 3]
         size = float(np.linalg.norm(gap))
         if kind in _KINDS and size > CLOSED * loops.length:
-            moved = [float(np.abs(gap / size @ one[rows]).max(initial=0.0)) for one in jacobians]
-            if max(moved) <= still * max(float(np.abs(one[rows]).max(initial=0.0)) for one in jacobians):
+            moved = [float(np.abs(gap / size @ matrix[rows]).max(initial=0.0)) for matrix in jacobians]
+            if max(moved) <= still * max(float(np.abs(matrix[rows]).max(initial=0.0)) for matrix in jacobians):
                 offset = -placed[:3, :3].T @ gap
-                found[i] = np.where(np.abs(offset) > _NOISE * size, offset, 0.0)
-    return found
+                offsets[i] = np.where(np.abs(offset) > _NOISE * size, offset, 0.0)
+    return offsets
 
 
 def steps_of(offsets: Mapping[int, Array]) -> dict[int, tuple[Array, Array]]:

@@ -52,15 +52,15 @@ def determined(jacobians: Sequence[Array], candidates: Sequence[Candidate], comp
         candidates: the joints, in file order.
         compound: columns of joints that are not one number, which can't be actuated.
     """
-    stated = any(one.actuated is not None for one in candidates)
-    least = min((one.depth for one in candidates), default=0)
+    stated = any(joint.actuated is not None for joint in candidates)
+    least = min((joint.depth for joint in candidates), default=0)
 
-    def preference(one: Candidate) -> tuple[bool, bool, bool, bool, int, bool]:
-        piston = one.prismatic and one.depth > least and not stated
-        return one.actuated is not False, not one.follows, not one.spins, piston, -one.depth, one.driven
+    def preference(joint: Candidate) -> tuple[bool, bool, bool, bool, int, bool]:
+        piston = joint.prismatic and joint.depth > least and not stated
+        return joint.actuated is not False, not joint.follows, not joint.spins, piston, -joint.depth, joint.driven
 
-    names = {one.column: one.name for one in candidates}
-    order = [*compound, *(one.column for one in sorted(reversed(candidates), key=preference))]
+    names = {joint.column: joint.name for joint in candidates}
+    order = [*compound, *(joint.column for joint in sorted(reversed(candidates), key=preference))]
     first = [] if stated else _clearly_independent(jacobians, order)
     chosen = passive(jacobians[-1], [*first, *(column for column in order if column not in first)])
     return [names[column] for column in chosen if column in names]

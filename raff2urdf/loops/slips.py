@@ -112,17 +112,17 @@ def slips(parts: Mapping[str, DrawnPart], loops: Sequence[DrawnLoop], is_drawn: 
         return texts.FREED.format(edits=texts.OR.join(edits)) if edits else None
     if not drawing.open:
         return None
-    budget, found = _MOST, list[tuple[float, str]]()
+    budget, repairs = _MOST, list[tuple[float, str]]()
     for is_likely, group in _groups(drawing, is_drawn, fault is Fault.ELSEWHERE):
         budget -= len(loops) * len(group)
-        if budget < 0 or (found and not is_likely):
+        if budget < 0 or (repairs and not is_likely):
             break
         best = min(group, key=drawing.gap, default=None)
         gap = math.inf if best is None else drawing.gap(best)
         if best is not None and gap <= (_CLOSED if is_likely else _FITTED) and drawing.mobile(best):
-            found.append((gap, best.text()))
-    least = min((gap for gap, _ in found), default=0.0)
-    edits = [text for gap, text in found if gap <= max(_ALIKE * least, _EXACT)][:_SHOWN]
+            repairs.append((gap, best.text()))
+    least = min((gap for gap, _ in repairs), default=0.0)
+    edits = [text for gap, text in repairs if gap <= max(_ALIKE * least, _EXACT)][:_SHOWN]
     return texts.DRAWN_CLOSED.format(edits=texts.OR.join(edits)) if edits else None
 
 
@@ -131,14 +131,14 @@ class _Drawing:
 
     def __init__(self, parts: Mapping[str, DrawnPart], loops: Sequence[DrawnLoop]) -> None:
         self.parts, self.loops = parts, loops
-        own = {name: part.place(part.numbers) for name, part in parts.items()}
+        local = {name: part.place(part.numbers) for name, part in parts.items()}
         self.placed, self.above = dict[str, Array](), dict[str, frozenset[str]]()
         for name, part in parts.items():
-            self.placed[name] = self.parent(name) @ own[name]
+            self.placed[name] = self.parent(name) @ local[name]
             self.above[name] = frozenset([name]) | (self.above[part.parent] if part.parent else frozenset())
-        steps = [float(np.linalg.norm(one[:3, 3])) for one in own.values()]
+        steps = [float(np.linalg.norm(placement[:3, 3])) for placement in local.values()]
         self.size = float(np.median([step for step in steps if step > 0.0] or [1.0]))
-        self.own, self.ends = own, [(self.placed[loop.first], self.placed[loop.second]) for loop in loops]
+        self.local, self.ends = local, [(self.placed[loop.first], self.placed[loop.second]) for loop in loops]
         gaps = [self._gap(*ends, loop.kind) for loop, ends in zip(loops, self.ends, strict=True)]
         self.order = sorted(range(len(loops)), key=gaps.__getitem__, reverse=True)  # what is open is checked first
         self.open = [i for i in self.order if gaps[i] > OPEN]
@@ -200,10 +200,10 @@ class _Drawing:
 
     def _moved(self, name: str, above: frozenset[str], edit: _Edit) -> Array:
         """Return the placement (4, 4) of a part, below others, after an edit."""
-        found = self.placed[name]
+        placement = self.placed[name]
         for part, placed in edit.moves.items():
-            found = placed @ inverse(self.placed[part]) @ found if part in above else found
-        return found
+            placement = placed @ inverse(self.placed[part]) @ placement if part in above else placement
+        return placement
 
 
 def _seen(screw: Array, placed: Array) -> Array:
@@ -245,7 +245,7 @@ def _elsewhere(drawing: _Drawing, chosen: Mapping[str, DrawnPart]) -> Iterator[_
     for name, part in chosen.items():
         for parent in part.parents:
             if parent != part.parent and name not in drawing.above[parent]:
-                moved = drawing.placed[parent] @ drawing.own[name]
+                moved = drawing.placed[parent] @ drawing.local[name]
                 yield _Edit(partial(part.edited, {"parent": parent}), {name: moved}, (name, parent))
 
 
@@ -253,7 +253,7 @@ def _freeing(drawing: _Drawing) -> list[_Edit]:
     """Return edits with which most joints can move closed loops, if none can."""
     if drawing.mobile(_Edit(str)):
         return []
-    others = ((name, *one) for name, part in drawing.parts.items() for one in part.joints)
+    others = ((name, *joint) for name, part in drawing.parts.items() for joint in part.joints)
     edits = [_Edit(text.__str__, screws={name: screw}) for name, text, screw in others]
     edits += [edit for group in _other_kinds(drawing, range(len(drawing.loops))) for edit in group]
     counts = list(map(drawing.mobile, edits))
@@ -287,21 +287,21 @@ def _of_kind(edits: Sequence[Callable[[LoopKind], str]], kind: LoopKind) -> str:
 def _exchanged(part: DrawnPart) -> Iterator[Mapping[str, float]]:
     """Yield two numbers, exchanged."""
     for first, second in combinations(part.numbers, 2):
-        one, other = part.numbers[first], part.numbers[second]
-        if one != other and (first in part.lengths) == (second in part.lengths):
-            yield {first: other, second: one}
+        value, other = part.numbers[first], part.numbers[second]
+        if value != other and (first in part.lengths) == (second in part.lengths):
+            yield {first: other, second: value}
 
 
 def _others(drawing: _Drawing, name: str, word: str, is_closed: bool) -> list[_Edit]:
     """Return what a number may have been meant as."""
     part = drawing.parts[name]
     value, quarter = part.numbers[word], part.turn / 4.0
-    found = [-value, value * 360.0 / math.tau, value * math.tau / 360.0]
+    guesses = [-value, value * 360.0 / math.tau, value * math.tau / 360.0]
     if word in part.lengths:
-        found = [-value, value / 1000.0, value * 1000.0, value / 10.0, value * 10.0, *([] if is_closed else [0.0])]
+        guesses = [-value, value / 1000.0, value * 1000.0, value / 10.0, value * 10.0, *([] if is_closed else [0.0])]
     elif not is_closed:
-        found += [0.0, value + 2.0 * quarter, value - quarter, value + quarter]
-    return [_renumbered(drawing, name, {word: _rounded(other)}) for other in found if other != value]
+        guesses += [0.0, value + 2.0 * quarter, value - quarter, value + quarter]
+    return [_renumbered(drawing, name, {word: _rounded(other)}) for other in guesses if other != value]
 
 
 def _fitted(drawing: _Drawing, name: str, word: str) -> float | None:
@@ -309,8 +309,8 @@ def _fitted(drawing: _Drawing, name: str, word: str) -> float | None:
     are linear in it."""
     part, loop = drawing.parts[name], drawing.loops[drawing.order[0]]
     value = part.numbers[word]
-    there = drawing.parent(name) @ part.place({**part.numbers, word: value + 1.0})
-    along = (there - drawing.placed[name])[:3, 3]  # of everything on this part, for 1
+    moved = drawing.parent(name) @ part.place({**part.numbers, word: value + 1.0})
+    along = (moved - drawing.placed[name])[:3, 3]  # of everything on this part, for 1
     slope = (float(name in drawing.above[loop.second]) - float(name in drawing.above[loop.first])) * along
     first, second = drawing.ends[drawing.order[0]]
     apart = (second - first)[:3, 3]

@@ -183,13 +183,13 @@ def _variable_problems(document: Document, link: RaffLink, names: Mapping[str, R
         message = defined_twice(f"variable {variable.name} of {what}", other.line("name"))
         yield problem(message, variable, "name")
     for variable in link.variables:
-        own = f"variable {variable.name} of {what}"
+        subject = f"variable {variable.name} of {what}"
         if variable.name not in known:
             fields = {"compound": link.compound, "name": variable.name, "known": did_you_mean("", list(known))}
             yield problem(texts.NO_SUCH_VARIABLE, variable, "name", **fields)
         elif variable.home and known[variable.name]:
-            yield problem(texts.HOME_IS_PARAMETER, variable, "home", what=own, parameter=known[variable.name])
-        yield from _limit_problems(document, own, variable)
+            yield problem(texts.HOME_IS_PARAMETER, variable, "home", what=subject, parameter=known[variable.name])
+        yield from _limit_problems(document, subject, variable)
     for name in intermediate_names(link):
         if name in names:
             at = (names[name], "name") if "name" in names[name].locations else (link, "number")
@@ -288,7 +288,7 @@ def _unit_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
 def _probable_parent(robot: RaffRobot, part: RaffPart) -> str:
     """Return the only node without a child, of those that are not below a part without parent, as its likely parent."""
     below = {part.number}
-    while found := {one.number for one in robot.parts if one.pred in below} - below:
-        below |= found
-    ends = robot.nodes.keys() - below - {one.pred for one in robot.parts}
+    while children := {child.number for child in robot.parts if child.pred in below} - below:
+        below |= children
+    ends = robot.nodes.keys() - below - {child.pred for child in robot.parts}
     return texts.DID_YOU_MEAN.format(word=ends.pop() or texts.THE_BASE) if len(ends) == 1 else ""

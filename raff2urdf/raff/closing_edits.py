@@ -84,7 +84,7 @@ def _part(document: Document, robot: RaffRobot, part: RaffPart) -> DrawnPart:
 
 
 def _listed(numbers: Mapping[str, float | str]) -> str:
-    return " ".join(f"pred {one}" if isinstance(one, str) else f"{word} {shown(one)}" for word, one in numbers.items())
+    return " ".join(f"pred {new}" if isinstance(new, str) else f"{word} {shown(new)}" for word, new in numbers.items())
 
 
 def _nowhere(_: Mapping[str, float]) -> Array:

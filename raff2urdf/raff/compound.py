@@ -61,8 +61,8 @@ def spherical_joints(robot: RaffRobot) -> dict[str, list[str]]:
         for link in robot.links
         if link.compound is CompoundKind.BALL
         and not any(
-            one.limits or one.velocity is not None or one.actuated or one.armature or one.damping or one.friction
-            for one in link.variables
+            v.limits or v.velocity is not None or v.actuated or v.armature or v.damping or v.friction
+            for v in link.variables
         )
     }
 
@@ -81,20 +81,20 @@ def expanded(robot: RaffRobot) -> RaffRobot:
 def _successive(link: RaffLink, numbers: Iterator[int]) -> list[RaffLink]:
     assert link.compound is not None
     written = {variable.name: variable for variable in link.variables}
-    found: list[RaffLink] = []
-    steps = _steps(link.compound, link.parameters, {name: one.home for name, one in written.items()})
+    links: list[RaffLink] = []
+    steps = _steps(link.compound, link.parameters, {name: variable.home for name, variable in written.items()})
     for i, (name, parameters) in enumerate(steps):
-        own, last = written.get(name, RaffVariable(name)), i == len(steps) - 1
+        declared, last = written.get(name, RaffVariable(name)), i == len(steps) - 1
         joint = joint_of(link, name) if name else link.joint
         kind = JointType.FIXED if not name else JointType.PRISMATIC if name.startswith("t") else JointType.REVOLUTE
-        stated = {word: getattr(own, word) for word in OF_JOINT}
+        stated = {word: getattr(declared, word) for word in OF_JOINT}
         if link.compound is CompoundKind.BALL and name:
-            stated["actuated"] = bool(own.actuated)
+            stated["actuated"] = bool(declared.actuated)
         part = RaffLink(
             number=link.number if last else next(numbers),
             parameters=parameters,
             type=kind,
-            pred=found[-1].number if found else link.pred,
+            pred=links[-1].number if links else link.pred,
             **stated,
             own_joint=joint,
             name=link.name if last else f"link{link.number}_{name.upper() or 0}",
@@ -102,8 +102,8 @@ def _successive(link: RaffLink, numbers: Iterator[int]) -> list[RaffLink]:
             inertial=link.inertial if last or link.inertial is None else RaffInertial(mass=0.0),
             locations=link.locations,
         )
-        found.append(part)
-    return found
+        links.append(part)
+    return links
 
 
 def _steps(kind: CompoundKind, written: RaffParameters, homes: Mapping[str, float]) -> list[tuple[str, RaffParameters]]:
@@ -122,5 +122,5 @@ def _steps(kind: CompoundKind, written: RaffParameters, homes: Mapping[str, floa
         return [("z", written), ("y", second), ("", RaffParameters(alpha=90.0))]
     if kind is CompoundKind.CYLINDRICAL:
         return [("z", replace(written, r=0.0)), ("tz", RaffParameters(r=written.r))]
-    own = replace(_NEXT_AXIS, theta=written.theta)
-    return [("", replace(written, theta=0.0)), along("tx"), along("ty"), ("z", own)]
+    about_z = replace(_NEXT_AXIS, theta=written.theta)
+    return [("", replace(written, theta=0.0)), along("tx"), along("ty"), ("z", about_z)]

@@ -302,10 +302,10 @@ class RaffRobot(Located):
     @cached_property
     def children(self) -> Mapping[int, list[RaffPart]]:
         """Links and frames by the number of their parent, in file order."""
-        found: dict[int, list[RaffPart]] = {}
+        by_parent: dict[int, list[RaffPart]] = {}
         for part in self.parts:
-            found.setdefault(part.pred, []).append(part)
-        return found
+            by_parent.setdefault(part.pred, []).append(part)
+        return by_parent
 
     @cached_property
     def outward(self) -> tuple[RaffPart, ...]:
@@ -320,10 +320,10 @@ class RaffRobot(Located):
     @cached_property
     def depth(self) -> Mapping[int, int]:
         """The number of joints, fixed ones too, between the base and each node, by its number."""
-        found = {0: 0}
+        depths = {0: 0}
         for part in self.outward:
-            found[part.number] = found[part.pred] + 1
-        return found
+            depths[part.number] = depths[part.pred] + 1
+        return depths
 
     @property
     def movable(self) -> bool:
@@ -339,18 +339,18 @@ class RaffRobot(Located):
     def coupling_names(self) -> tuple[str, ...]:
         """Names of the couplings: the file's, or such as `joint5-joint3`, the follower first; distinct as loops'."""
         return _distinct(
-            one.name or "-".join(f"joint{number}" for number in (one.follower, *(drive.link for drive in one.drives)))
-            for one in self.couplings
+            c.name or "-".join(f"joint{number}" for number in (c.follower, *(drive.link for drive in c.drives)))
+            for c in self.couplings
         )
 
 
 def _distinct(names: Iterable[str]) -> tuple[str, ...]:
     seen: dict[str, int] = {}
-    found = []
+    distinct = []
     for name in names:
         seen[name] = seen.get(name, 0) + 1
-        found.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
-    return tuple(found)
+        distinct.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
+    return tuple(distinct)
 
 
 @dataclass(frozen=True, slots=True)

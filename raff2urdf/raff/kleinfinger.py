@@ -70,7 +70,7 @@ def parameters(placement: ArrayLike) -> Kleinfinger:
         return _by_parallel_axes(m)
     if math.hypot(rotation[0, 2], rotation[1, 2]) > _CLEAR:
         return skew
-    return min(skew, _by_parallel_axes(m), key=lambda found: float(np.abs(transform(found) - m).max()))
+    return min(skew, _by_parallel_axes(m), key=lambda solution: float(np.abs(transform(solution) - m).max()))
 
 
 def completed(placement: Array, gamma: float, alpha: float, r: float) -> Kleinfinger:

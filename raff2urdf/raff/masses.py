@@ -62,7 +62,7 @@ class RaffMasses:
             if reason is not None:
                 why = f"{label(node)} has a 'density', but its graphics '{name}' can't be read: {reason}"
                 raise self._error(inertial, f"{why}. Give its 'mass'")
-            parts = [load_surface(one.path, self.graphics.written.get(one.path)) for one in drawings]
+            parts = [load_surface(drawing.path, self.graphics.written.get(drawing.path)) for drawing in drawings]
             surface: Any = trimesh.util.concatenate(parts)
             surface.merge_vertices()
             if not surface.is_volume:

@@ -74,8 +74,8 @@ def _angles_in_radians(document: Document, node: RaffNode) -> Iterator[Problem]:
 
 def _degrees(link: RaffLink) -> list[str] | None:
     """Return the limits of a revolute link in degrees, if they are probably in radians."""
-    found = typed_in_radians(link.limits or ())
-    return None if found is None else list(map(shown, found))
+    degrees = typed_in_radians(link.limits or ())
+    return None if degrees is None else list(map(shown, degrees))
 
 
 def _moments_in_metres(document: Document, node: RaffNode, size: float) -> Iterator[Problem]:

@@ -206,9 +206,9 @@ class _Reading:
         if follows[-1:] == ["{"]:
             while not self.ends(inner):
                 self.statement(inner)
-            for name, one in STATEMENTS[inner.kind].items():
-                if one.required is not None and not {name, one.unless} & inner.values.keys():
-                    message = texts.LACKS.format(label=inner.label, word=name, meaning=one.required)
+            for name, member in STATEMENTS[inner.kind].items():
+                if member.required is not None and not {name, member.unless} & inner.values.keys():
+                    message = texts.LACKS.format(label=inner.label, word=name, meaning=member.required)
                     self.missing.append(self.source.problem(message, location))
             arguments = [inner, *arguments]
         block.add(self.report, statement, word, statement.value(self.report, *arguments), location)
@@ -282,12 +282,12 @@ class _Reading:
             near = difflib.get_close_matches(token.text.lower(), [kind.name.lower() for kind in kinds], n=1)
             meant = [texts.A_KIND.format(value=kind.value) for kind in kinds if kind.name.lower() in near]
             return f" ({', '.join(f'{kind.value} {kind.name.lower()}' for kind in kinds)}){''.join(meant)}"
-        if found := re.fullmatch(NUMBER_WITH_UNIT, token.text):
+        if match := re.fullmatch(NUMBER_WITH_UNIT, token.text):
             stated = self.open[0].values.get("units", "mm")
             units = stated if stated in UNITS_PER_METRE else "mm"
-            factor = UNITS_PER_METRE[units] / UNITS_PER_METRE.get(found["unit"], UNITS_PER_METRE[units])
+            factor = UNITS_PER_METRE[units] / UNITS_PER_METRE.get(match["unit"], UNITS_PER_METRE[units])
             why = texts.NO_UNITS.format(units=units)
-            return texts.HAS_UNIT.format(value=f"{float(found['number']) * factor:.10g}", why=why)
+            return texts.HAS_UNIT.format(value=f"{float(match['number']) * factor:.10g}", why=why)
         if re.fullmatch(DECIMAL_COMMA, token.text):
             return texts.DECIMAL_POINT.format(value=token.text.replace(",", "."))
         return ""
@@ -302,11 +302,11 @@ class _Reading:
             remedy = texts.WAS_CLOSED.format(label=label, line=line) if label else texts.REMOVE_IT
             self.stop(texts.BRACE_TOO_MANY.format(remedy=remedy), token)
         if token.kind != "WORD":
-            listed = ", ".join(f"'{one}'" for one in known) or "'}'"
+            listed = ", ".join(f"'{term}'" for term in known) or "'}'"
             message = texts.UNEXPECTED.format(found=word, label=block.label, listed=listed)
         elif block.kind and word in STATEMENTS[""]:
             message = texts.BELONGS_OUTSIDE.format(word=word, label=block.label)
-        elif outer and not any(one.kind in homes for one in self.open):
+        elif outer and not any(opened.kind in homes for opened in self.open):
             home = max(outer, key=lambda kind: self.closed[kind][1])
             label, line = self.closed[home]
             name = texts.A_PARAMETER_BLOCK if home == "parameters" else texts.A_BLOCK.format(kind=home)

@@ -135,12 +135,12 @@ class Choice:
 
     def __call__(self, report: Report, token: Token) -> Any:
         """Return the value of a token."""
-        found = finite(report, token)
-        if found != int(found) or not 0 <= found < len(self.words):
+        value = finite(report, token)
+        if value != int(value) or not 0 <= value < len(self.words):
             known = ", ".join(f"{i} {word}" for i, word in enumerate(self.words))
             report(texts.UNKNOWN_CHOICE.format(what=self.what, found=token.text, known=known), token.location)
-            found = 0
-        return self.make(int(found))
+            value = 0
+        return self.make(int(value))
 
 
 def _compound(report: Report, token: Token) -> CompoundKind:
@@ -175,8 +175,8 @@ def _axes(report: Report, token: Token) -> str:
     return token.string
 
 
-def _strings(_: Report, *found: Token) -> tuple[str, ...]:
-    return tuple(token.string for token in found)
+def _strings(_: Report, *tokens: Token) -> tuple[str, ...]:
+    return tuple(token.string for token in tokens)
 
 
 def _robot(_: Report, block: Block, name: Token) -> RaffRobot:
@@ -185,9 +185,9 @@ def _robot(_: Report, block: Block, name: Token) -> RaffRobot:
     return RaffRobot(
         name=name.string,
         parts=tuple(values.pop("parts", ())),
-        loops=tuple(one for one in constraints if isinstance(one, RaffLoop)),
+        loops=tuple(entry for entry in constraints if isinstance(entry, RaffLoop)),
         couplings=tuple(values.pop("couplings", ())),
-        sensor_constraints=tuple(one for one in constraints if isinstance(one, SensorConstraint)),
+        sensor_constraints=tuple(entry for entry in constraints if isinstance(entry, SensorConstraint)),
         locations={"name": name.location} | block.locations,
         **values,
     )
@@ -209,10 +209,10 @@ def _constraint(report: Report, block: Block, keyword: Token) -> RaffLoop | Sens
     if "sensor" in values:
         if len(nodes) != 1 or "type" in values:
             report(texts.SENSORS_OF_ONE_NODE, at)
-        own = {f"sensor {number}": location for number, location in values["sensor"]}
+        sensors = {f"sensor {number}": location for number, location in values["sensor"]}
         node = nodes[0] if nodes else (0, at)
         numbers = tuple(number for number, _ in values["sensor"])
-        return SensorConstraint(node[0], numbers, locations={**locations, **own, "node": node[1]})
+        return SensorConstraint(node[0], numbers, locations={**locations, **sensors, "node": node[1]})
     if len(nodes) != 2:
         report(texts.TWO_NODES, at)
         return RaffLoop(0, 0)
@@ -222,8 +222,8 @@ def _constraint(report: Report, block: Block, keyword: Token) -> RaffLoop | Sens
 
 
 def _drive(kind: DriveKind) -> Callable[..., tuple[DriveKind, tuple[float, ...], SourceLocation]]:
-    def value(report: Report, *found: Token) -> tuple[DriveKind, tuple[float, ...], SourceLocation]:
-        return kind, tuple(finite(report, one) for one in found), found[0].location
+    def value(report: Report, *tokens: Token) -> tuple[DriveKind, tuple[float, ...], SourceLocation]:
+        return kind, tuple(finite(report, token) for token in tokens), tokens[0].location
 
     return value
 
@@ -286,7 +286,7 @@ _PRED = Statement("NUMBER", whole, required=": the number of its parent (0: the 
 _NODE = Statement("NUMBER", lambda report, number: (whole(report, number), number.location), "nodes", repeats=True)
 _JOINT_TYPES = " (0 fixed, 1 prismatic, 2 revolute)"
 _LIMITS = Statement("{ NUMBER NUMBER }", lambda report, *ends: tuple(finite(report, end) for end in ends))
-_VECTOR = Statement("{ NUMBER NUMBER NUMBER }", lambda report, *found: tuple(finite(report, one) for one in found))
+_VECTOR = Statement("{ NUMBER NUMBER NUMBER }", lambda report, *xyz: tuple(finite(report, x) for x in xyz))
 _INERTIAL = Statement("{", _inertial)
 _ACTUATED = Statement("NUMBER", Choice("'actuated'", ["passive", "actuated"], bool))
 _DEFAULTS: dict[str, Any] = {"parameters": RaffParameters(), "pred": 0}
@@ -351,7 +351,7 @@ STATEMENTS: dict[str, dict[str, Statement]] = {
         "base": Statement("", lambda _, word: (0, word.location), "nodes", repeats=True),
         "type": Statement("NUMBER", Choice.of("loop type", LoopKind)),
         "sensor": Statement(  # sensors that the node may follow; 0: left free
-            "( NUMBER+ )", lambda report, *found: [(whole(report, one), one.location) for one in found]
+            "( NUMBER+ )", lambda report, *tokens: [(whole(report, token), token.location) for token in tokens]
         ),
     },
     "coupling": {  # the first link follows the others

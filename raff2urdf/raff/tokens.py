@@ -49,9 +49,9 @@ def tokens(lines: Sequence[str]) -> Iterator[Token]:
     """Yield the tokens of a text; the last one is of the kind END."""
     end = Token("END", "", max(1, len(lines)), 1)
     for number, line in enumerate(lines, 1):
-        for found in _TOKEN.finditer(line):
-            if kind := found.lastgroup:
-                token = Token(found[0] if kind == "MARK" else kind, found[0], number, found.start() + 1)
-                end = Token("END", "", number, found.end() + 1)
+        for match in _TOKEN.finditer(line):
+            if kind := match.lastgroup:
+                token = Token(match[0] if kind == "MARK" else kind, match[0], number, match.start() + 1)
+                end = Token("END", "", number, match.end() + 1)
                 yield token
     yield end

@@ -38,7 +38,7 @@ def dumps(document: Document, head: Sequence[str] = (), notes: Mapping[int, str]
     lines = [f"RAFF {_name(document.name)}"]
     if head:
         lines += ["", *(f"// {_comment(line)}" for line in head)]
-    if document.units != "mm" or any(0.0 < longest(one)[0] < LEAST_SIZE for one in document.robots):
+    if document.units != "mm" or any(0.0 < longest(each)[0] < LEAST_SIZE for each in document.robots):
         lines.append(f"units {document.units}")
     if document.gravity is not None:
         lines.append(f"gravity {_value(document.gravity)}")
@@ -123,7 +123,7 @@ def _value(value: Any) -> str:
         return number(value)
     if isinstance(value, RaffParameters):
         values = {word: getattr(value, word) for word in RaffParameters.__dataclass_fields__}
-        return f"{{ {' '.join(f'{word} {number(one)}' for word, one in values.items() if one != 0.0)} }}"
+        return f"{{ {' '.join(f'{word} {number(x)}' for word, x in values.items() if x != 0.0)} }}"
     words = _list(list(map(_value, value)), "      ")
     return f"{{ {words} }}" if words else "{ }"
 

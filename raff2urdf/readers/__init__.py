@@ -96,9 +96,9 @@ def read(
     if root.tag == "robot" and xacro_file.is_xacro(path, root):
         if not is_file:
             raise RaffError(f"{path}: xacro is a program: load its file, .urdf.xacro, or the output of `xacro`")
-        found = xacro_file.expanded(path, options)
-        xacro_file.check_calls(path, found)
-        text = found.text
+        expanded = xacro_file.expanded(path, options)
+        xacro_file.check_calls(path, expanded)
+        text = expanded.text
     kind = str(root.tag)
     if kind not in READERS:
         known = ", ".join(f"<{word}>" for word in READERS)
@@ -136,39 +136,39 @@ def _with_options(source: _Source) -> str:
     return text_of(root)
 
 
-def _checked(found: Description, source: _Source) -> Description:
+def _checked(described: Description, source: _Source) -> Description:
     """Return a robot without what is ignored, once it is checked."""
     from raff2urdf.constraints import check_values
 
-    found = _without(found, source.ignore, source.ignore_loops)
-    if found.constraints is not None:
-        check_values(found.constraints, str(source.path))
+    described = _without(described, source.ignore, source.ignore_loops)
+    if described.constraints is not None:
+        check_values(described.constraints, str(source.path))
     if not source.ignore_loops:
         source.ignore.check(str(source.path))
-    if found.left_out:
+    if described.left_out:
         moves = "; every joint moves independently" if source.ignore_loops else ""
-        warn(f"{source.path}: left out, as requested{moves}: {', '.join(found.left_out)}")
-    return found
+        warn(f"{source.path}: left out, as requested{moves}: {', '.join(described.left_out)}")
+    return described
 
 
-def _without(found: Description, ignore: IgnoreList, all_of_them: bool) -> Description:
+def _without(described: Description, ignore: IgnoreList, all_of_them: bool) -> Description:
     """Return a robot without the loops and couplings that are ignored."""
     from raff2urdf.constraints import without_loops
 
-    if found.constraints is None:
-        return found
-    kept, left_out = dict(found.constraints), list(found.left_out)
+    if described.constraints is None:
+        return described
+    kept, left_out = dict(described.constraints), list(described.left_out)
     for key, label in (("loops", "loop"), ("couplings", "coupling")):
-        for entry in found.constraints.get(key, []):
+        for entry in described.constraints.get(key, []):
             if all_of_them or ignore.takes(entry["name"]):
                 kept[key] = [other for other in kept[key] if other is not entry]
                 left_out.append(f"{label} '{entry['name']}'")
     if all_of_them:
-        return found._replace(constraints=without_loops(kept), left_out=tuple(left_out))
-    if len(left_out) > len(found.left_out):
+        return described._replace(constraints=without_loops(kept), left_out=tuple(left_out))
+    if len(left_out) > len(described.left_out):
         stated = ("mobility", "loop_rows", "loop_rank")
         kept = {key: value for key, value in kept.items() if key not in stated and (key != "couplings" or value)}
-    return found._replace(constraints=kept, left_out=tuple(left_out))
+    return described._replace(constraints=kept, left_out=tuple(left_out))
 
 
 def _urdf(source: _Source) -> Description:
@@ -178,16 +178,16 @@ def _urdf(source: _Source) -> Description:
     from raff2urdf.readers.urdf import joints
 
     text, name = _with_options(source), str(source.path)
-    found = dialects.read(text, source.path, source.ignore, source.ignore_loops, source.is_file)
+    described = dialects.read(text, source.path, source.ignore, source.ignore_loops, source.is_file)
     root = parse_xml(text, name)
     scalar = [
         str(joint.get("name"))
-        for joint in joints(parse_xml(found.urdf, name))
+        for joint in joints(parse_xml(described.urdf, name))
         if joint.get("type") in ("revolute", "continuous", "prismatic")
     ]
-    found = found._replace(notes=found.notes + tuple(uncounted.note_of(uncounted.of_urdf(root, scalar))))
+    described = described._replace(notes=described.notes + tuple(uncounted.note_of(uncounted.of_urdf(root, scalar))))
     driven = {} if source.ignore_loops else dict(drives.of_urdf(root))
-    return drives.declared(found, driven, moving(found.urdf, name)) if driven else found
+    return drives.declared(described, driven, moving(described.urdf, name)) if driven else described
 
 
 def _sdf(source: _Source) -> Description:
@@ -200,26 +200,26 @@ def _sdf(source: _Source) -> Description:
         source.options.met("package", *re.findall(r"^(?:package|model)://([^/]+)", file))
         return find(file, folder, packages=search)
 
-    read = sdf.read(source.text, str(source.path), source.robot, source.ignore.given, included)
-    found = _of_format("SDF", source.ignore, read)
-    return found if source.ignore_loops else drives.declared(found, read.driven)
+    read = sdf.read(source.text, str(source.path), source.robot, source.ignore.words, included)
+    described = _of_format("SDF", source.ignore, read)
+    return described if source.ignore_loops else drives.declared(described, read.driven)
 
 
 def _mjcf(source: _Source) -> Description:
     from raff2urdf.readers import mjcf
 
     text = None if source.is_file else source.text
-    return _of_format("MJCF", source.ignore, mjcf.read(source.path, source.ignore.given, text))
+    return _of_format("MJCF", source.ignore, mjcf.read(source.path, source.ignore.words, text))
 
 
 def _of_format(dialect: str, ignore: IgnoreList, read: Converted) -> Description:
     """Return a robot of a format that declares loops and couplings itself."""
     values, ignored, notes = read.constraints, read.ignored, read.notes
     declares = values["loops"] or values.get("couplings")
-    requested = tuple(one for one in ignored if ignore.takes(*re.findall("'([^']*)'", one)))
+    requested = tuple(text for text in ignored if ignore.takes(*re.findall("'([^']*)'", text)))
     if "gravity" in values:
         notes = [*notes, "gravity is {:g}, {:g}, {:g} m/s2".format(*values["gravity"])]
-    unread = tuple(f"not read: {one}" for one in ignored if one not in requested)
+    unread = tuple(f"not read: {text}" for text in ignored if text not in requested)
     return Description(read.urdf, values, (dialect,) if declares else (), (*notes, *unread), requested, tuple(ignored))
 
 

@@ -96,8 +96,8 @@ def _part(joint: Any, value: float, name: str, nodes: list[str]) -> DrawnPart:
 
 def _other_joints(joint: Any, screw: Array) -> Iterator[tuple[str, Array]]:
     where = f"joint '{joint.get('name')}'"
-    own, slides = joint.find("axis"), joint.get("type") == "prismatic"
-    before = "1 0 0" if own is None else own.get("xyz", "1 0 0")
+    axis, slides = joint.find("axis"), joint.get("type") == "prismatic"
+    before = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
     for row in np.eye(3, dtype=int):
         after = " ".join(map(str, row))
         yield _rewritten(f'<axis xyz="{after}"/>', f'<axis xyz="{before}"/>', where), np.kron([slides, not slides], row)
@@ -111,9 +111,9 @@ def _end(entry: Mapping[str, Any], end: str, nodes: list[str]) -> DrawnPart:
     where = f"loop '{entry['name']}' on {node}"
 
     def place(numbers: Mapping[str, float]) -> Array:
-        found = placed.copy()
-        found[:3, 3] = list(numbers.values())
-        return found
+        moved = placed.copy()
+        moved[:3, 3] = list(numbers.values())
+        return moved
 
     def edited(changes: Mapping[str, float | str]) -> str:
         if "parent" in changes:

@@ -25,17 +25,17 @@ _MOST = 8  # joints that a note lists
 def of_urdf(root: Any) -> list[tuple[str, Any]]:
     """Return the joints that transmissions, command interfaces and plugins of a URDF name, each with the element that
     is read for it."""
-    found: list[tuple[str, Any]] = []
+    driven: list[tuple[str, Any]] = []
     for element in root.iterchildren("transmission"):
-        words = ((local(one), one.get("name")) for one in element.iterchildren("*"))
-        found += [(name, element) for word, name in words if name and word.endswith("joint") and "passive" not in word]
+        words = ((local(inner), inner.get("name")) for inner in element.iterchildren("*"))
+        driven += [(name, element) for word, name in words if name and word.endswith("joint") and "passive" not in word]
     for joint in root.iterfind("ros2_control/joint"):
         mimics = any(param.get("name") == "mimic" for param in joint.iterchildren("param"))
         if joint.find("command_interface") is not None and not mimics:
-            found.append((joint.get("name", ""), joint))
+            driven.append((joint.get("name", ""), joint))
     for element in root.iterchildren("gazebo"):
-        found += [(name, plugin) for name, _, plugin in of_plugins(element)]
-    return found
+        driven += [(name, plugin) for name, _, plugin in of_plugins(element)]
+    return driven
 
 
 def of_plugins(around: Any) -> Iterator[tuple[str, int, Any]]:
@@ -51,24 +51,24 @@ def of_plugins(around: Any) -> Iterator[tuple[str, int, Any]]:
                 yield from ((name, axis, plugin) for name in (element.text or "").replace(",", " ").split())
 
 
-def declared(found: Description, driven: Collection[str], moving: Iterable[str] = ()) -> Description:
+def declared(robot: Description, driven: Collection[str], moving: Iterable[str] = ()) -> Description:
     """Return a robot whose actuated joints are those that its file names as driven, unless the file states them.
 
     Args:
-        found: the robot.
+        robot: as read.
         driven: what the file names.
         moving: the joints that move, of a robot without constraints.
     """
-    values = found.constraints
+    values = robot.constraints
     entries = [{"name": joint} for joint in moving] if values is None else values["joints"]
     named = [entry["name"] for entry in entries if entry["name"] in driven]
     if not named or any(entry.get("actuated") for entry in entries):
-        return found
+        return robot
     if values is None or not (values["loops"] or values.get("couplings")):
         others = [entry["name"] for entry in entries if entry["name"] not in driven]
         note = f"nothing in the file drives {first_of(others, _MOST)}: actuated all the same"
-        return found._replace(notes=(*found.notes, note)) if others else found
+        return robot._replace(notes=(*robot.notes, note)) if others else robot
     stated = [
         entry | {"actuated": entry["name"] in driven} if entry.get("actuated") is None else entry for entry in entries
     ]
-    return found._replace(constraints={**values, "joints": stated}, is_driven=True)
+    return robot._replace(constraints={**values, "joints": stated}, is_driven=True)

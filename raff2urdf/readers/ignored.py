@@ -84,9 +84,9 @@ def ignored(path: Path, options: ReadOptions | None = None) -> list[IgnoredEleme
     if root.tag == "robot" and xacro_file.is_xacro(path, root):
         root = parse_xml(xacro_file.expanded(path, options or ReadOptions()).text, str(path))
     kept = list(_read_elsewhere(root, str(path))) if root.tag == "robot" else []
-    found: dict[str, list[int]] = {}
-    _walk(root, _TABLES.get(str(root.tag), {}), {id(element) for element in kept}, found)
-    return [IgnoredElements(name, len(lines), tuple(lines[:_MOST])) for name, lines in found.items()]
+    by_tag: dict[str, list[int]] = {}
+    _walk(root, _TABLES.get(str(root.tag), {}), {id(element) for element in kept}, by_tag)
+    return [IgnoredElements(name, len(lines), tuple(lines[:_MOST])) for name, lines in by_tag.items()]
 
 
 _MOST = 10  # lines that are listed
@@ -97,23 +97,23 @@ def _read_elsewhere(root: Any, name: str) -> list[Any]:
     if root.find("joint") is not None:
         by_name(root.findall("joint"), name)
     declared = [*joint_couplings.find(root), *loop_elements.find(root), *closing_joints.find(root, name)]
-    read = [one.element for one in declared]
-    unread = [one.element for one in declared_loops.find(root, {id(one) for one in read}) if one.element is not None]
+    read = [d.element for d in declared]
+    unread = [d.element for d in declared_loops.find(root, {id(d) for d in read}) if d.element is not None]
     frames = [frame for frame in root.iterchildren("frame") if closing_frames.is_end(frame)]
     return [*read, *unread, *frames, *(element for _, element in drives.of_urdf(root))]
 
 
-def _walk(parent: Any, table: Mapping[str, Collection[str]], kept: set[int], found: dict[str, list[int]]) -> None:
-    own = str(parent.tag).rpartition("}")[2]
-    known = table.get(own, ())
+def _walk(parent: Any, table: Mapping[str, Collection[str]], kept: set[int], by_tag: dict[str, list[int]]) -> None:
+    tag = str(parent.tag).rpartition("}")[2]
+    known = table.get(tag, ())
     for element in parent.iterchildren("*"):
         name = str(element.tag).rpartition("}")[2].rpartition(":")[2]
         if known is ALL or id(element) in kept:
             continue
         if name in known:
             if table.get(name) is not ALL:
-                _walk(element, table, kept, found)
+                _walk(element, table, kept, by_tag)
         elif any(id(inner) in kept for inner in element.iter("*")):  # one of its elements is read
-            _walk(element, {}, kept, found)
+            _walk(element, {}, kept, by_tag)
         else:
-            found.setdefault(f"{tag_of(parent)}/{tag_of(element)}", []).append(int(element.sourceline))
+            by_tag.setdefault(f"{tag_of(parent)}/{tag_of(element)}", []).append(int(element.sourceline))

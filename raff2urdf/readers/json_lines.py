@@ -41,7 +41,7 @@ def repeated_key(text: str) -> tuple[Path, tuple[int, int]] | None:
 
 def _offsets(text: str) -> dict[Path, list[int]]:
     """Return where each value begins: at several offsets if its key is repeated. Values come before their members."""
-    found: dict[Path, list[int]] = {}
+    offsets: dict[Path, list[int]] = {}
     path: list[Any] = []  # the key or index of the next value in each open object or array; None: a key follows
     for token in _TOKEN.finditer(text):
         mark = token[0]
@@ -52,10 +52,10 @@ def _offsets(text: str) -> dict[Path, list[int]]:
         elif path and path[-1] is None:
             path[-1] = json.loads(mark)
         elif mark != ":":
-            found.setdefault(tuple(path), []).append(token.start())
+            offsets.setdefault(tuple(path), []).append(token.start())
             if mark in "{[":
                 path.append(None if mark == "{" else 0)
-    return found
+    return offsets
 
 
 def _line(text: str, offset: int) -> int:

@@ -204,10 +204,10 @@ def _remedy(why: str, root: Any) -> str:
         return ": swap them"
     if "axis too small" in why:
         return ': write its direction, such as axis="0 0 1"'
-    found = re.search("(unknown|invalid|not found|missing)[^']*'([^']*)'", why)
-    if found is None:
+    match = re.search("(unknown|invalid|not found|missing)[^']*'([^']*)'", why)
+    if match is None:
         return ""
-    word = found[2]
+    word = match[2]
     if "keyword" in why:
         return (
             ""
@@ -215,9 +215,9 @@ def _remedy(why: str, root: Any) -> str:
             else did_you_mean(_TYPES.get(word, word), ("hinge", "slide", "ball", "free"))
         )
     if "default class" in why:
-        near = did_you_mean(word, [str(one.get("class")) for one in root.iter("default") if one.get("class")])
+        near = did_you_mean(word, [str(e.get("class")) for e in root.iter("default") if e.get("class")])
         return near if near.endswith("?") else f'{near}: add <default class="{word}"/> to <default>'
-    return did_you_mean(word, [str(one.get("name")) for one in root.iter("*") if one.get("name")])
+    return did_you_mean(word, [str(e.get("name")) for e in root.iter("*") if e.get("name")])
 
 
 _TYPES = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "spherical": "ball", "floating": "free"}
@@ -243,20 +243,20 @@ def _remove_flexes(spec: Any, name: str, ignore: Collection[str]) -> list[str]:
     Raises:
         RaffError: one of these is active, and neither it nor its flex is in `ignore`.
     """
-    found, wrong = list[str](), list[Problem]()
+    removed, wrong = list[str](), list[Problem]()
     flexes = {flex.name for flex in spec.flexes}
     for equality in list(spec.equalities):
         (flex,) = flexes & {equality.name1, equality.name2} or {None}
         if flex is None:
             continue
-        own = equality.name or flex
-        if equality.active and not {own, flex} & set(ignore):
+        label = equality.name or flex
+        if equality.active and not {label, flex} & set(ignore):
             why = f"constrains the flex '{flex}', and only rigid bodies are read"
-            wrong.append(Problem(f"{name}: the equality constraint '{own}' {why}: {leave_out(own)}"))
-        found.append(f"equality constraint '{own}'{'' if equality.active else ' (not active)'}")
+            wrong.append(Problem(f"{name}: the equality constraint '{label}' {why}: {leave_out(label)}"))
+        removed.append(f"equality constraint '{label}'{'' if equality.active else ' (not active)'}")
         spec.delete(equality)
     if wrong:
         raise RaffError(wrong)
     for flex in list(spec.flexes):
         spec.delete(flex)
-    return found
+    return removed

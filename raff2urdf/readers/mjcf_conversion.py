@@ -101,10 +101,10 @@ class MjcfConversion:
             ("armature", actuators, indirect * model.actuator_armature),
             ("gravity compensation", self.bodies, model.body_gravcomp),
         )
-        found: dict[str, dict[str, None]] = {}
+        named: dict[str, dict[str, None]] = {}
         for word, names, numbers in acting:
-            found.setdefault(word, {}).update({name: None for name, x in zip(names, numbers, strict=True) if np.any(x)})
-        return {word: list(names) for word, names in found.items()}
+            named.setdefault(word, {}).update({name: None for name, x in zip(names, numbers, strict=True) if np.any(x)})
+        return {word: list(names) for word, names in named.items()}
 
     def name_of(self, kind: str, index: int) -> str:
         """Return the name of an object: a body, a joint, ..."""
@@ -112,9 +112,9 @@ class MjcfConversion:
 
     def all_names(self, kind: str, count: int) -> list[str]:
         """Return the names of all objects of a kind; those without one get one that is free."""
-        given = [getattr(self.model, kind)(i).name for i in range(count)]
-        free = UrdfBuilder("", filter(None, given)).free_name
-        return [name or free(f"{kind}{i}") for i, name in enumerate(given)]
+        names = [getattr(self.model, kind)(i).name for i in range(count)]
+        free = UrdfBuilder("", filter(None, names)).free_name
+        return [name or free(f"{kind}{i}") for i, name in enumerate(names)]
 
     def actuated_joints(self) -> set[int]:
         """Return the joints that an actuator drives, directly or by a tendon."""
@@ -187,11 +187,11 @@ class MjcfConversion:
         """Return the inertia of rotors and the friction of a joint of one degree of freedom, with those of the
         actuators on it."""
         model, dof = self.model, self.model.jnt_dofadr[j]
-        own = [i for i in range(model.nu) if self.is_direct(i) and model.actuator_trnid[i, 0] == j]
-        gears = model.actuator_gear[own, 0] ** 2
+        drives = [i for i in range(model.nu) if self.is_direct(i) and model.actuator_trnid[i, 0] == j]
+        gears = model.actuator_gear[drives, 0] ** 2
         return JointDynamics(
-            float(model.dof_armature[dof] + gears @ model.actuator_armature[own]),
-            float(model.dof_damping[dof] + gears @ model.actuator_damping[own]),
+            float(model.dof_armature[dof] + gears @ model.actuator_armature[drives]),
+            float(model.dof_damping[dof] + gears @ model.actuator_damping[drives]),
             float(model.dof_frictionloss[dof]),
         )
 
@@ -207,11 +207,11 @@ class MjcfConversion:
         the sum of theirs, in the weaker direction unless that is 0. Infinite without one."""
         model, transmission = self.model, self.mujoco.mjtTrn
         kinds = (int(transmission.mjTRN_JOINT), int(transmission.mjTRN_JOINTINPARENT))
-        own = [i for i in range(model.nu) if model.actuator_trntype[i] in kinds and model.actuator_trnid[i, 0] == j]
-        found = [np.sum([self.force_range(i) for i in own], axis=0)] if own else []
-        found += [model.jnt_actfrcrange[j]] if model.jnt_actfrclimited[j] else []
-        strengths = [np.abs(one) for one in found]
-        return min((float(one.min() or one.max()) for one in strengths), default=math.inf)
+        drives = [i for i in range(model.nu) if model.actuator_trntype[i] in kinds and model.actuator_trnid[i, 0] == j]
+        ranges = [np.sum([self.force_range(i) for i in drives], axis=0)] if drives else []
+        ranges += [model.jnt_actfrcrange[j]] if model.jnt_actfrclimited[j] else []
+        strengths = [np.abs(pair) for pair in ranges]
+        return min((float(pair.min() or pair.max()) for pair in strengths), default=math.inf)
 
     def force_range(self, i: int) -> Array:
         """Return the least and greatest force (2,) of an actuator on its joint; infinite without a limit."""
@@ -235,8 +235,8 @@ class MjcfConversion:
         names = self.all_names("equality", model.neq)
         active = {name for e, name in enumerate(names) if model.eq_active0[e]}
         text = int(self.mujoco.mjtObj.mjOBJ_TEXT)  # of raff2urdf, which writes a hinge as two points on its axis
-        own = {self.mujoco.mj_id2name(model, text, i) for i in range(model.ntext)}
-        self.hinges = {name for name in active if f"{name}.axis" in active and f"{name}.first" in own}
+        ours = {self.mujoco.mj_id2name(model, text, i) for i in range(model.ntext)}
+        self.hinges = {name for name in active if f"{name}.axis" in active and f"{name}.first" in ours}
         for e, name in enumerate(names):
             kind = kinds(model.eq_type[e])
             if not model.eq_active0[e] or name in ignore:
@@ -291,8 +291,8 @@ class MjcfConversion:
         MuJoCo's equation is y - y0 = a0 + a1 (x - x0) + ... + a4 (x - x0)^4, with the values x0, y0 at `qpos0`.
         """
         model = self.model
-        one, other = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
-        y, y0 = self.length(name, one) if tendons else self.variable(one)
+        first, other = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
+        y, y0 = self.length(name, first) if tendons else self.variable(first)
         x, x0 = ({}, 0.0) if other < 0 else self.length(name, other) if tendons else self.variable(other)
         a = model.eq_data[e, : 5 if other >= 0 else 1]
         terms = {joint: [c] for joint, c in y.items()}
@@ -319,8 +319,8 @@ class MjcfConversion:
         first, count = int(model.tendon_adr[tendon]), int(model.tendon_num[tendon])
         for w in range(first, first + count):
             if model.wrap_type[w] != int(self.mujoco.mjtWrap.mjWRAP_JOINT):
-                own = self.name_of("tendon", tendon)
-                what = f"the equality constraint '{equality}' constrains the spatial tendon '{own}'"
+                spatial = self.name_of("tendon", tendon)
+                what = f"the equality constraint '{equality}' constrains the spatial tendon '{spatial}'"
                 raise RaffError(f"{self.name}: {what}, whose length is no sum of joint values: {leave_out(equality)}")
             joint = self.joint_names[model.wrap_objid[w]]
             terms[joint] = terms.get(joint, 0.0) + float(model.wrap_prm[w])
@@ -334,8 +334,8 @@ class MjcfConversion:
         for g in range(int(model.body_geomadr[body]), int(model.body_geomadr[body]) + int(model.body_geomnum[body])):
             if model.geom_group[g] >= _HIDDEN or body == 0:
                 continue
-            own = int(model.geom_matid[g])
-            rgba = model.mat_rgba[own] if own >= 0 else model.geom_rgba[g]
+            matid = int(model.geom_matid[g])
+            rgba = model.mat_rgba[matid] if matid >= 0 else model.geom_rgba[g]
             if not np.isfinite(rgba).all():
                 label = f"geom '{self.name_of('geom', g)}' of body '{self.name_of('body', body)}'"
                 raise RaffError(f"{self.name}: {label}: its rgba must be four numbers, not {rgba.tolist()}")

@@ -60,7 +60,7 @@ class FaultyMjcf:
     def leave_out_model(self, model: Any, name: str | None) -> None:
         """Leave out a file that is attached, and what attaches it."""
         name, self._is_whole = model.get("name", name), False
-        for element in [model, *(one for one in self.root.iter("attach") if one.get("model") == name)]:
+        for element in [model, *(attach for attach in self.root.iter("attach") if attach.get("model") == name)]:
             element.getparent().remove(element)
 
     def text(self) -> str:
@@ -104,9 +104,9 @@ class FaultyMjcf:
         whole = [element]
         if element.tag == "body":
             tags = ("inertial",) if "inertia" in why else ("joint", "freejoint") if re.search("joint|dofs", why) else ()
-            whole = [one for one in element if one.tag in tags]
+            whole = [child for child in element if child.tag in tags]
         self._is_whole &= element.tag not in ("model", "attach")
-        for one in whole if element.getparent() is not None and element.tag != "worldbody" else ():
-            self._gone |= {str(inner.get("name")) for inner in one.iter("*") if inner.get("name")}
-            one.getparent().remove(one)
+        for removed in whole if element.getparent() is not None and element.tag != "worldbody" else ():
+            self._gone |= {str(inner.get("name")) for inner in removed.iter("*") if inner.get("name")}
+            removed.getparent().remove(removed)
         return bool(whole)

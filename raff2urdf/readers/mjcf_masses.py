@@ -30,7 +30,7 @@ def weighing_meshes(mujoco: Any, spec: Any, path: Path) -> tuple[dict[int, int],
     first, last = settings.inertiagrouprange
     bodies = [number for number, body in enumerate(spec.bodies) for _ in body.geoms]
     explicit = [body.explicitinertial for body in spec.bodies]
-    found, unknown = dict[int, int](), dict[int, str]()
+    known, unknown = dict[int, int](), dict[int, str]()
     for index, (geom, body) in enumerate(zip(spec.geoms, bodies, strict=True)):
         stated = settings.inertiafromgeom == rules.mjINERTIAFROMGEOM_FALSE or explicit[body]
         by_geoms = body > 0 and (settings.inertiafromgeom == rules.mjINERTIAFROMGEOM_TRUE or not stated)
@@ -42,10 +42,10 @@ def weighing_meshes(mujoco: Any, spec: Any, path: Path) -> tuple[dict[int, int],
             if mesh is not None and mesh.file:
                 file = Path(mesh.file).name if spec.strippath else mesh.file
                 find((Path(spec.meshdir or "") / file).as_posix(), path.absolute().parent)
-            found[index] = body
+            known[index] = body
         except RaffError as error:
             unknown[body] = str(error)
-    return found, unknown
+    return known, unknown
 
 
 def masses_of(model: Any, spec: Any, unknown: Collection[int]) -> dict[int, Inertia]:
@@ -56,17 +56,17 @@ def masses_of(model: Any, spec: Any, unknown: Collection[int]) -> dict[int, Iner
         spec: of which it was compiled.
         unknown: indices in `spec` of bodies whose mass is unknown.
     """
-    found = {}
-    for number, own in enumerate(spec.bodies):
-        body = own.id
+    masses = {}
+    for number, spec_body in enumerate(spec.bodies):
+        body = spec_body.id
         mass = float(model.body_mass[body])
         weightless = mass <= 2.0 * _LEAST and spec.compiler.boundmass <= _LEAST
-        if number in unknown or body <= 0 or (weightless and not own.explicitinertial):
+        if number in unknown or body <= 0 or (weightless and not spec_body.explicitinertial):
             continue
         placed = from_quaternion(model.body_ipos[body], model.body_iquat[body])
         principal = Inertia(mass, np.zeros(3), np.diag(model.body_inertia[body]))
-        found[body] = Inertia() if weightless else principal.in_frame(placed)
-    return found
+        masses[body] = Inertia() if weightless else principal.in_frame(placed)
+    return masses
 
 
 def remove_meshes(mujoco: Any, spec: Any, kept: Collection[int] = ()) -> dict[str, Shape]:
@@ -82,7 +82,7 @@ def remove_meshes(mujoco: Any, spec: Any, kept: Collection[int] = ()) -> dict[st
     """
     files = {mesh.name or Path(mesh.file).stem: mesh for mesh in spec.meshes}
     folder = Path(spec.meshdir or "")
-    found: dict[str, Shape] = {}
+    meshes: dict[str, Shape] = {}
     for i, geom in enumerate(spec.geoms):
         if geom.type == mujoco.mjtGeom.mjGEOM_HFIELD:
             spec.delete(geom)
@@ -92,7 +92,7 @@ def remove_meshes(mujoco: Any, spec: Any, kept: Collection[int] = ()) -> dict[st
         geom.name = geom.name or f"mesh {i}"
         mesh = files.get(geom.meshname)
         if mesh is not None and mesh.file:
-            (found[geom.name],) = shapes("mesh", mesh.scale, (folder / mesh.file).as_posix())
+            (meshes[geom.name],) = shapes("mesh", mesh.scale, (folder / mesh.file).as_posix())
         geom.meshname, geom.type, geom.size = "", mujoco.mjtGeom.mjGEOM_BOX, [1e-3, 1e-3, 1e-3]
         geom.mass = 0.0
     used = {geom.meshname for geom in spec.geoms}
@@ -105,4 +105,4 @@ def remove_meshes(mujoco: Any, spec: Any, kept: Collection[int] = ()) -> dict[st
         spec.delete(texture)
     settings = spec.compiler  # MuJoCo refuses bodies that move without mass
     settings.boundmass, settings.boundinertia = max(settings.boundmass, _LEAST), max(settings.boundinertia, _LEAST)
-    return found
+    return meshes

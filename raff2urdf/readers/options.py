@@ -65,11 +65,11 @@ class ReadOptions:
             RaffError: an option had no effect on any of the files.
         """
         listed = ", ".join(map(str, files))
-        for option, given, what in (
+        for option, values, what in (
             ("package", self.packages, "names no package"),
             ("xacro-arg", self.xacro_args, "has no argument"),
         ):
-            for name, value in given.items():
+            for name, value in values.items():
                 if (option, name) not in self._used:
                     near = did_you_mean(name, list(self._known.get(option, ()))) or ": leave it out"
                     raise RaffError(f"--{option} {name}={value} has no effect: {listed} {what} '{name}'{near}")

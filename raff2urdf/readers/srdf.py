@@ -74,21 +74,21 @@ def read_srdf(path: Path, links: Collection[str], robot: str, options: ReadOptio
     unknown: dict[str, int] = {}
 
     def name(element: Any, key: str) -> str:
-        found = element.get(key)
-        if not found:
+        link = element.get(key)
+        if not link:
             raise error_at(str(path), element, f"<{element.tag}> has no {key}: name a link of the robot")
-        if found not in links:
-            unknown.setdefault(found, element.sourceline)
-        return str(found)
+        if link not in links:
+            unknown.setdefault(link, element.sourceline)
+        return str(link)
 
     def pairs(tag: str) -> dict[frozenset[str], str]:
-        found = {}
+        reasons = {}
         for element in root.iter(tag):
             pair = frozenset((name(element, "link1"), name(element, "link2")))
             if len(pair) == 1:
                 raise error_at(str(path), element, f"<{tag}> names '{min(pair)}' twice: name two links")
-            found[pair] = str(element.get("reason", ""))
-        return found
+            reasons[pair] = str(element.get("reason", ""))
+        return reasons
 
     without = {name(element, "link") for element in root.iter("disable_default_collisions")}
     disabled = {frozenset(pair): "disable_default_collisions" for pair in combinations(links, 2) if without & {*pair}}
@@ -96,7 +96,7 @@ def read_srdf(path: Path, links: Collection[str], robot: str, options: ReadOptio
         disabled.pop(pair, None)
     disabled |= pairs("disable_collisions")
     if unknown:
-        listed = first_of([f"'{one}' (line {line})" for one, line in unknown.items()], _MOST)
+        listed = first_of([f"'{link}' (line {line})" for link, line in unknown.items()], _MOST)
         near = did_you_mean(next(iter(unknown)), list(links)) if len(unknown) == 1 else ""
         what = "is not a link" if len(unknown) == 1 else "are not links"
         advice = "name the SRDF of this robot, or correct the names"
@@ -120,20 +120,20 @@ def read_home(path: Path, options: ReadOptions | None = None) -> GroupState | No
     chosen = next((word for word in _HOMES if any(word == name for name, _ in states)), None)
     if chosen is None:
         return None
-    found = [state for name, state in states if name == chosen]
+    homes = [state for name, state in states if name == chosen]
     values, poses = dict[str, float](), list[str]()
-    for state in sorted(found, key=len):  # a stable order: the last one holds
+    for state in sorted(homes, key=len):  # a stable order: the last one holds
         for joint in state.iterchildren("joint"):
             name, written = joint.get("name", ""), joint.get("value", "")
-            given = numbers(written)
-            if not given:
+            position = numbers(written)
+            if not position:
                 what = f"value='{written[:60]}' of joint '{name}' in the group state '{chosen}'"
                 raise error_at(str(path), joint, f"{what} must be numbers{SIZE}")
-            if len(given) == 1:
-                values[name] = given[0]
+            if len(position) == 1:
+                values[name] = position[0]
             else:
                 poses += [name] if name not in poses else []
-    groups = ", ".join(str(state.get("group")) for state in found if state.get("group"))
+    groups = ", ".join(str(state.get("group")) for state in homes if state.get("group"))
     label = f"the group state '{chosen}'{f' of {groups}' if groups else ''} in {path.name}"
     return GroupState(label, values, poses)
 

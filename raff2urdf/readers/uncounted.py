@@ -32,10 +32,10 @@ def is_given(dynamics: Any, word: str) -> bool:
 def of_urdf(root: Any, counted: Collection[str]) -> dict[str, list[str]]:
     """Return the joints of a URDF with damping, friction and springs that are not counted: springs of all of them, and
     the others of those that are not among the joints `counted`."""
-    found: dict[str, dict[str, None]] = {"damping": {}, "friction": {}, "springs": {}}
+    by_kind: dict[str, dict[str, None]] = {"damping": {}, "friction": {}, "springs": {}}
     for element in root.iter("dynamics"):
         joint = str(element.getparent().get("name"))
-        for names, word in zip(found.values(), ("damping", "friction", "spring_stiffness"), strict=True):
-            if is_given(element, word) and (names is found["springs"] or joint not in counted):
+        for names, word in zip(by_kind.values(), ("damping", "friction", "spring_stiffness"), strict=True):
+            if is_given(element, word) and (names is by_kind["springs"] or joint not in counted):
                 names[joint] = None
-    return {what: list(names) for what, names in found.items()}
+    return {what: list(names) for what, names in by_kind.items()}

@@ -86,10 +86,10 @@ def hash_of(tree: Any, name: str) -> str:
     return hashlib.sha256(json.dumps(values).encode()).hexdigest()
 
 
-def listed(found: Sequence[Any], name: str) -> str:
+def listed(several: Sequence[Any], name: str) -> str:
     """Return the line and name of the first of some joints, and how many more there are."""
-    more = f" and {len(found) - 1} more" if len(found) > 1 else ""
-    return f"{name}:{found[0].sourceline}: {label(found[0])}{more}"
+    more = f" and {len(several) - 1} more" if len(several) > 1 else ""
+    return f"{name}:{several[0].sourceline}: {label(several[0])}{more}"
 
 
 def remove(element: Any) -> None:
@@ -112,8 +112,8 @@ def axis(joint: Any, name: str) -> Array:
     Raises:
         RaffError: it is no vector.
     """
-    found = joint.find("axis")
-    return np.array((1.0, 0.0, 0.0) if found is None else three(found, "xyz", name, "1 0 0"))
+    element = joint.find("axis")
+    return np.array((1.0, 0.0, 0.0) if element is None else three(element, "xyz", name, "1 0 0"))
 
 
 def origin(element: Any, name: str) -> Array:
@@ -122,8 +122,8 @@ def origin(element: Any, name: str) -> Array:
     Raises:
         RaffError: it does not consist of numbers.
     """
-    found = element.find("origin")
-    return np.eye(4) if found is None else from_origin(three(found, "xyz", name), three(found, "rpy", name))
+    stated = element.find("origin")
+    return np.eye(4) if stated is None else from_origin(three(stated, "xyz", name), three(stated, "rpy", name))
 
 
 def three(element: Any, word: str, name: str, default: str = "0 0 0") -> tuple[float, float, float]:
@@ -133,17 +133,17 @@ def three(element: Any, word: str, name: str, default: str = "0 0 0") -> tuple[f
         RaffError: it is not.
     """
     text = element.get(word, default)
-    found = numbers(text)
-    if found is None or len(found) != 3:
+    vector = numbers(text)
+    if vector is None or len(vector) != 3:
         shown = text if len(text) <= 60 else f"{text[:60]}..."
         raise error_at(name, element, f'{word}="{shown}" of <{element.tag}> must be three numbers{SIZE}')
-    return found[0], found[1], found[2]
+    return vector[0], vector[1], vector[2]
 
 
 def numbers(text: str) -> list[float] | None:
     """Return the numbers of a text, separated by spaces; None if there is anything else, or a number beyond LARGEST."""
-    found = [number(word) for word in text.split()]
-    return found if all(abs(value) <= LARGEST for value in found) else None
+    values = [number(word) for word in text.split()]
+    return values if all(abs(value) <= LARGEST for value in values) else None
 
 
 def number(word: str) -> float:
@@ -193,8 +193,8 @@ def effort(joint: Any) -> float | None:
 
 def friction(joint: Any) -> tuple[float, float]:
     """Return the viscous friction (N m s/rad or N s/m) and Coulomb friction (N m or N) of a joint; 0 by default."""
-    found = joint.find("dynamics")
-    damping, dry = (0.0 if found is None else number(found.get(word, "0")) for word in ("damping", "friction"))
+    dynamics = joint.find("dynamics")
+    damping, dry = (0.0 if dynamics is None else number(dynamics.get(word, "0")) for word in ("damping", "friction"))
     return damping, dry
 
 
@@ -211,14 +211,14 @@ def direction(element: Any, text: str, label: str, name: str) -> Array:
     Raises:
         RaffError: it is not three numbers, or they are all 0.
     """
-    found = numbers(text)
-    if found is None or len(found) != 3 or math.hypot(*found) <= 1e-9:
+    vector = numbers(text)
+    if vector is None or len(vector) != 3 or math.hypot(*vector) <= 1e-9:
         raise error_at(
             name,
             element,
             f"the axis '{text.strip()}' of {label} must be three numbers, not all 0: 0 0 1, for example{SIZE}",
         )
-    return np.array(found)
+    return np.array(vector)
 
 
 def limit_value(element: Any, text: str, word: str, label: str, name: str) -> float:
@@ -274,8 +274,8 @@ def negative_mass(label: str, mass: float) -> str:
 def lacks(inertial: Any) -> str | None:
     """Return an element or attribute that an <inertial> lacks; None if it is complete."""
     for tag, words in (("mass", ("value",)), ("inertia", MOMENTS)):
-        found = inertial.find(tag)
-        missing = [tag] if found is None else [f"{word} of <{tag}>" for word in words if found.get(word) is None]
+        element = inertial.find(tag)
+        missing = [tag] if element is None else [f"{word} of <{tag}>" for word in words if element.get(word) is None]
         if missing:
             return missing[0]
     return None
@@ -287,8 +287,7 @@ def inertia(link: Any, name: str) -> Inertia | None:
         if lacks(inertial) is None:
             xx, xy, xz, yy, yz, zz = (number(inertial.find("inertia").get(word)) for word in MOMENTS)
             placed, matrix = origin(inertial, name), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-            found = Inertia(number(inertial.find("mass").get("value")), np.zeros(3), matrix)
-            return found.in_frame(placed)
+            return Inertia(number(inertial.find("mass").get("value")), np.zeros(3), matrix).in_frame(placed)
     return None
 
 

@@ -122,8 +122,8 @@ class UrdfBuilder:
 
     def add_loop(self, name: str, kind: str, first: tuple[str, ArrayLike], second: tuple[str, ArrayLike]) -> None:
         """Add a loop between two ends: nodes, and placements (4, 4) on them."""
-        (one, at), (other, there) = first, second
-        self._loops.append(loop_entry(name, kind, one, other, (at, there)))
+        (node, at), (other, other_at) = first, second
+        self._loops.append(loop_entry(name, kind, node, other, (at, other_at)))
 
     def add_coupling(self, name: str, terms: Mapping[str, Sequence[float]], constant: float = 0.0) -> None:
         """Add a coupling; its terms are coefficients of each joint's variable (rad, m) and its powers."""

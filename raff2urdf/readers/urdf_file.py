@@ -156,8 +156,8 @@ def _check_shapes(link: Any, name: str) -> None:
                 text = shape.get(word)
                 if text is None and shape.tag == "mesh":
                     continue
-                found = numbers(text or "")
-                if found is None or len(found) != count:
+                values = numbers(text or "")
+                if values is None or len(values) != count:
                     what = f"{word}=\"{(text or '')[:60]}\" of <{shape.tag}> in link '{link.get('name')}'"
                     plural = "a number" if count == 1 else f"{count} numbers"
                     raise error_at(name, shape, f"{what} must be {plural}{SIZE}")
@@ -197,7 +197,7 @@ def _check_tree(tree: Any, name: str) -> None:
             above, at = [link], link
             while (at := ends(joint_of[at])[0]) not in above:
                 above.append(at)
-            first = next(one for one in known if one in above[above.index(at) :])
+            first = next(candidate for candidate in known if candidate in above[above.index(at) :])
             why = f"link '{link}' is not connected to the root, but part of a kinematic cycle or attached to one"
             remedy = f'give {label(joint_of[first])} another parent, such as <parent link="{roots[0]}"/>'
             raise error_at(name, joint_of[link], f"{why}: {remedy}")

@@ -46,18 +46,18 @@ class UrdfTree:
 
     def above(self, link: str) -> list[Any]:
         """Return the joints between a link and the base, the link's own one first."""
-        found = []
+        chain = []
         while link in self._above:
-            found.append(self._above[link])
-            link = ends(found[-1])[0]
-        return found
+            chain.append(self._above[link])
+            link = ends(chain[-1])[0]
+        return chain
 
     def between(self, first: str, second: str) -> tuple[list[Any], list[Any]]:
         """Return the joints from the nearest common ancestor of two links to each of them."""
-        one, other = self.above(first)[::-1], self.above(second)[::-1]
-        while one and other and one[0] is other[0]:
-            one, other = one[1:], other[1:]
-        return one, other
+        chain, other = self.above(first)[::-1], self.above(second)[::-1]
+        while chain and other and chain[0] is other[0]:
+            chain, other = chain[1:], other[1:]
+        return chain, other
 
     @cached_property
     def size(self) -> float:
@@ -89,15 +89,15 @@ class UrdfTree:
         Raises:
             RaffError: no such link.
         """
-        own = (name or "").strip()
-        if own in self.links:
-            return own
-        scoped = own.rpartition("::")[2]
+        full = (name or "").strip()
+        if full in self.links:
+            return full
+        scoped = full.rpartition("::")[2]
         if scoped in self.links:
             return scoped
         if scoped == "world":
             return self.base
-        why = f"names '{own}', which is not a link{did_you_mean(own, list(self.links))}" if own else "names no link"
+        why = f"names '{full}', which is not a link{did_you_mean(full, list(self.links))}" if full else "names no link"
         raise error_at(self.name, element, f"{what} {why}")
 
     def error(self, element: Any, message: str) -> RaffError:
@@ -112,10 +112,10 @@ class UrdfTree:
         """
         if element is None:
             return np.array([float(x) for x in default.split()])
-        found = np.array(three(element, word, self.name, default))
-        if np.linalg.norm(found) <= 1e-9:
+        direction = np.array(three(element, word, self.name, default))
+        if np.linalg.norm(direction) <= 1e-9:
             raise self.error(element, f"the axis of <{element.tag}> must not be 0 0 0")
-        return np.asarray(found / np.linalg.norm(found))
+        return np.asarray(direction / np.linalg.norm(direction))
 
     def free_name(self, name: str) -> str:
         """Return a name that no link and no joint has."""
@@ -138,21 +138,21 @@ class UrdfTree:
         names: list[str] = []
         before = self.links[link]
         for suffix, kind, vector in steps:
-            own = self.free_name(f"{name}_{suffix}")
-            body = massless_link(own)
-            joint = etree.Element("joint", name=own, type=kind)
+            free = self.free_name(f"{name}_{suffix}")
+            body = massless_link(free)
+            joint = etree.Element("joint", name=free, type=kind)
             etree.SubElement(joint, "parent", link=link)
-            etree.SubElement(joint, "child", link=own)
+            etree.SubElement(joint, "child", link=free)
             etree.SubElement(joint, "origin", xyz=_text(placed[:3, 3]), rpy=_text(roll_pitch_yaw(placed)))
             etree.SubElement(joint, "axis", xyz=_text(vector))
             if kind == "prismatic":
                 etree.SubElement(joint, "limit", lower="-1e9", upper="1e9", effort="1e9", velocity="1e9")
             before.addnext(body)
             body.addnext(joint)
-            self.zero[own] = self.zero[link] @ placed
-            self.links[own], self.joints[own], self._above[own] = body, joint, joint
-            names.append(own)
-            link, before, placed = own, body, np.eye(4)
+            self.zero[free] = self.zero[link] @ placed
+            self.links[free], self.joints[free], self._above[free] = body, joint, joint
+            names.append(free)
+            link, before, placed = free, body, np.eye(4)
         return link, names
 
 

@@ -126,7 +126,7 @@ def rewritten(numbers: Sequence[WrittenNumber], values: Sequence[float]) -> dict
     contents = {}
     for file, changed in changes.items():
         data, end, parts = read_bytes(file), 0, []
-        for number, value in sorted(changed, key=lambda one: one[0].start):
+        for number, value in sorted(changed, key=lambda change: change[0].start):
             text = number.text if value == number.value else repr(float(value))
             parts += [data[end : number.start], text.encode()]
             end = number.start + len(number.text.encode())
@@ -138,7 +138,7 @@ def _numbers(
     path: Path, data: bytes, start: int, end: int, kinds: str, name: str, angle: float = 1.0
 ) -> Iterator[WrittenNumber]:
     """Yield the numbers between two positions, if they are as many as their kinds."""
-    words = [(found.start() + start, found[0]) for found in _NUMBER.finditer(data[start:end])]
+    words = [(match.start() + start, match[0]) for match in _NUMBER.finditer(data[start:end])]
     try:
         values = [float(word) for _, word in words]
     except ValueError:
@@ -159,19 +159,19 @@ def _xml(path: Path, data: bytes) -> tuple[bytes, list[WrittenNumber]]:
     root, unit = b"", math.radians(1.0)
     if re.search(rb"<compiler\b[^>]*\bangle\s*=\s*[\"']radian", data):
         unit = 1.0
-    for found in _ELEMENT.finditer(data):
-        closing, tag, attributes, alone = found.groups()
+    for match in _ELEMENT.finditer(data):
+        closing, tag, attributes, alone = match.groups()
         if tag is None:
             continue
         if closing:
             while stack and stack.pop()[0] != tag:
                 pass
             continue
-        given = {key: first or second for key, first, second in _ATTRIBUTE.findall(attributes)}
+        values = {key: first or second for key, first, second in _ATTRIBUTE.findall(attributes)}
         root = root or tag
         near = next((name for _, name in reversed(stack) if name), "")
-        own = given.get(b"name", b"").decode(errors="replace")
-        name = f"{tag.decode()} '{own}'" if own else ""
+        label = values.get(b"name", b"").decode(errors="replace")
+        name = f"{tag.decode()} '{label}'" if label else ""
         if not any(outer in _ELSEWHERE for outer, _ in [*stack, (tag, "")]):
             said = name or f"{near} {tag.decode()}".strip()
             kinds = _ATTRIBUTES.get(root, {})
@@ -180,12 +180,12 @@ def _xml(path: Path, data: bytes) -> tuple[bytes, list[WrittenNumber]]:
                 if kind is not None:
                     group = 2 if attribute[2] is not None else 3
                     kind = kind or ("ddd" if tag == b"axis" else "lll")
-                    start, end = (found.start(3) + at for at in attribute.span(group))
+                    start, end = (match.start(3) + at for at in attribute.span(group))
                     numbers += _numbers(path, data, start, end, kind, f"{said} {attribute[1].decode()}", unit)
             if root == b"sdf" and not alone and tag in (b"pose", b"xyz"):
-                kind = "ddd" if tag == b"xyz" else "lllggg" if given.get(b"degrees") in (b"true", b"1") else "lllaaa"
-                kind = "llldddd" if given.get(b"rotation_format") == b"quat_xyzw" else kind
-                numbers += _numbers(path, data, found.end(), data.index(b"<", found.end()), kind, said)
+                kind = "ddd" if tag == b"xyz" else "lllggg" if values.get(b"degrees") in (b"true", b"1") else "lllaaa"
+                kind = "llldddd" if values.get(b"rotation_format") == b"quat_xyzw" else kind
+                numbers += _numbers(path, data, match.end(), data.index(b"<", match.end()), kind, said)
         if not alone:
             stack.append((tag, name))
     return root, numbers
@@ -195,15 +195,15 @@ def _raff(path: Path, data: bytes) -> Iterator[WrittenNumber]:
     """Yield the parameters of a RAFF file."""
     unit = re.search(rb"^\s*units\s+\"?(\w+)\"?", data, re.MULTILINE)
     metre = UNITS_PER_METRE.get(unit[1].decode(), 1e3) if unit else 1e3
-    for found in _RAFF.finditer(data):
-        if found[1] is None:
+    for match in _RAFF.finditer(data):
+        if match[1] is None:
             continue
-        is_length = found[1] in (b"r", b"d", b"epsilon")
-        line = data.count(b"\n", 0, found.start(2)) + 1
-        owners = re.findall(rb"\b(?:link|frame)\s+\d+|\bbase\b", data[: found.start()])
-        name = f"{owners[-1].decode() if owners else 'parameters'} {found[1].decode()}"
+        is_length = match[1] in (b"r", b"d", b"epsilon")
+        line = data.count(b"\n", 0, match.start(2)) + 1
+        owners = re.findall(rb"\b(?:link|frame)\s+\d+|\bbase\b", data[: match.start()])
+        name = f"{owners[-1].decode() if owners else 'parameters'} {match[1].decode()}"
         scale = 1.0 / metre if is_length else math.radians(1.0)
-        yield WrittenNumber(path, found.start(2), found[2].decode(), line, name, scale, is_length)
+        yield WrittenNumber(path, match.start(2), match[2].decode(), line, name, scale, is_length)
 
 
 def _placements(path: Path) -> Iterator[Adjustable]:
@@ -212,10 +212,10 @@ def _placements(path: Path) -> Iterator[Adjustable]:
     if data != read_bytes(path):
         raise RaffError(f"{path}: is not UTF-8 text without a byte-order mark: save it as UTF-8")
     names = [loop["name"] for loop in json.loads(data)["loops"]]
-    for i, found in enumerate(re.finditer(rb"\"placement\"\s*:\s*((?:\[[^\]]*\]\s*,?\s*|\[\s*|\s)*)", data)):
+    for i, match in enumerate(re.finditer(rb"\"placement\"\s*:\s*((?:\[[^\]]*\]\s*,?\s*|\[\s*|\s)*)", data)):
         name = f"loop '{names[i // 2]}' {('first', 'second')[i % 2]} placement"
         numbers = [
-            replace(number, scale=1.0) for number in _numbers(path, data, *found.span(1), "dddl" * 3 + "dddd", name)
+            replace(number, scale=1.0) for number in _numbers(path, data, *match.span(1), "dddl" * 3 + "dddd", name)
         ]
         if numbers:
             yield Adjustable(tuple(numbers[:12]), (True,) * 3 + (False,) * 3)

@@ -98,8 +98,8 @@ class _Arguments(dict[str, str]):
         missing: an argument that it uses and that has no value; None without.
     """
 
-    def __init__(self, given: Mapping[str, str]) -> None:
-        super().__init__(given)
+    def __init__(self, values: Mapping[str, str]) -> None:
+        super().__init__(values)
         self.met: dict[str, None] = {}
         self.missing: str | None = None
 
@@ -118,7 +118,7 @@ class _Arguments(dict[str, str]):
 
 def _missing(name: str, declared: Mapping[str, str | None]) -> str:
     """Return the error for an argument without a value."""
-    known = [one if default is None else f'{one} (default "{default}")' for one, default in declared.items()]
+    known = [key if default is None else f'{key} (default "{default}")' for key, default in declared.items()]
     option = shell_word(f"{name}=VALUE")
     return (
         f"the argument '{name}' has no value: add --xacro-arg {option} (in Python xacro_args={{{name!r}: VALUE}}); "
@@ -128,38 +128,38 @@ def _missing(name: str, declared: Mapping[str, str | None]) -> str:
 
 def _declared(path: Path, included: list[Any]) -> dict[str, str | None]:
     """Return the arguments that a file and those that it includes declare, with their defaults."""
-    found: dict[str, str | None] = {}
+    arguments: dict[str, str | None] = {}
     for file in dict.fromkeys([path, *map(Path, included)]):
         with contextlib.suppress(RaffError):
             for element in parse_xml(read_text(file), str(file)).iter("*"):
                 if _is_macro(element) and _word(element) == "arg" and element.get("name"):
-                    found.setdefault(element.get("name"), element.get("default"))
-    return found
+                    arguments.setdefault(element.get("name"), element.get("default"))
+    return arguments
 
 
 # --- files that only define macros --------------------------------------------------------------------------------
 
 
-def check_calls(path: Path, found: Expanded) -> None:
+def check_calls(path: Path, output: Expanded) -> None:
     """Refuse a file that defines macros, or includes files that do, and calls none.
 
     Args:
         path: of the file.
-        found: what xacro makes of it.
+        output: what xacro makes of it.
 
     Raises:
         RaffError: it names the files nearby that call them.
     """
-    if parse_xml(found.text, str(path)).find("link") is not None:
+    if parse_xml(output.text, str(path)).find("link") is not None:
         return
     macros = []
-    for file in (path, *found.included):
+    for file in (path, *output.included):
         with contextlib.suppress(RaffError):
             elements = parse_xml(read_text(file), str(file)).iter("*")
-            macros += [one for one in elements if _is_macro(one) and _word(one) == "macro"]
+            macros += [element for element in elements if _is_macro(element) and _word(element) == "macro"]
     if not macros:
         return
-    names = ", ".join(f"'{one.get('name')}'" for one in macros[:_SHOWN]) + ", ..." * (len(macros) > _SHOWN)
+    names = ", ".join(f"'{macro.get('name')}'" for macro in macros[:_SHOWN]) + ", ..." * (len(macros) > _SHOWN)
     callers = list(map(str, _callers(path)))
     if callers:
         more = f" (and {len(callers) - _SHOWN} more)" if len(callers) > _SHOWN else ""
@@ -172,11 +172,11 @@ def check_calls(path: Path, found: Expanded) -> None:
 
 def _call(macro: Any) -> str:
     """Return a call of a macro, with the parameters that have no default."""
-    own = f"xacro:{macro.get('name')}"
+    tag = f"xacro:{macro.get('name')}"
     needed = [word for word in macro.get("params", "").split() if "=" not in word]
     blocks = "".join(f"<{word.lstrip('*')}/>" for word in needed if word[0] == "*")
-    start = " ".join([f"<{own}", *(f'{word}="..."' for word in needed if word[0] != "*")])
-    return f"{start}>{blocks}</{own}>" if blocks else f"{start}/>"
+    start = " ".join([f"<{tag}", *(f'{word}="..."' for word in needed if word[0] != "*")])
+    return f"{start}>{blocks}</{tag}>" if blocks else f"{start}/>"
 
 
 def _callers(path: Path) -> Iterator[Path]:
@@ -193,20 +193,20 @@ def _callers(path: Path) -> Iterator[Path]:
     while wanted:
         name = wanted.pop(0)
         for file, root in files.items():
-            included = [one.get("filename", "") for one in root.iter("*") if _is_macro(one) and _word(one) == "include"]
-            if file.name in done or not any(one.rpartition("/")[2] == name for one in included):
+            included = [e.get("filename", "") for e in root.iter("*") if _is_macro(e) and _word(e) == "include"]
+            if file.name in done or not any(uri.rpartition("/")[2] == name for uri in included):
                 continue
             done.add(file.name)
             wanted.append(file.name)
-            calls = (one for one in root.iter("*") if _is_macro(one) and _word(one) not in _BUILT_IN)
-            if any(not any(_word(above) == "macro" for above in one.iterancestors()) for one in calls):
+            calls = (e for e in root.iter("*") if _is_macro(e) and _word(e) not in _BUILT_IN)
+            if any(not any(_word(above) == "macro" for above in call.iterancestors()) for call in calls):
                 yield file
 
 
 def _near(path: Path) -> Iterator[Path]:
     """Yield the files in xacro in a file's folder, then those of its package, the uppermost first."""
-    home, own = home_of(path.parent), path.parent
-    level = [own, home]
+    home, start = home_of(path.parent), path.parent
+    level = [start, home]
     seen = set[Path]()
     for _ in range(_DEEP + 1):
         below: list[Path] = []
@@ -215,8 +215,8 @@ def _near(path: Path) -> Iterator[Path]:
                 continue
             seen.add(folder)
             entries = sorted(folder.iterdir())
-            yield from (one for one in entries if one.suffix in (ENDING, ".urdf") and one.is_file())
-            below += [one for one in entries if one.name[0] != "." and one.is_dir() and not one.is_symlink()]
+            yield from (entry for entry in entries if entry.suffix in (ENDING, ".urdf") and entry.is_file())
+            below += [entry for entry in entries if entry.name[0] != "." and entry.is_dir() and not entry.is_symlink()]
         level = below
 
 

@@ -77,13 +77,13 @@ def parse_xml(text: str, name: str) -> Any:
         raise RaffError(
             f"{name}:1: the entity '{entity.name}' is not read: write its text instead, and remove <!ENTITY>"
         )
-    for found in tree.iter(etree.Entity, _INCLUDE):
-        what = f"the entity '{found.name}'" if found.tag is etree.Entity else f"'{found.get('href')}' by XInclude"
-        raise error_at(name, found, f"{what} is not read: write its content into the file")
+    for inner in tree.iter(etree.Entity, _INCLUDE):
+        what = f"the entity '{inner.name}'" if inner.tag is etree.Entity else f"'{inner.get('href')}' by XInclude"
+        raise error_at(name, inner, f"{what} is not read: write its content into the file")
     if tree.tag.startswith("{"):
-        own = tree.tag[: tree.tag.index("}") + 1]
-        for element in tree.iter(f"{own}*"):
-            element.tag = element.tag.removeprefix(own)
+        space = tree.tag[: tree.tag.index("}") + 1]
+        for element in tree.iter(f"{space}*"):
+            element.tag = element.tag.removeprefix(space)
     return tree
 
 
@@ -97,23 +97,23 @@ def own_element(parent: Any, name: str) -> Any | None:
     Raises:
         RaffError: another element of raff2urdf would not be read, because of its parent or its namespace.
     """
-    found = parent.find(f"{{{NAMESPACE}}}robot")
-    for one in parent.getroottree().iter("*"):
-        space, _, tag = one.tag.removeprefix("{").rpartition("}")
-        if space != NAMESPACE and one.prefix != "raff" and not tag.startswith("raff:"):
+    robot = parent.find(f"{{{NAMESPACE}}}robot")
+    for element in parent.getroottree().iter("*"):
+        space, _, tag = element.tag.removeprefix("{").rpartition("}")
+        if space != NAMESPACE and element.prefix != "raff" and not tag.startswith("raff:"):
             continue
-        around = list(one.iterancestors())
-        if one is found or found in around:
+        around = list(element.iterancestors())
+        if element is robot or robot in around:
             continue
         if parent in around or not any(other.tag == "model" for other in around):
-            own, twice = tag.removeprefix("raff:"), found is not None and tag == "robot"
+            word, twice = tag.removeprefix("raff:"), robot is not None and tag == "robot"
             place = "there is one already" if twice else f"only the element <raff:robot> of the <{parent.tag}> is read"
             space = "" if space == NAMESPACE else f', with the namespace xmlns:raff="{NAMESPACE}"'
-            raise error_at(name, one, f"<raff:{own}> would be lost: {place}{space}")
-    return found
+            raise error_at(name, element, f"<raff:{word}> would be lost: {place}{space}")
+    return robot
 
 
 def error_at(name: str, element: Any, message: str) -> RaffError:
     """Return an error with the line of an element of the file of that name, or of the file that is noted in it."""
-    around = (one.get(FILE) for one in (element, *element.iterancestors()))
+    around = (e.get(FILE) for e in (element, *element.iterancestors()))
     return RaffError(f"{next(filter(None, around), name)}:{element.sourceline}: {message}")

@@ -69,14 +69,14 @@ def urdf2raff(
             from raff2urdf.urdf2raff.conversion import to_raff
 
             loops, options = loop_kinds_of(loop), reading.options()
-            found = to_raff(
+            imported = to_raff(
                 file, path, units, not no_graphics, robot, loops, ignore_loops, ignore or (), force,
                 options.packages, options.xacro_args, options.swap_limits,
             )  # fmt: skip
         except RaffError as error:
             print_error(str(error))
             return 1
-    report = _report(file, path, found)
+    report = _report(file, path, imported)
     if json:
         print_json(report)
     else:
@@ -87,8 +87,8 @@ def urdf2raff(
 app.command("urdf2raff", cls=Command)(expand(urdf2raff))
 
 
-def _report(name: str, out: Path, found: RaffImport) -> dict[str, Any]:
-    robot = found.document.robot()
+def _report(name: str, out: Path, imported: RaffImport) -> dict[str, Any]:
+    robot = imported.document.robot()
     return {
         "file": name,
         "raff": str(out),
@@ -96,9 +96,9 @@ def _report(name: str, out: Path, found: RaffImport) -> dict[str, Any]:
         "links": len(robot.links),
         "frames": len(robot.frames),
         "loops": len(robot.loops),
-        "joints": dict(found.joints),
-        "offsets": {joint: offset for joint, offset in found.offsets.items() if offset},
-        "nodes": dict(found.nodes),
+        "joints": dict(imported.joints),
+        "offsets": {joint: offset for joint, offset in imported.offsets.items() if offset},
+        "nodes": dict(imported.nodes),
     }
 
 

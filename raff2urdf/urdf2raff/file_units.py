@@ -20,7 +20,7 @@ from raff2urdf.raff.document import (
     RaffParameters,
 )
 from raff2urdf.raff.kleinfinger import Kleinfinger, transform
-from raff2urdf.tree import kleinfinger
+from raff2urdf.tree import joint_units, kleinfinger
 from raff2urdf.urdf2raff.frames import TIDY, tidy
 
 LIMIT_TOLERANCE = 1e-10
@@ -73,18 +73,17 @@ class FileUnits:
         low, high = (self.tidied(limit + offset, length, LIMIT_TOLERANCE) for limit in allowed)
         return low, high
 
-    def drive(self, follower: RaffLink, link: RaffLink, powers: Sequence[float], own: float, other: float) -> RaffDrive:
+    def drive(self, follower: RaffLink, link: RaffLink, powers: Sequence[float]) -> RaffDrive:
         """Return what a link adds to the joint that follows.
 
         Args:
             follower: the link that follows.
             link: the link that drives.
             powers: coefficients of the driving joint's variable (rad, m) and its powers.
-            own: unit of the joint that follows, rad or m.
-            other: unit of the joint that drives, rad or m.
         """
         if len(powers) > 1:
-            numbers = tuple(rounded(c * other**power / own) for power, c in enumerate(powers, 1))
+            followed, driving = (joint_units(self.document, moving, 1.0) for moving in (follower, link))
+            numbers = tuple(rounded(c * driving**power / followed) for power, c in enumerate(powers, 1))
             return RaffDrive(link.number, DriveKind.POLYNOMIAL, numbers)
         if follower.type is link.type:
             return RaffDrive(link.number, DriveKind.RATIO, (powers[0],))

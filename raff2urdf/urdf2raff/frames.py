@@ -64,7 +64,7 @@ class RigidBody:
     number: int = 0
 
     @property
-    def own(self) -> Array:
+    def placed(self) -> Array:
         """Placement of the joint's child: its origin is a point of the axis."""
         return self.links[0][1]
 
@@ -80,8 +80,8 @@ def gather(root: RigidBody, tree: Any, name: str) -> list[RigidBody]:
     joints_on: dict[str, list[Any]] = {}
     for joint in joints(tree):
         joints_on.setdefault(ends(joint)[0], []).append(joint)
-    found = [root]
-    for body in found:
+    bodies = [root]
+    for body in bodies:
         for link, placed in body.links:
             for joint in joints_on.get(link, ()):
                 child, at = ends(joint)[1], placed @ origin(joint, name)
@@ -91,16 +91,16 @@ def gather(root: RigidBody, tree: Any, name: str) -> list[RigidBody]:
                 direction = axis(joint, name)
                 moved = RigidBody(joint, body, [(child, at)], at[:3, :3] @ (direction / np.linalg.norm(direction)))
                 body.children.append(moved)
-                found.append(moved)
-    for body in reversed(found):
+                bodies.append(moved)
+    for body in reversed(bodies):
         if body.parent is not None:
             body.parent.size += body.size
-    return found
+    return bodies
 
 
 def robot_size(bodies: Sequence[RigidBody]) -> float:
     """Return the largest distance (m) of a link from the base, along an axis; 1 if all coincide."""
-    base = bodies[0].own[:3, 3]
+    base = bodies[0].placed[:3, 3]
     furthest = max(float(np.abs(at[:3, 3] - base).max()) for body in bodies for _, at in body.links)
     return furthest if furthest > 1e-9 else 1.0
 
@@ -115,22 +115,22 @@ def choose_frame(body: RigidBody, length: float) -> Array:
         body: whose children are known.
         length: the robot's size, m.
     """
-    if np.abs(body.own[:3, 2] - body.axis).max() <= EXACT and (
-        len(body.children) != 1 or _on_perpendicular(body.own, body.children[0], length)
+    if np.abs(body.placed[:3, 2] - body.axis).max() <= EXACT and (
+        len(body.children) != 1 or _on_perpendicular(body.placed, body.children[0], length)
     ):
-        return body.own
-    at, x = body.own[:3, 3], body.own[:3, 0]
+        return body.placed
+    at, x = body.placed[:3, 3], body.placed[:3, 0]
     if not body.children:
         return _frame(body.axis, x, at)
-    child = max(body.children, key=lambda one: one.size)
-    between = child.own[:3, 3] - at
+    child = max(body.children, key=lambda other: other.size)
+    between = child.placed[:3, 3] - at
     cross = np.cross(body.axis, child.axis)
     sine = float(np.linalg.norm(cross))
     along = float(np.cross(between, child.axis) @ cross) / sine**2 if sine > 1e3 * EXACT else math.inf
     if abs(along) <= _FAR * length:  # the foot of the common perpendicular
         x = cross / sine
         at = at + body.axis * along
-        if (child.own[:3, 3] - at) @ x < -EXACT * length:
+        if (child.placed[:3, 3] - at) @ x < -EXACT * length:
             x = -x
     else:
         aside = between - float(between @ body.axis) * body.axis
@@ -152,11 +152,11 @@ def path(start: Array, end: Array, length: float, branches: bool = True) -> list
         branches: whether gamma and epsilon may differ from 0.
     """
     relative = inverse(start) @ end
-    found = step(relative, length)
-    near = max(abs(found.epsilon), abs(found.d), abs(found.r)) <= 4.0 * _FAR * length
-    near = near and (branches or (found.gamma == 0.0 and found.epsilon == 0.0))
-    if near and _error(found, relative) <= 10.0 * EXACT * max(length, 1.0):
-        return [found]
+    direct = step(relative, length)
+    near = max(abs(direct.epsilon), abs(direct.d), abs(direct.r)) <= 4.0 * _FAR * length
+    near = near and (branches or (direct.gamma == 0.0 and direct.epsilon == 0.0))
+    if near and _error(direct, relative) <= 10.0 * EXACT * max(length, 1.0):
+        return [direct]
     x, y, z = end[:3, :3].T
     aside = x if np.linalg.norm(np.cross(x, start[:3, 2])) > _NEARLY_NORMAL else y
     between = _frame(aside, np.cross(aside, z), end[:3, 3])
@@ -176,31 +176,31 @@ def step(relative: Array, length: float) -> Kleinfinger:
     simple = completed(relative, 0.0, alpha, r)._replace(epsilon=0.0)
     if _error(simple, relative) <= EXACT * max(length, 1.0):
         return simple
-    found = parameters(relative)
-    return _shortened(found, relative) if EXACT < sine < _NEARLY_PARALLEL and found.alpha % math.pi else found
+    general = parameters(relative)
+    return _shortened(general, relative) if EXACT < sine < _NEARLY_PARALLEL and general.alpha % math.pi else general
 
 
-def _shortened(found: Kleinfinger, relative: Array) -> Kleinfinger:
+def _shortened(general: Kleinfinger, relative: Array) -> Kleinfinger:
     """Return parameters of nearly parallel axes with short gamma and r.
 
     Both are known up to rounding divided by the sine of the axes' angle. They are tidied within that, and the others
     follow: otherwise each reading of the written numbers would change them.
     """
-    sine = math.sin(found.alpha)
-    gamma = math.radians(tidy(math.degrees(found.gamma), math.degrees(TIDY) / abs(sine)))
+    sine = math.sin(general.alpha)
+    gamma = math.radians(tidy(math.degrees(general.gamma), math.degrees(TIDY) / abs(sine)))
     px, py, _ = relative[:3, 3].tolist()
     r = tidy((math.sin(gamma) * px - math.cos(gamma) * py) / sine, TIDY / abs(sine))
-    return completed(relative, gamma, found.alpha, r)
+    return completed(relative, gamma, general.alpha, r)
 
 
-def _error(found: Kleinfinger, relative: Array) -> float:
-    return float(np.abs(transform(found) - relative).max())
+def _error(kleinfinger: Kleinfinger, relative: Array) -> float:
+    return float(np.abs(transform(kleinfinger) - relative).max())
 
 
 def _on_perpendicular(frame: Array, child: RigidBody, length: float) -> bool:
     """Return whether a child's axis meets the frame's x at a right angle: then it needs neither gamma nor epsilon."""
     inward = frame[:3, :3].T
-    axis, point = inward @ child.axis, inward @ (child.own[:3, 3] - frame[:3, 3])
+    axis, point = inward @ child.axis, inward @ (child.placed[:3, 3] - frame[:3, 3])
     return bool(abs(axis[0]) <= EXACT and abs(point[1] * axis[2] - point[2] * axis[1]) <= EXACT * length)
 
 

@@ -86,10 +86,10 @@ class GraphicsExport:
         files: dict[str, tuple[str, ...] | None] = {}
         drawn: list[RaffNode] = []  # as skeletons, since all that they showed is lost
         for part in robot.nodes.values():
-            own = visuals[part.node]
-            skeletal = self._is_skeleton(own, bodies.of(part))
-            files[part.node] = None if skeletal else tuple(self._files(own, part.node, per_metre))
-            if own and files[part.node] == ():
+            shown = visuals[part.node]
+            skeletal = self._is_skeleton(shown, bodies.of(part))
+            files[part.node] = None if skeletal else tuple(self._files(shown, part.node, per_metre))
+            if shown and files[part.node] == ():
                 drawn.append(part)
         for lost in drawn:
             files[lost.node], carrier = None, lost
@@ -173,10 +173,10 @@ class GraphicsExport:
         if shape.tag == "mesh":
             path, scene = self._scenes[shape.get("filename", "")]
             scale = unit_of(path) * np.array(three(shape, "scale", self.name, "1 1 1"))
-            found = [mesh for mesh in scene.dump() if isinstance(mesh, trimesh.Trimesh)]
-            for mesh in found:
+            meshes = [mesh for mesh in scene.dump() if isinstance(mesh, trimesh.Trimesh)]
+            for mesh in meshes:
                 mesh.apply_transform(np.diag([*scale, 1.0]))
-            return found
+            return meshes
         if shape.tag == "box":
             return [trimesh.creation.box(extents=three(shape, "size", self.name))]
         if shape.tag == "sphere":
@@ -189,11 +189,11 @@ class GraphicsExport:
         )
 
     def _length(self, shape: Any, word: str) -> float:
-        found = numbers(shape.get(word, ""))
-        if found is None or len(found) != 1 or found[0] <= 0.0:
+        values = numbers(shape.get(word, ""))
+        if values is None or len(values) != 1 or values[0] <= 0.0:
             message = f'{word}="{shape.get(word)}" of <{shape.tag}> must be a number above 0'
             raise error_at(self.name, shape, message)
-        return found[0]
+        return values[0]
 
     def _colour(self, visual: Any) -> tuple[float, ...] | None:
         material = visual.find("material")
@@ -207,15 +207,15 @@ class GraphicsExport:
 
     def _is_like(self, visual: Any, drawn: Shape) -> bool:
         shape, kind, sizes = _shape(visual), drawn.kind, np.array(drawn.sizes)
-        found = (
+        written = (
             [] if shape is None else [value for word in SHAPES[kind] for value in numbers(shape.get(word, "nan")) or []]
         )
-        if shape is None or shape.tag != kind or len(found) != len(sizes):
+        if shape is None or shape.tag != kind or len(written) != len(sizes):
             return False
         size = float(np.abs(sizes).max())
         placed, colour = origin(visual, self.name) - drawn.placement, self._colour(visual)
         return bool(
-            np.abs(found - sizes).max() <= _NEAR * size
+            np.abs(written - sizes).max() <= _NEAR * size
             and np.abs(placed[:3, :3]).max() <= _NEAR
             and np.abs(placed[:3, 3]).max() <= _NEAR * size
             and colour is not None
@@ -227,10 +227,10 @@ class GraphicsExport:
         """Return whether a mesh is a solid that raff2urdf draws."""
         if self._path(mesh) is None:
             return False
-        (found, *others) = [np.asarray(one.triangles) for one in self._scenes[mesh.get("filename", "")][1].dump()]
+        (surface, *others) = [np.asarray(m.triangles) for m in self._scenes[mesh.get("filename", "")][1].dump()]
         solid = triangles(recipe)
         solid = solid[np.any(np.cross(solid[:, 1] - solid[:, 0], solid[:, 2] - solid[:, 0]) != 0.0, axis=1)]
-        return not others and found.shape == solid.shape and bool(np.abs(found - solid).max() <= 10.0 * _NEAR)
+        return not others and surface.shape == solid.shape and bool(np.abs(surface - solid).max() <= 10.0 * _NEAR)
 
 
 def _scene(path: Path) -> Any:
@@ -243,7 +243,7 @@ def _scene(path: Path) -> Any:
 
     try:
         scene = trimesh.load_scene(path)
-        if not any(len(getattr(one, "faces", ())) for one in scene.geometry.values()):  # points and lines have none
+        if not any(len(getattr(part, "faces", ())) for part in scene.geometry.values()):  # points and lines have none
             raise ValueError("it holds no surface")
     except Exception as error:  # each reader has its own errors
         reason = " ".join(str(error).split()) or type(error).__name__
@@ -258,5 +258,5 @@ def _shape(visual: Any) -> Any:
 
 def _rgba(material: Any) -> tuple[float, ...] | None:
     colour = material.find("color")
-    found = None if colour is None else numbers(colour.get("rgba", ""))
-    return None if found is None or len(found) != 4 else tuple(min(max(value, 0.0), 1.0) for value in found)
+    rgba = None if colour is None else numbers(colour.get("rgba", ""))
+    return None if rgba is None or len(rgba) != 4 else tuple(min(max(value, 0.0), 1.0) for value in rgba)

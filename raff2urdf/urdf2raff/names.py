@@ -38,11 +38,11 @@ class Names:
         if wanted is None and default not in self.reserved | self.taken:
             self.taken.add(default)
             return None
-        name = own = xml_name(otherwise if wanted is None else wanted)
+        name = stem = xml_name(otherwise if wanted is None else wanted)
         count = 1
         while name in self.taken or (count > 1 and name in self.reserved):
             count += 1
-            name = f"{own}_{count}"
+            name = f"{stem}_{count}"
         self.taken.add(name)
         return None if name == default else name
 

@@ -56,7 +56,7 @@ from raff2urdf.readers.urdf import (
     velocity,
 )
 from raff2urdf.readers.xml_file import error_at
-from raff2urdf.tree import BASE_JOINT, WORLD, in_si, joint_units, kleinfinger
+from raff2urdf.tree import BASE_JOINT, WORLD, in_si, kleinfinger
 from raff2urdf.urdf2raff.file_units import LIMIT_TOLERANCE, FileUnits, shortest
 from raff2urdf.urdf2raff.frames import EXACT, RigidBody, choose_frame, gather, path, robot_size, step
 from raff2urdf.urdf2raff.names import Names, numbers, xml_name
@@ -281,7 +281,7 @@ class _Import:
     def with_dynamics(self, link: RaffLink, joint: Any) -> RaffLink:
         """Add the inertia of a joint's rotors and its friction to its link, in the file's units."""
         damping, dry = friction(joint)
-        given = JointDynamics(self.entries.get(joint.get("name"), {}).get("armature", 0.0), damping, dry)
+        dynamics = JointDynamics(self.entries.get(joint.get("name"), {}).get("armature", 0.0), damping, dry)
         sizes = in_si(self.units.document, link, JointDynamics(1.0, 1.0, 1.0))
 
         def written(word: str, value: float, size: float) -> float | None:
@@ -292,7 +292,7 @@ class _Import:
 
             return shortest(value, value / size, back) if value else None
 
-        armature, damped, resists = map(written, given._fields, given, sizes)
+        armature, damped, resists = map(written, dynamics._fields, dynamics, sizes)
         return replace(link, armature=armature, damping=damped, friction=resists)
 
     def with_actuated(self, parts: Iterable[RaffPart]) -> Iterator[RaffPart]:
@@ -313,12 +313,12 @@ class _Import:
             else:
                 yield part
 
-    def add_note(self, link: RaffLink, own: str, offset: float) -> None:
+    def add_note(self, link: RaffLink, name: str, offset: float) -> None:
         """Comment on a joint that has another name, or another zero, in the URDF."""
         unit = self.units.document.units if link.type is JointType.PRISMATIC else "degrees"
         moved = f"; 0 here is {-offset:.10g} {unit} there" if offset else ""
-        if own != link.joint or offset:
-            self.notes[link.number] = f"{own}{moved}"
+        if name != link.joint or offset:
+            self.notes[link.number] = f"{name}{moved}"
 
     # --- loops and sensors --------------------------------------------------------------------------------------
 
@@ -342,17 +342,16 @@ class _Import:
             raise RaffError(f"{where} has no notation in RAFF, since {why}: {leave_out(coupling.name)}")
         by_joint = {part.joint: part for _, part in self.parts if isinstance(part, RaffLink)}
         links = {joint: by_joint[self.joints[joint]] for joint in coupling.terms}
-        units = {joint: joint_units(self.units.document, link, 1.0) for joint, link in links.items()}
         follower, drives = linear[0], []
         (factor,) = coupling.terms[follower]
         offset = self.offsets[links[follower].joint] + coupling.constant / factor
         for joint, coefficients in coupling.terms.items():
             if joint == follower:
                 continue
-            own = Polynomial([0.0, *coefficients])(Polynomial([-self.offsets[links[joint].joint], 1.0]))
-            constant, *powers = (-c / factor for c in own.coef.tolist())
+            shifted = Polynomial([0.0, *coefficients])(Polynomial([-self.offsets[links[joint].joint], 1.0]))
+            constant, *powers = (-c / factor for c in shifted.coef.tolist())
             offset += constant
-            drives.append(self.units.drive(links[follower], links[joint], powers, units[follower], units[joint]))
+            drives.append(self.units.drive(links[follower], links[joint], powers))
         numbers = [links[follower].number, *(drive.link for drive in drives)]
         name = None if coupling.name == "-".join(f"joint{number}" for number in numbers) else coupling.name
         at = self.units.tidied(offset, links[follower].type is JointType.PRISMATIC)
@@ -361,12 +360,12 @@ class _Import:
     def loop_end(self, end: Mapping[str, Any], loop: str) -> int:
         """Return the node of a loop's end: a new frame if it is none of the URDF's links."""
         carrier = self.node_number(end["node"], f"loop '{loop}'")
-        there = self.placed[carrier] @ np.array(end["placement"], dtype=float)
-        if self.is_at(carrier, there):
+        at = self.placed[carrier] @ np.array(end["placement"], dtype=float)
+        if self.is_at(carrier, at):
             return carrier
-        pred, found = self.step(carrier, end["node"], there, loop, math.inf)
+        pred, parameters = self.step(carrier, end["node"], at, loop, math.inf)
         number = next(self.free_numbers)
-        return self.add_frame(found, pred, f"frame{number}", number, math.inf)
+        return self.add_frame(parameters, pred, f"frame{number}", number, math.inf)
 
     def node_number(self, link: str, what: str) -> int:
         if link not in self.number_of:

@@ -59,5 +59,5 @@ def files(format: str, translation: Translation, stem: str, options: WriteOption
         raise RaffError(f"there is no format '{format}'{did_you_mean(format, list(FORMATS))}")
     if options.dialect not in DIALECTS:
         raise RaffError(f"there is no dialect '{options.dialect}'{did_you_mean(options.dialect, list(DIALECTS))}")
-    found: dict[str, bytes] = importlib.import_module(FORMATS[format]).files(translation, stem, options)
-    return found
+    contents: dict[str, bytes] = importlib.import_module(FORMATS[format]).files(translation, stem, options)
+    return contents

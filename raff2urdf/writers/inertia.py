@@ -95,10 +95,10 @@ def inertias(
         raise RaffError(f"the density is {density:g} kg/m3: it must be a number above 0")
     surface = cache(read or load_surface)
     bodies = {name: carrier for carrier, parts in (moving or {}).items() for name, _ in parts}
-    given = {link.name: link.inertial for link in model.links if link.inertial is not None}
-    stated = {name: _placed(Inertia(one.mass, matrix=one.inertia), one.origin) for name, one in given.items()}
+    written = {link.name: link.inertial for link in model.links if link.inertial is not None}
+    stated = {name: _placed(Inertia(i.mass, matrix=i.inertia), i.origin) for name, i in written.items()}
     known = {bodies.get(name, name) for name in stated}
-    found = {
+    masses = {
         link.name: stated.get(link.name, Inertia())
         if bodies.get(link.name, link.name) in known
         else sum_of(
@@ -106,7 +106,7 @@ def inertias(
         )
         for link in model.links
     }
-    estimated = [name for name, body in found.items() if bodies.get(name, name) not in known and body.mass > 0.0]
+    estimated = [name for name, body in masses.items() if bodies.get(name, name) not in known and body.mass > 0.0]
     raised: dict[str, None] = {}
 
     def least(name: str, body: Inertia) -> Inertia:
@@ -116,16 +116,16 @@ def inertias(
         raised[name] = None
         return enough
 
-    for name, body in found.items():
+    for name, body in masses.items():
         if body.mass > 0.0:
-            found[name] = least(name, body)
+            masses[name] = least(name, body)
     for carrier, parts in (moving or {}).items():
-        own, whole = found[carrier], sum_of(found[name].in_frame(placement) for name, placement in parts)
+        single, whole = masses[carrier], sum_of(masses[name].in_frame(placement) for name, placement in parts)
         enough = least(carrier, whole)
         if enough is not whole:
-            matrix = own.matrix + enough.matrix - whole.matrix
-            found[carrier] = Inertia(own.mass + enough.mass - whole.mass, own.centre, matrix)
-    return Inertias(found, density, tuple(estimated), bool(stated), tuple(raised))
+            matrix = single.matrix + enough.matrix - whole.matrix
+            masses[carrier] = Inertia(single.mass + enough.mass - whole.mass, single.centre, matrix)
+    return Inertias(masses, density, tuple(estimated), bool(stated), tuple(raised))
 
 
 def of_geometry(geometry: Geometry, density: float, surface: Reader | None = None) -> Inertia:

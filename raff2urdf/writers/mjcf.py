@@ -345,12 +345,12 @@ class _Writer:
 
 def pose(placement: Array) -> dict[str, str]:
     """Return a placement (4, 4) as attributes; none for zeros."""
-    found = {}
+    attributes = {}
     if placement[:3, 3].any():
-        found["pos"] = numerals(placement[:3, 3])
+        attributes["pos"] = numerals(placement[:3, 3])
     if not np.array_equal(placement[:3, :3], np.eye(3)):
-        found["quat"] = numerals(quaternion(placement[:3, :3]))
-    return found
+        attributes["quat"] = numerals(quaternion(placement[:3, :3]))
+    return attributes
 
 
 def quaternion(rotation: Array) -> list[float]:

@@ -68,7 +68,7 @@ class _Writer:
     tree: TreeAtHome
     inertias: Inertias
     names: set[str] = field(default_factory=set)  # SDF has one list of names for links, frames and joints
-    own: etree._Element = field(default_factory=lambda: etree.Element(f"{{{NAMESPACE}}}robot"))
+    raff_robot: etree._Element = field(default_factory=lambda: etree.Element(f"{{{NAMESPACE}}}robot"))
     axis: dict[str, etree._Element] = field(default_factory=dict)  # of joints that move
 
     def root(self) -> etree._Element:
@@ -101,9 +101,9 @@ class _Writer:
             message = f"SDF has no notation for {', '.join(lost)}: written as raff:coupling, which only cinegen reads"
             warnings.warn(f"robot '{tree.model.name}': {message}", RaffWarning, stacklevel=3)
         if tree.gravity is not None:
-            self.own.set("gravity", numerals(tree.gravity))
-        if len(self.own) or self.own.attrib:
-            model.append(self.own)
+            self.raff_robot.set("gravity", numerals(tree.gravity))
+        if len(self.raff_robot) or self.raff_robot.attrib:
+            model.append(self.raff_robot)
         return root
 
     def add_link(self, model: etree._Element, name: str) -> None:
@@ -140,9 +140,9 @@ class _Writer:
             dynamics = etree.SubElement(axis, "dynamics")
             for word in ("damping", "friction"):
                 etree.SubElement(dynamics, word).text = numeral(entry[word])
-        own = {"home": numeral(home), "actuated": str(entry["actuated"]).lower()}
-        own |= {"armature": numeral(entry["armature"])} if "armature" in entry else {}
-        self.add_own("joint", element, joint.name, **own)
+        values = {"home": numeral(home), "actuated": str(entry["actuated"]).lower()}
+        values |= {"armature": numeral(entry["armature"])} if "armature" in entry else {}
+        self.add_entry("joint", element, joint.name, **values)
 
     def add_loop(self, model: etree._Element, loop: Mapping[str, Any]) -> None:
         """Add a joint between the two rigid bodies; its frame is the loop's second end."""
@@ -160,18 +160,18 @@ class _Writer:
             joint.insert(0, pose)
         if kind in ("prismatic", "revolute"):
             add_axis(joint, -math.inf, math.inf)
-        self.add_own("loop", joint, loop["name"], kind=loop["kind"], first=nodes[0], second=nodes[1])
+        self.add_entry("loop", joint, loop["name"], kind=loop["kind"], first=nodes[0], second=nodes[1])
 
     def add_mimic(self, root: etree._Element, coupling: Coupling) -> bool:
         """Add a coupling, in SDF's values, which count from home; return whether other programs can read it."""
         free = [joint for joint in coupling.terms if self.axis[joint].find("mimic") is None]
         written = {joint: str(self.axis[joint].getparent().get("name")) for joint in coupling.terms}
         if len(coupling.terms) != 2 or not coupling.is_linear or not free:
-            own = etree.SubElement(self.own, f"{{{NAMESPACE}}}coupling", name=coupling.name)
-            own.set("constant", numeral(coupling.constant))
+            entry = etree.SubElement(self.raff_robot, f"{{{NAMESPACE}}}coupling", name=coupling.name)
+            entry.set("constant", numeral(coupling.constant))
             for joint, coefficients in coupling.terms.items():
                 values = {"joint": written[joint], "coefficients": numerals(coefficients)}
-                etree.SubElement(own, f"{{{NAMESPACE}}}term", **values)
+                etree.SubElement(entry, f"{{{NAMESPACE}}}term", **values)
             return False
         follower = free[0]
         (leader,) = coupling.terms.keys() - {follower}
@@ -186,11 +186,11 @@ class _Writer:
         root.set("version", MIMIC_VERSION)
         return True
 
-    def add_own(self, word: str, joint: etree._Element, name: str, **values: str) -> None:
+    def add_entry(self, word: str, joint: etree._Element, name: str, **values: str) -> None:
         """Add an element of ours for a joint, for which SDF has none."""
         written = joint.get("name", "")
         other = {} if name == written else {"raff_name": name}
-        etree.SubElement(self.own, f"{{{NAMESPACE}}}{word}", name=written, **other, **values)
+        etree.SubElement(self.raff_robot, f"{{{NAMESPACE}}}{word}", name=written, **other, **values)
 
 
 def add_pose(element: etree._Element, placement: Array, relative_to: str | None = None) -> None:

@@ -54,7 +54,7 @@ class TreeAtHome:
         self.home, self.gravity = translation.analysis.home, translation.constraints.get("gravity")
         bounds = {joint.name: _bounds(joint) for joint in self.model.joints if joint.limit is not None}
         self.entries = {entry["name"]: entry | bounds[entry["name"]] for entry in translation.constraints["joints"]}
-        self.couplings: list[Coupling] = [coupling_of(one) for one in translation.constraints.get("couplings", [])]
+        self.couplings: list[Coupling] = [coupling_of(entry) for entry in translation.constraints.get("couplings", [])]
         self.link: dict[str, Link] = {link.name: link for link in self.model.links}
         self.joint_of: dict[str, Joint] = {joint.child: joint for joint in self.model.joints}
         self.root = next(iter(self.link))
@@ -73,28 +73,28 @@ class TreeAtHome:
     @cached_property
     def world(self) -> Mapping[str, Array]:
         """Placement (4, 4) of every link at closed home."""
-        found = {self.root: np.eye(4)}
+        placements = {self.root: np.eye(4)}
         for joint in self.order:
-            found[joint.child] = found[joint.parent] @ self.placed(joint)
-        return found
+            placements[joint.child] = placements[joint.parent] @ self.placed(joint)
+        return placements
 
     @cached_property
     def carriers(self) -> Mapping[str, tuple[str, Array]]:
         """By link: the link that represents its rigid body (moved by a joint, or the root), and its placement on it."""
-        found = {self.root: (self.root, np.eye(4))}
+        carried = {self.root: (self.root, np.eye(4))}
         for joint in self.order:
-            carrier, placement = found[joint.parent]
+            carrier, placement = carried[joint.parent]
             rigid = joint.type == "fixed" and joint.parent != WORLD
-            found[joint.child] = (carrier, placement @ self.placed(joint)) if rigid else (joint.child, np.eye(4))
-        return found
+            carried[joint.child] = (carrier, placement @ self.placed(joint)) if rigid else (joint.child, np.eye(4))
+        return carried
 
     @cached_property
     def rigid(self) -> Mapping[str, list[tuple[str, Array]]]:
         """Rigid bodies by the link that represents them: their links, this one first, with their placements on it."""
-        found: dict[str, list[tuple[str, Array]]] = {}
+        bodies: dict[str, list[tuple[str, Array]]] = {}
         for name, (carrier, placement) in self.carriers.items():
-            found.setdefault(carrier, []).append((name, placement))
-        return found
+            bodies.setdefault(carrier, []).append((name, placement))
+        return bodies
 
     @cached_property
     def moving(self) -> Mapping[str, list[tuple[str, Array]]]:
@@ -108,15 +108,15 @@ def _with_ends(robot: Robot, loops: Sequence[Mapping[str, Any]]) -> tuple[Robot,
     loops between links' frames."""
     from yourdfpy import Joint, Link, Robot
 
-    links, joints, found = list(robot.links), list(robot.joints), [dict(loop) for loop in loops]
-    for loop, which in product(found, ("first", "second")):
+    links, joints, copies = list(robot.links), list(robot.joints), [dict(loop) for loop in loops]
+    for loop, which in product(copies, ("first", "second")):
         end = loop[which]
         if not np.array_equal(end["placement"], np.eye(4)):
             name = unique_name(f"{loop['name']}.{which}", [link.name for link in links])
             links.append(Link(name=name))
             joints.append(Joint(name, "fixed", end["node"], name, origin=np.array(end["placement"])))
             loop[which] = {"node": name, "placement": np.eye(4)}
-    return Robot(robot.name, links, joints), found
+    return Robot(robot.name, links, joints), copies
 
 
 def _bounds(joint: Joint) -> dict[str, Any]:

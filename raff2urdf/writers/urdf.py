@@ -51,9 +51,9 @@ def files(translation: Translation, stem: str, options: WriteOptions) -> dict[st
         more = _add_dialect(root, translation, stem, options.dialect)
     values = constraints_file.for_urdf(values, hash_of(root, f"{stem}.urdf"))
     if options.dialect != "json":
-        own = etree.SubElement(root, f"{{{NAMESPACE}}}robot", nsmap={"raff": NAMESPACE})
-        text = re.sub("[\ufffe\uffff]", lambda found: f"\\u{ord(found[0]):04x}", constraints_file.dumps(values))
-        own.text = etree.CDATA("\n" + text)  # XML has not all characters
+        element = etree.SubElement(root, f"{{{NAMESPACE}}}robot", nsmap={"raff": NAMESPACE})
+        text = re.sub("[\ufffe\uffff]", lambda match: f"\\u{ord(match[0]):04x}", constraints_file.dumps(values))
+        element.text = etree.CDATA("\n" + text)  # XML has not all characters
     text = constraints_file.dumps(values | {constraints_file.MARK: GENERATED})
     return {f"{stem}.urdf": text_of(root).encode(), sidecar: text.encode(), **more}
 
@@ -104,7 +104,7 @@ def tree(
         visuals = [drawing.visual(out, document.metres(1.0)) for drawing in drawings]
         collisions = []
         if not visuals and node.filenames != ():  # `filename { }` shows nothing
-            visuals = [_visual(one, graphics, out) for one in bodies.of(node)]
+            visuals = [_visual(shape, graphics, out) for shape in bodies.of(node)]
             bars = enumerate(skeleton.draw(node))
             collisions = [Collision(f"{MARK} {i}", bar.origin, bar.geometry) for i, bar in bars]
         return Link(name=node.node, visuals=visuals, collisions=collisions, inertial=inertial(masses.of(node)))

@@ -80,7 +80,7 @@ class UrdfDialectWriter:
         else:
             self.lost += [f"loop '{loop['name']}'" for loop in loops]
         if dialect in ("closing-frames", "robot.yaml", "mimic"):
-            self.lost += [f"coupling '{one.name}'" for one in self.couplings if not self._mimic(one)]
+            self.lost += [f"coupling '{coupling.name}'" for coupling in self.couplings if not self._mimic(coupling)]
 
     # --- elements -----------------------------------------------------------------------------------------------
 
@@ -124,10 +124,10 @@ class UrdfDialectWriter:
         """Return the ratio of two joints that move links of one body, as URDF+ couples them; None of others."""
         if len(coupling.terms) != 2 or not coupling.is_linear or coupling.constant != 0.0:
             return None
-        (follower, (one,)), (leader, (other,)) = coupling.terms.items()
+        (follower, (factor,)), (leader, (other,)) = coupling.terms.items()
         if self._carrier(self.joints[follower].parent) != self._carrier(self.joints[leader].parent):
             return None
-        return -other / one
+        return -other / factor
 
     def _carrier(self, link: str) -> str:
         """Return the first link of the rigid body of a link."""
@@ -167,8 +167,8 @@ class UrdfDialectWriter:
         for number, which in enumerate(("first", "second"), 1):
             for axis in ("", *_POINTS[kind]):
                 hinge = axis == "z"
-                own = name if hinge or not axis else f"{name}.{axis}"
-                self._add_frame(f"closing_{own}_{number}{'_z' if hinge else ''}", loop[which], axis)
+                label = name if hinge or not axis else f"{name}.{axis}"
+                self._add_frame(f"closing_{label}_{number}{'_z' if hinge else ''}", loop[which], axis)
 
     def _robot_yaml(self) -> None:
         pairs: list[list[str]] = []

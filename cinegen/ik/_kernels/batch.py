@@ -27,7 +27,7 @@ def measure_all(memory: BatchMemory) -> None:
     memory.evaluations = 0
     if memory.is_given != 0:
         for i in range(memory.count):
-            copy(memory.given[i], memory.q, memory.nq)
+            copy(memory.configurations[i], memory.q, memory.nq)
             evaluate(memory, memory.q)
             memory.closure = evaluate_loops(memory, False) if memory.rows > 0 else 0.0
             _measure(memory, i)

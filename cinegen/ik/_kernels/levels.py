@@ -132,9 +132,9 @@ def _scale_turn(memory: LevelsMemory, level: int) -> None:
     """Scale a level's part of the step so that it does not oscillate about targets at rest: half the last scale if it
     is opposite to the last part, within 60 degrees."""
     part, last = memory.level_part[level], memory.level_last[level]
-    along, here, there = inner(part, last, memory.n), inner(part, part, memory.n), inner(last, last, memory.n)
+    along, square, last_square = inner(part, last, memory.n), inner(part, part, memory.n), inner(last, last, memory.n)
     scale = memory.level_scale[level]
-    if memory.level_still[level] != 0.0 and along < 0.0 and along * along > 0.25 * here * there:
+    if memory.level_still[level] != 0.0 and along < 0.0 and along * along > 0.25 * square * last_square:
         scale = max(0.5 * scale, LEAST_SCALE)
     else:
         scale = min((_GROWS if level > 0 else 2.0) * scale, 1.0)
@@ -297,8 +297,8 @@ def _bound(memory: LevelsMemory, part: Array, width: int) -> int:
         part[c] = inner(g[c], x, width)
         at = memory.q_index[c]
         if room[2, c] != 0.0 and at >= 0:
-            there, touch = memory.q[at] + (memory.step[c] + part[c]) * memory.scale[c], 1e-9 * memory.scale[c]
-            if there >= memory.upper[c] - touch or there <= memory.lower[c] + touch:
+            value, touch = memory.q[at] + (memory.step[c] + part[c]) * memory.scale[c], 1e-9 * memory.scale[c]
+            if value >= memory.upper[c] - touch or value <= memory.lower[c] + touch:
                 memory.level_stopped[c], limit = room[2, c], AT_LIMIT
     for b in range(memory.barriers):
         if room[2, n + b] != 0.0:
@@ -353,7 +353,7 @@ def promise(memory: LevelsMemory) -> None:
     becomes `level_cost` - g . u + |u|^2 / 2 without the part, and is less by (g - u) . o - |o|^2 / 2 with it.
     """
     for level in range(memory.levels):
-        start, others, own = memory.level_end[level - 1] if level > 0 else 0, 0.0, 0.0
+        start, others, gained = memory.level_end[level - 1] if level > 0 else 0, 0.0, 0.0
         for i in range(start, memory.level_end[level]):
             row, wanted = memory.task_jacobian[i], memory.wanted[i] / memory.gain
             memory.aimed[i] = inner(row, memory.attempted, memory.n)
@@ -361,5 +361,5 @@ def promise(memory: LevelsMemory) -> None:
                 part = inner(row, memory.level_part[level], memory.n)
                 above = memory.aimed[i] - part
                 others += (wanted - 0.5 * above) * above
-                own += (wanted - above - 0.5 * part) * part
-        memory.level_rest[level], memory.level_promised[level] = memory.level_cost[level] - others, own
+                gained += (wanted - above - 0.5 * part) * part
+        memory.level_rest[level], memory.level_promised[level] = memory.level_cost[level] - others, gained

@@ -150,12 +150,12 @@ def _bend(memory: SolverMemory) -> None:
     """Set `step` to the one that does most for the tasks within all bounds."""
     _bound_speeds(memory)
     find_axes(memory)
-    found = _find_bounded(memory)
-    if not found and must_go_back(memory):
-        found = _ease_barriers(memory)
-    if not found and memory.has_acceleration_limits != 0:
-        found = _find_braking(memory)
-    if not found:
+    done = _find_bounded(memory)
+    if not done and must_go_back(memory):
+        done = _ease_barriers(memory)
+    if not done and memory.has_acceleration_limits != 0:
+        done = _find_braking(memory)
+    if not done:
         _brake(memory)
     for j in range(memory.n):
         if memory.stopped[j] != 0.0 and not _is_at_position_limit(memory, j):
@@ -226,11 +226,11 @@ def _is_at_position_limit(memory: BoundsMemory, j: int) -> bool:
     """Return whether a joint with an active bound is at a position limit after the step, or was beyond it before."""
     if memory.q_index[j] < 0:
         return False
-    here, scale = memory.q[memory.q_index[j]], memory.scale[j]
-    there = here + memory.step[j] * scale
+    value, scale = memory.q[memory.q_index[j]], memory.scale[j]
+    after = value + memory.step[j] * scale
     if memory.stopped[j] > 0.0:
-        return bool(here >= memory.upper[j] or there >= memory.upper[j] - 1e-9 * scale)
-    return bool(here <= memory.lower[j] or there <= memory.lower[j] + 1e-9 * scale)
+        return bool(value >= memory.upper[j] or after >= memory.upper[j] - 1e-9 * scale)
+    return bool(value <= memory.lower[j] or after <= memory.lower[j] + 1e-9 * scale)
 
 
 @compiled

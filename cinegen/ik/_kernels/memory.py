@@ -20,7 +20,7 @@ class TaskMemory(Memory):
     is_valid: int = parameter(1)
     place: int = parameter(0)  # among all tasks, in the order in which they were added
     level: int = parameter(0)  # 0 is served first
-    given: int = parameter(0)  # rows that Python gives, or 0
+    python_rows: int = parameter(0)  # rows that Python gives, or 0
     joint: int = parameter(0)  # joint that carries the node
     translation: int = parameter(3)  # rows of translations: they come first
     rotation: int = parameter(3)  # rows of rotations; if 2, they are those of a swing
@@ -38,12 +38,12 @@ class TaskMemory(Memory):
     axes: Array = array(3, 3)  # of that node, relative to the joint
     twist: Array = array(6)
     moved_by: Array = array("n")  # 1 for DoF that move the node, else 0
-    given_error: Array = array("given")  # of the last evaluation, dimensionless: lengths come first
-    given_rows: Array = array("given", "n")  # at q; how the error shrinks by steps, dimensionless
+    given_error: Array = array("python_rows")  # of the last evaluation, dimensionless: lengths come first
+    given_rows: Array = array("python_rows", "n")  # at q; how the error shrinks by steps, dimensionless
 
     # in the present tick
     is_active: int = state(0)
-    kept_error: Array = array("given")  # at the end of the last tick
+    kept_error: Array = array("python_rows")  # at the end of the last tick
     aim: Array = array(4, 3)  # target of this tick
     world_axes: Array = array(3, 3)
     distance: float = state(0.0)  # remaining distance, m
@@ -120,7 +120,7 @@ class BatchMemory(LoopMemory):
     is_whole: int = parameter(0)  # all results are computed, and not only the smallest singular value
     width: int = parameter(0)  # singular values
     whole: int = parameter(0)  # count if all results are computed, else 0
-    given: Array = foreign("count", "nq")
+    configurations: Array = foreign("count", "nq")
     values: Array = foreign("count", "actuated")
     anchor: Array = array("nq")  # the last configuration that could be closed
 

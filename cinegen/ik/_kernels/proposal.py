@@ -243,9 +243,9 @@ def _scale_turns(memory: SolverMemory, still: bool) -> None:
 @compiled
 def _turns_back(memory: StepMemory) -> bool:
     """Return whether the step is opposite to the last one, within 60 degrees."""
-    along, here, there = 0.0, 0.0, 0.0
+    along, square, last_square = 0.0, 0.0, 0.0
     for j in range(memory.n):
         along += memory.step[j] * memory.last[j]
-        here += memory.step[j] * memory.step[j]
-        there += memory.last[j] * memory.last[j]
-    return bool(along < 0.0 and along * along > 0.25 * here * there)
+        square += memory.step[j] * memory.step[j]
+        last_square += memory.last[j] * memory.last[j]
+    return bool(along < 0.0 and along * along > 0.25 * square * last_square)

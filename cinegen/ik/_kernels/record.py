@@ -139,7 +139,7 @@ def _record_tasks(memory: RecordMemory, accepted: bool) -> tuple[float, int]:
         kept[0], kept[1] = task.weight, task.is_active
         for a in range(6):
             kept[2 + a] = 0.0
-        if task.given == 0:
+        if task.python_rows == 0:
             for k in range(task.translation + task.rotation):
                 kept[2 + task.row_axis[k]] = task.row_weight[k]
         if task.is_active == 0:
@@ -147,8 +147,8 @@ def _record_tasks(memory: RecordMemory, accepted: bool) -> tuple[float, int]:
             continue
         if not accepted:  # the errors are those at the beginning
             measure(task, memory.error[row:], memory.length)
-        elif task.given > 0:
-            copy(task.given_error, task.kept_error, task.given)
+        elif task.python_rows > 0:
+            copy(task.given_error, task.kept_error, task.python_rows)
         row += task.translation + task.rotation
         active += 1
         errors[0], errors[1] = task.distance, task.angle
@@ -201,15 +201,15 @@ def _record_levels(memory: SolverMemory, first: int, accepted: bool) -> int:
         first: status of the first level, or one of all levels.
         accepted: the mechanism moved.
     """
-    memory.record_levels[0, 0], found = first, first
+    memory.record_levels[0, 0], overall = first, first
     for level in range(1, memory.levels):
         status = first
         if first != BAD_TARGET and first != REFUSED and first != DETOUR:
             status = _status_of(memory, level, accepted)
         memory.record_levels[level, 0], memory.record_levels[level, 1] = status, memory.level_sigma[level]
-        if found == FOLLOWING:
-            found = status
-    return found
+        if overall == FOLLOWING:
+            overall = status
+    return overall
 
 
 @compiled

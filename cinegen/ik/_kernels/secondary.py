@@ -94,13 +94,13 @@ def _bound_secondary(memory: SecondaryMemory) -> bool:
     reduce_barriers(memory, width)
     if not nearest(memory, room[0], room[1], room[2], width):
         return False
-    fast, found = 0.0, 0.0
+    fast, largest = 0.0, 0.0
     for j in range(memory.n):
         s = inner(g[j], x, width)
         room[2, j] = s
-        found = max(found, abs(s))
+        largest = max(largest, abs(s))
         fast = max(fast, abs(memory.secondary[j]), abs(memory.last[j]))
-    if found > 2.0 * fast:
+    if largest > 2.0 * fast:
         return False
     copy(room[2], memory.secondary, memory.n)
     return True

@@ -37,7 +37,7 @@ def read_tasks(memory: TasksMemory) -> bool:
     for i in range(memory.tasks):
         task = task_at(memory.task_handles[i])
         good = task.is_valid != 0
-        if good and task.given == 0:
+        if good and task.python_rows == 0:
             target = frame_at(task.target)
             for c in range(4):
                 for k in range(3):
@@ -65,9 +65,9 @@ def aim_tasks(memory: TasksMemory) -> bool:
         task = task_at(memory.task_handles[i])
         if task.is_active == 0:
             continue
-        if task.given > 0:
+        if task.python_rows > 0:
             is_still = _is_unmoved(task)
-            copy(task.given_error, error[row:], task.given)
+            copy(task.given_error, error[row:], task.python_rows)
         else:
             is_still = _aim(memory, task)
             _find_error(memory, task, error[row:])
@@ -76,7 +76,7 @@ def aim_tasks(memory: TasksMemory) -> bool:
             memory.row_weights[row + k] = task.weight / memory.heaviest[task.level] * task.row_weight[k]
             if task.level == 0:
                 memory.lightest = min(memory.lightest, memory.row_weights[row + k])
-        if task.given > 0:
+        if task.python_rows > 0:
             _take_rows(memory, task, row)
         else:
             _find_rows(memory, task, memory.row_weights[row:], memory.task_jacobian[row:])
@@ -120,16 +120,16 @@ def _is_unmoved(task: TaskMemory) -> bool:
     """Return whether a task whose error Python gives has the same as at the end of the last tick, where the mechanism
     still is: its target has not moved, then."""
     still = True
-    for k in range(task.given):
+    for k in range(task.python_rows):
         still = still and abs(task.given_error[k] - task.kept_error[k]) <= _SAME
-    copy(task.given_error, task.kept_error, task.given)
+    copy(task.given_error, task.kept_error, task.python_rows)
     return still
 
 
 @compiled
 def _take_rows(memory: TasksMemory, task: TaskMemory, row: int) -> None:
     """Write the rows that Python gives, weighted, from `row` on."""
-    for k in range(task.given):
+    for k in range(task.python_rows):
         for j in range(memory.n):
             memory.task_jacobian[row + k, j] = memory.row_weights[row + k] * task.given_rows[k, j]
 
@@ -156,8 +156,8 @@ def try_tasks(memory: TasksMemory) -> float:
     for i in range(memory.tasks):
         task = task_at(memory.task_handles[i])
         if task.is_active != 0:
-            if task.given > 0:
-                copy(task.given_error, memory.trial_error[row:], task.given)
+            if task.python_rows > 0:
+                copy(task.given_error, memory.trial_error[row:], task.python_rows)
             else:
                 compose(memory.frames[task.joint], task.offset, memory.ends[0])
                 _find_error(memory, task, memory.trial_error[row:])

@@ -35,10 +35,10 @@ AddedTask = TypeVar("AddedTask", bound="Task | Range")
 class TaskControl(ObjectiveControl):
     """Control of a solver's tasks at run time."""
 
-    __slots__ = ("_blends", "_changed", "_given", "_ranks", "_record", "_tasks", "_user", "_written")
+    __slots__ = ("_blends", "_changed", "_python_tasks", "_ranks", "_record", "_tasks", "_user", "_written")
 
     _tasks: list[AnyTask]
-    _given: list[tuple[int, GivenTask]]  # tasks in Python, with their index among all
+    _python_tasks: list[tuple[int, GivenTask]]  # tasks in Python, with their index among all
     _blends: list[Blend]
     _ranks: dict[tuple[object, ...], int]
     _changed: int  # whether tasks must be written into the kernel's memory, or bound to it
@@ -251,7 +251,7 @@ class TaskControl(ObjectiveControl):
             for task in self._tasks
         )
         self._record, fields = memory.block("record")
-        self._given = [(i, task) for i, task in enumerate(self._tasks) if isinstance(task, GivenTask)]
+        self._python_tasks = [(i, task) for i, task in enumerate(self._tasks) if isinstance(task, GivenTask)]
         levels = tuple(int(task.memory.level) for task in self._tasks)
         self._layout = Layout(self._joints.held, tasks, levels, fields, self._dt)
         self._earlier, self._latest = None, None
@@ -270,13 +270,13 @@ class TaskControl(ObjectiveControl):
         key = tuple(_place(task) for task in tasks)
         if key not in self._ranks:
             try:
-                found = task_rank(self._joints.held, self._joints.held.structure.system, tasks)
+                rank = task_rank(self._joints.held, self._joints.held.structure.system, tasks)
             except Exception as error:  # of a task in Python: the loop must go on
                 self._catch(f"a task of {self.mechanism.name}", error)
                 return sum(task.rows for task in tasks)
             if key != tuple(_place(task) for task in tasks):  # another thread has changed one
-                return found
-            self._ranks[key] = found
+                return rank
+            self._ranks[key] = rank
         return self._ranks[key]
 
     @property
@@ -332,7 +332,7 @@ class TaskControl(ObjectiveControl):
     def _evaluate_given(self) -> None:
         """Evaluate the tasks in Python for this tick."""
         state = State(self.mechanism, self.q, self.dt, (), self._data)
-        for i, task in self._given:
+        for i, task in self._python_tasks:
             task.problem = ""
             try:
                 task.evaluate(state)
@@ -345,7 +345,7 @@ class TaskControl(ObjectiveControl):
     def _evaluate_errors(self) -> None:
         """Evaluate the errors of the tasks in Python at a trial."""
         state = State(self.mechanism, self._memory.trial.copy(), self.dt, (), self._data)
-        for i, task in self._given:
+        for i, task in self._python_tasks:
             if not task.is_valid():
                 continue
             try:

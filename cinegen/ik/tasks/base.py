@@ -62,6 +62,6 @@ def _basis(numbers: bytes) -> Array:
     axis = np.frombuffer(numbers)
     x = np.cross(axis, np.eye(3)[int(np.abs(axis).argmin())])
     x /= np.linalg.norm(x)
-    found = np.array([x, np.cross(axis, x), axis])
-    found.flags.writeable = False
-    return found
+    basis = np.array([x, np.cross(axis, x), axis])
+    basis.flags.writeable = False
+    return basis

@@ -75,5 +75,5 @@ class Blend:
         return part < 1.0 and (self._target is not None or self._weight is not None)
 
 
-def _same(one: object, other: object) -> bool:
-    return isinstance(one, pin.SE3) and isinstance(other, pin.SE3) and bool(one == other)
+def _same(pose: object, other: object) -> bool:
+    return isinstance(pose, pin.SE3) and isinstance(other, pin.SE3) and bool(pose == other)

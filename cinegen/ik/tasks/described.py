@@ -44,16 +44,16 @@ class TaskDescription(Struct, frozen=True, forbid_unknown_fields=True, tag_field
 def _structure(kind: type) -> type[TaskDescription]:
     """Return the Struct of a kind."""
     fields: list[Any] = []
-    for name, one in list(inspect.signature(kind).parameters.items()):
+    for name, parameter in list(inspect.signature(kind).parameters.items()):
         form = Optional[FIELDS[name].form] if name in _PRESENT else FIELDS[name].form  # noqa: UP045
-        default = None if one.default is one.empty and name in _PRESENT else one.default
-        fields.append((name, form) if default is one.empty else (name, form, default))
+        default = None if parameter.default is parameter.empty and name in _PRESENT else parameter.default
+        fields.append((name, form) if default is parameter.empty else (name, form, default))
     text = inspect.cleandoc(kind.__doc__ or "").partition("Raises:")[0].replace("Args:", "Attributes:")
-    text = re.sub(r"(\w+): see `Task`", lambda found: f"{found[1]}: {_SHARED[found[1]]}", text)
-    own = {"__doc__": text.strip()}
+    text = re.sub(r"(\w+): see `Task`", lambda match: f"{match[1]}: {_SHARED[match[1]]}", text)
+    namespace = {"__doc__": text.strip()}
     tag = re.sub(r"(?<!^)(?=[A-Z])", "_", kind.__name__).lower()
     made = msgspec.defstruct(
-        kind.__name__, fields, bases=(TaskDescription,), module=__name__, namespace=own, tag=tag, frozen=True,
+        kind.__name__, fields, bases=(TaskDescription,), module=__name__, namespace=namespace, tag=tag, frozen=True,
         forbid_unknown_fields=True, kw_only=True,
     )  # fmt: skip
     assert issubclass(made, TaskDescription)
@@ -61,7 +61,7 @@ def _structure(kind: type) -> type[TaskDescription]:
 
 
 _STRUCTURES = {_structure(kind): kind for kind in KINDS}
-globals().update({one.__name__: one for one in _STRUCTURES})  # where pickle finds them
+globals().update({struct.__name__: struct for struct in _STRUCTURES})  # where pickle finds them
 
 if TYPE_CHECKING:
     KindDescription: TypeAlias = TaskDescription
@@ -96,8 +96,8 @@ def unknown_name(
 ) -> tuple[str, str, str] | None:
     """Return the first name in a description that does not exist: what it should name, the name, and the field."""
     if isinstance(description, RangeDescription):
-        found = unknown_name(description.task, nodes, joints)
-        return None if found is None else (*found[:2], f"task.{found[2]}")
+        unknown = unknown_name(description.task, nodes, joints)
+        return None if unknown is None else (*unknown[:2], f"task.{unknown[2]}")
     for field in description.__struct_fields__:
         value = getattr(description, field)
         if field in ("node", "other", "on") and value is not None and value not in nodes:

@@ -23,19 +23,19 @@ Z = (0.0, 0.0, 1.0)
 
 
 def _point(value: Any) -> Array:
-    found = np.array(value, dtype=float).reshape(3)
-    if not np.isfinite(found).all():
+    point = np.array(value, dtype=float).reshape(3)
+    if not np.isfinite(point).all():
         raise ValueError
-    found.flags.writeable = False
-    return found
+    point.flags.writeable = False
+    return point
 
 
 def _direction(value: Any) -> Array:
-    found = np.array(value, dtype=float).reshape(3)
-    largest = float(np.abs(found).max())
+    vector = np.array(value, dtype=float).reshape(3)
+    largest = float(np.abs(vector).max())
     if not 0.0 < largest < math.inf:
         raise ValueError
-    return _point(found / largest / np.linalg.norm(found / largest))
+    return _point(vector / largest / np.linalg.norm(vector / largest))
 
 
 def _pose(value: Any) -> pin.SE3:
@@ -57,10 +57,10 @@ def _number(value: Any) -> float:
 
 
 def _values(value: Any) -> Mapping[str, float]:
-    found = {str(joint): _number(number) for joint, number in dict(value).items()}
-    if not found:
+    values = {str(joint): _number(number) for joint, number in dict(value).items()}
+    if not values:
         raise ValueError
-    return found
+    return values
 
 
 def _axes(value: Any) -> str:
@@ -70,10 +70,10 @@ def _axes(value: Any) -> str:
 
 
 def _unit(value: Any) -> str | tuple[str, ...]:
-    found = value if isinstance(value, str) else tuple(value)
-    if set([found] if isinstance(found, str) else found) - {"m", "rad"}:
+    unit = value if isinstance(value, str) else tuple(value)
+    if set([unit] if isinstance(unit, str) else unit) - {"m", "rad"}:
         raise ValueError
-    return found
+    return unit
 
 
 def _flag(value: Any) -> bool:

@@ -93,8 +93,8 @@ class CenterOfMass(Kind):
 
     def jacobian(self, state: State) -> Array:
         """Return the derivative of the error: Pinocchio's Jacobian of the centre of mass."""
-        found = pin.jacobianCenterOfMass(state.model, state.dynamics_data, state.q, False)
-        return np.asarray(found.reshape(3, -1)[self._rows])
+        rows = pin.jacobianCenterOfMass(state.model, state.dynamics_data, state.q, False)
+        return np.asarray(rows.reshape(3, -1)[self._rows])
 
 
 class Pointing(Kind):
@@ -147,11 +147,11 @@ class LookAt(Pointing):
     on: str | None = None
 
     def _line(self, state: State) -> tuple[Array, Array]:
-        there, rates = placed(state, self.on, self.point)
-        here, own = placed(state, self.node, self.offset)
-        distance = float(np.linalg.norm(there - here))
-        along = (there - here) / max(distance, 1e-9)
-        return along, skew(along) @ (rates - own) / max(distance, 1e-9)
+        aim, rates = placed(state, self.on, self.point)
+        origin, origin_rates = placed(state, self.node, self.offset)
+        distance = float(np.linalg.norm(aim - origin))
+        along = (aim - origin) / max(distance, 1e-9)
+        return along, skew(along) @ (rates - origin_rates) / max(distance, 1e-9)
 
 
 @dataclass(eq=False, repr=False)
@@ -185,7 +185,7 @@ class _OfPoint(Kind):
     node: str
     offset: Vector
 
-    def _here(self, state: State) -> Array:
+    def _xyz(self, state: State) -> Array:
         return np.asarray(state.frame(self.node).act(self.offset))
 
     def _rates(self, state: State) -> Array:
@@ -215,7 +215,7 @@ class PointOnLine(_OfPoint):
 
     def error(self, state: State) -> Array:
         """Return the distances (2,) from the line along two directions across it, m."""
-        return np.asarray(across(self.direction)[:2] @ (self._here(state) - self.through))
+        return np.asarray(across(self.direction)[:2] @ (self._xyz(state) - self.through))
 
     def jacobian(self, state: State) -> Array:
         """Return the derivative of the error."""
@@ -245,7 +245,7 @@ class PointInPlane(_OfPoint):
 
     def error(self, state: State) -> Array:
         """Return the height (1,) above the plane, m."""
-        return np.array([self.normal @ (self._here(state) - self.through)])
+        return np.array([self.normal @ (self._xyz(state) - self.through)])
 
     def jacobian(self, state: State) -> Array:
         """Return the derivative of the error."""
@@ -277,12 +277,12 @@ class PointAtDistance(_OfPoint):
 
     def error(self, state: State) -> Array:
         """Return the distance beyond the wanted one (1,), m."""
-        return np.array([np.linalg.norm(self._here(state) - placed(state, self.on, self.centre)[0]) - self.distance])
+        return np.array([np.linalg.norm(self._xyz(state) - placed(state, self.on, self.centre)[0]) - self.distance])
 
     def jacobian(self, state: State) -> Array:
         """Return the derivative of the error; 0 where the point is at the centre."""
         centre, rates = placed(state, self.on, self.centre)
-        away = self._here(state) - centre
+        away = self._xyz(state) - centre
         away /= max(float(np.linalg.norm(away)), 1e-12)
         return np.asarray(away[None, :] @ (self._rates(state) - rates))
 

@@ -32,17 +32,17 @@ class AdjacentFiles:
         self.values: Constraints | None = None
         self.checked: list[Mapping[str, Any]] = []
         near = ((sidecar.constraints_of(path), sidecar), (robot_yaml.sidecar_of(path), robot_yaml))
-        for own, reader in near if is_file else ():
-            if own is None:
+        for file, reader in near if is_file else ():
+            if file is None:
                 continue
-            note(own)
-            if not own.exists():
+            note(file)
+            if not file.exists():
                 continue
-            if ignore.takes(own.name):
-                self.left_out += (own.name,)
+            if ignore.takes(file.name):
+                self.left_out += (file.name,)
                 continue
             self.text, self.values = reader.loops_of(path, text) or (text, None)
-            self.dialect = own.name if own.name == "robot.yaml" else "".join(own.suffixes[-2:]) or own.name
+            self.dialect = file.name if file.name == "robot.yaml" else "".join(file.suffixes[-2:]) or file.name
             break
         embedded = None if ignore.takes("raff:robot") else sidecar.embedded(path, text)
         if embedded is not None and not self.dialect.endswith(".json"):
@@ -59,11 +59,11 @@ class AdjacentFiles:
         self._closures = own_closures
         self._read: loop_closures.LoopClosures | None = None
         if self.values is None and own_closures is None and not self.left_out:
-            found = sidecar.misplaced(path, text) if is_file else None
-            if found and not ignore_loops and not ignore.takes(found.file):
-                raise RaffError(found.refusal(path))
-            if found:
-                self.left_out += (f"the loops of {found.file}",)
+            misplaced = sidecar.misplaced(path, text) if is_file else None
+            if misplaced and not ignore_loops and not ignore.takes(misplaced.file):
+                raise RaffError(misplaced.refusal(path))
+            if misplaced:
+                self.left_out += (f"the loops of {misplaced.file}",)
         elif ignore_loops and own_closures is not None:
             self.left_out += (f"the loops of {own_closures.name}",)
 

@@ -43,7 +43,7 @@ def find(root: Any) -> Iterator[Declaration]:
             hinges.add(match[1])
         elif match:
             pairs.setdefault(match[1], {})[match[2]] = element
-    for own, pair in pairs.items():
+    for stem, pair in pairs.items():
         first, last = pair[min(pair)], pair[max(pair)]
         name = str(first.get("name"))
         if first is last:
@@ -51,12 +51,12 @@ def find(root: Any) -> Iterator[Declaration]:
             text = f"the frame '{name}' is named as the end of a loop, but there is no '{partner}': it closes none"
             yield Declaration(first.sourceline, DIALECT, f"frame '{name}'", text, name, certain=False)
             continue
-        kind = "revolute" if own in hinges else "ball"
+        kind = "revolute" if stem in hinges else "ball"
         label = f"frames '{name}' and '{last.get('name')}'"
         text = f"the {label} (line {last.sourceline}) declare a loop"
         other = f"--loop {shell_word(name[:-2])}=revolute for a hinge about their z axes"
         note = f"the {label} don't state the kind of loop: their origins coincide; {other}"
-        also = tuple(str(one.get("name")) for one in pair.values())
+        also = tuple(str(frame.get("name")) for frame in pair.values())
         yield Declaration(
             first.sourceline, DIALECT, label, text, name[:-2], read=partial(_read, first=first, last=last, kind=kind),
             also=also, notes=(note,) if kind == "ball" else (),
@@ -64,11 +64,11 @@ def find(root: Any) -> Iterator[Declaration]:
 
 
 def _read(tree: UrdfTree, first: Any, last: Any, kind: str) -> LoopJoint:
-    (one, at), (other, there) = _end(tree, first), _end(tree, last)
-    if tree.body(one)[0] == tree.body(other)[0]:
+    (link, at), (other, other_at) = _end(tree, first), _end(tree, last)
+    if tree.body(link)[0] == tree.body(other)[0]:
         names = f"'{first.get('name')}' and '{last.get('name')}'"
         raise tree.error(first, f"the frames {names} are on one rigid body: put each on another link")
-    return LoopJoint(kind, one, other, (at, there))
+    return LoopJoint(kind, link, other, (at, other_at))
 
 
 def _end(tree: UrdfTree, element: Any) -> tuple[str, Array]:

@@ -85,13 +85,13 @@ def cut(root: Any, name: str, ignored: Callable[[str], bool]) -> list[Declaratio
     Raises:
         RaffError: two joints have one name.
     """
-    found = _cut(root, name, ignored)
+    removed = _cut(root, name, ignored)
     for joint in joints(root):
         if joint.get("type") == "universal":
             steps = (successive.ROTATIONS["X"], successive.ROTATIONS["Y"])
             added = {*successive.replace(root, joint, steps, name)}
             root[:0] = [link for link in links(root) if link.get("name") in added]  # no end of the robot
-    return found
+    return removed
 
 
 def _cut(root: Any, name: str, ignored: Callable[[str], bool]) -> list[Declaration]:
@@ -113,7 +113,7 @@ def _cut(root: Any, name: str, ignored: Callable[[str], bool]) -> list[Declarati
     }
     kept = best if _reached(base, best) == set(best) | {base} else _first_reached(base, all_joints)
     removed = [joint for joint in all_joints if kept.get(ends(joint)[1]) is not joint]
-    found = []
+    declarations = []
     for joint in removed:
         joint_name = str(joint.get("name"))
         if joint_name in mimicking and not ignored("mimic"):
@@ -124,9 +124,9 @@ def _cut(root: Any, name: str, ignored: Callable[[str], bool]) -> list[Declarati
         text = f"joint '{joint_name}' closes a loop: its child '{ends(joint)[1]}' has another parent"
         label, low_high = f"joint '{joint_name}'", limits(joint)
         notes = (text,) if low_high is None else (f"{text}; its limits are not enforced",)
-        found.append(declared(joint, DIALECT, _of_joint, label, text=text, notes=notes))
+        declarations.append(declared(joint, DIALECT, _of_joint, label, text=text, notes=notes))
         remove(joint)
-    return found
+    return declarations
 
 
 def find(root: Any, name: str) -> Iterator[Declaration]:

@@ -85,16 +85,16 @@ class IgnoreList:
     """
 
     def __init__(self, words: Iterable[str] = ()) -> None:
-        self.given = tuple(word.strip("<>") for word in words)
+        self.words = tuple(word.strip("<>") for word in words)
         self._used: set[str] = set()
         self._known: dict[str, None] = {}
 
     def takes(self, *words: str) -> bool:
         """Return whether an element that has these words is to be ignored."""
         self._known.update(dict.fromkeys(words))
-        found = {word for word in self.given if word in words}
-        self._used |= found
-        return bool(found)
+        taken = {word for word in self.words if word in words}
+        self._used |= taken
+        return bool(taken)
 
     def check(self, name: str) -> None:
         """Check that every word was used.
@@ -105,7 +105,7 @@ class IgnoreList:
         Raises:
             RaffError: a word names no element that could be ignored.
         """
-        for word in self.given:
+        for word in self.words:
             if word not in self._used:
                 known = list(self._known)
                 near = did_you_mean(word, known) or (f": it has {', '.join(known[:12])}" if known else "")
@@ -114,7 +114,7 @@ class IgnoreList:
 
 def listed(declarations: Sequence[Declaration], most: int = 20) -> str:
     """Return labels with their lines, the first few of them."""
-    return first_of([f"{one.label} (line {one.line})" if one.line else one.label for one in declarations], most)
+    return first_of([f"{d.label} (line {d.line})" if d.line else d.label for d in declarations], most)
 
 
 def leave_out(element: str) -> str:
@@ -134,5 +134,5 @@ def local(element: Any) -> str:
 
 def label_of(element: Any, simulator: str = "") -> str:
     """Return an element in a few words: its tag, its name, and the simulator's element around it."""
-    own = f" '{element.get('name')}'" if element.get("name") else ""
-    return f"<{tag_of(element)}>{own}{f' in <{simulator}>' if simulator else ''}"
+    name = f" '{element.get('name')}'" if element.get("name") else ""
+    return f"<{tag_of(element)}>{name}{f' in <{simulator}>' if simulator else ''}"

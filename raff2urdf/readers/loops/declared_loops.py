@@ -61,10 +61,10 @@ def lost(unread: Sequence[Declaration], spare: int, closed: int) -> list[Declara
         spare: number of loops in files next to the URDF that no element declares.
         closed: number of loops and couplings that are read.
     """
-    elements = [one for one in unread if one.dialect != COMMENT]
-    most = max(Counter(one.dialect for one in elements if one.certain and not one.coupling).values(), default=0)
-    notes = [one for one in unread if one.dialect == COMMENT and int(one.also[0]) > closed]
-    return notes + [one for one in elements if one.coupling or spare == 0 or spare < most]
+    elements = [d for d in unread if d.dialect != COMMENT]
+    most = max(Counter(d.dialect for d in elements if d.certain and not d.coupling).values(), default=0)
+    notes = [d for d in unread if d.dialect == COMMENT and int(d.also[0]) > closed]
+    return notes + [d for d in elements if d.coupling or spare == 0 or spare < most]
 
 
 def refusal(lost: Sequence[Declaration], urdf: Path, is_file: bool) -> str:
@@ -80,7 +80,7 @@ def refusal(lost: Sequence[Declaration], urdf: Path, is_file: bool) -> str:
     word = lost[0].words[0]
     ignore = f"--ignore {shell_word(word)} (in Python ignore=[{json.dumps(word)}])"
     leave = f"or leave it out with {ignore}, or all loops with {IGNORE}"
-    what = "couplings" if all(one.coupling for one in lost) else "loops"
+    what = "couplings" if all(d.coupling for d in lost) else "loops"
     remedy = f"Declare the {what} in {sidecar} next to the URDF, {leave}"
     if lost[0].dialect == COMMENT:
         leave = f"or leave the loops open with {IGNORE}"
@@ -152,7 +152,7 @@ def named_in(element: Any, names: Collection[str]) -> list[str]:
     """Return the links and joints that an element names, in its attributes or texts."""
     words: dict[str, None] = {}
     for inner in element.iter("*"):
-        own = [value for key, value in inner.attrib.items() if inner is not element or key != "name"]
-        for word in (*own, inner.text or ""):
+        values = [value for key, value in inner.attrib.items() if inner is not element or key != "name"]
+        for word in (*values, inner.text or ""):
             words[word.strip().rpartition("::")[2]] = None
     return [word for word in words if word in names]

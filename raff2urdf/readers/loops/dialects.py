@@ -211,26 +211,26 @@ class _Composed:
 
     def add_all(self, declared: Iterable[Declaration]) -> None:
         """Read declarations and add them."""
-        for one in declared:
-            assert one.read is not None
-            self.add(one, one.read(self._tree))
+        for declaration in declared:
+            assert declaration.read is not None
+            self.add(declaration, declaration.read(self._tree))
 
-    def add(self, declared: Declaration, found: LoopJoint | CouplingEntry) -> None:
+    def add(self, declared: Declaration, constraint: LoopJoint | CouplingEntry) -> None:
         """Add a loop or a coupling, unless it is there.
 
         Raises:
             RaffError: it contradicts one that another dialect declares.
         """
         self._dialects += [declared.dialect] if declared.dialect not in self._dialects else []
-        if isinstance(found, LoopJoint):
-            self._add_loop(declared, found)
+        if isinstance(constraint, LoopJoint):
+            self._add_loop(declared, constraint)
         else:
-            self._add_coupling(declared, found)
+            self._add_coupling(declared, constraint)
 
     def _add_loop(self, declared: Declaration, cut: LoopJoint) -> None:
-        for i, (other, there) in enumerate(self._cuts):
-            held = implies(self._tree, there, cut)
-            if held is False and implies(self._tree, cut, there):
+        for i, (other, other_cut) in enumerate(self._cuts):
+            held = implies(self._tree, other_cut, cut)
+            if held is False and implies(self._tree, cut, other_cut):
                 self._cuts[i], held = (replace(other, notes=declared.notes), cut), True
             if held:
                 self._met.add(i)
@@ -240,11 +240,11 @@ class _Composed:
         self._cuts.append((declared, cut))
 
     def _add_coupling(self, declared: Declaration, entry: CouplingEntry) -> None:
-        own = _normal(entry)
-        for other, there in self._equations:
-            theirs = _normal(there)
-            if own.keys() == theirs.keys():
-                if all(np.allclose(own[key], theirs[key], rtol=1e-9, atol=1e-12) for key in own):
+        terms = _normal(entry)
+        for other, other_entry in self._equations:
+            other_terms = _normal(other_entry)
+            if terms.keys() == other_terms.keys():
+                if all(np.allclose(terms[key], other_terms[key], rtol=1e-9, atol=1e-12) for key in terms):
                     return
                 if other.dialect != declared.dialect:
                     raise self._contradiction(declared, other)
@@ -252,10 +252,10 @@ class _Composed:
 
     def _contradiction(self, declared: Declaration, other: Declaration) -> RaffError:
         where = f"{self._tree.name}:{declared.line}" if declared.line else self._tree.name
-        there = f"{other.label}{f' (line {other.line})' if other.line else ''}"
+        label = f"{other.label}{f' (line {other.line})' if other.line else ''}"
         word = next(word for word in (*declared.words, "") if word not in other.words)
         return RaffError(
-            f"{where}: {declared.label} contradicts {there} of {other.dialect}: correct one of them, or leave it out "
+            f"{where}: {declared.label} contradicts {label} of {other.dialect}: correct one of them, or leave it out "
             f"with --ignore {shell_word(word)}"
         )
 
@@ -292,23 +292,23 @@ class _Composed:
 
     def _in_order(self) -> list[tuple[Declaration, CouplingEntry]]:
         """Return the couplings: those of a file as there, then each behind those that drive its joints."""
-        ordered = [one for one in self._equations if not one[0].line]
-        pending = [one for one in self._equations if one[0].line]
+        ordered = [pair for pair in self._equations if not pair[0].line]
+        pending = [pair for pair in self._equations if pair[0].line]
         while pending:
             following = {entry["terms"][0]["joint"] for _, entry in pending}
             first = next(
-                (one for one in pending if not following & {term["joint"] for term in one[1]["terms"][1:]}), pending[0]
+                (p for p in pending if not following & {term["joint"] for term in p[1]["terms"][1:]}), pending[0]
             )
             ordered.append(first)
-            pending = [one for one in pending if one is not first]
+            pending = [pair for pair in pending if pair is not first]
         return ordered
 
     def _joints(self, text: str, passive: Sequence[str]) -> list[dict[str, Any]]:
         """Return the entries of all joints that move: those of a file, and passive ones behind them."""
-        given = list((self._files.values or {}).get("joints", []))
-        if given:
-            unstated = {} if any("actuated" in entry for entry in given) or not passive else {"actuated": None}
-            known = {entry["name"]: {**unstated, **entry} for entry in given}
+        of_file = list((self._files.values or {}).get("joints", []))
+        if of_file:
+            unstated = {} if any("actuated" in entry for entry in of_file) or not passive else {"actuated": None}
+            known = {entry["name"]: {**unstated, **entry} for entry in of_file}
             known |= {
                 joint: {"home": 0.0, **known.get(joint, {}), "name": joint, "actuated": False} for joint in passive
             }
@@ -349,12 +349,12 @@ def _normal(entry: CouplingEntry) -> dict[str, list[float]]:
     terms = {str(term["joint"]): [float(c) for c in term["coefficients"]] for term in entry["terms"]}
     unit = next(c for c in terms[min(terms)] if c)
     powers = max(map(len, terms.values()))
-    scaled = {joint: [c / unit for c in (*own, *[0.0] * (powers - len(own)))] for joint, own in terms.items()}
+    scaled = {joint: [c / unit for c in (*row, *[0.0] * (powers - len(row)))] for joint, row in terms.items()}
     return {**scaled, "": [float(entry.get("constant", 0.0)) / unit]}
 
 
 def _free(name: str, taken: set[str]) -> str:
     """Return a name that is not taken, and take it: NAME, or NAME#2 and so on."""
-    own = unique_name(name, taken)
-    taken.add(own)
-    return own
+    free = unique_name(name, taken)
+    taken.add(free)
+    return free

@@ -57,20 +57,20 @@ def mend(root: Any) -> list[str]:
     Args:
         root: the root element; changed.
     """
-    found: dict[str, list[str]] = {}
+    slips: dict[str, list[str]] = {}
     for element in root.iter("*"):
         for word, text in list(element.attrib.items()):
             if word in _VECTORS and _COMMA.search(text):
                 element.set(word, _COMMA.sub(" ", text))
-                found.setdefault("commas between numbers are left out", []).append(_place(element, word, text))
+                slips.setdefault("commas between numbers are left out", []).append(_place(element, word, text))
         for word in ("velocity", "effort"):
             if element.tag == "limit" and number(element.get(word, "0")) == -1.0:
-                found.setdefault("-1 is read as no limit", []).append(_place(element, word, element.attrib.pop(word)))
+                slips.setdefault("-1 is read as no limit", []).append(_place(element, word, element.attrib.pop(word)))
         factors = element.get("scale", "").split() if element.tag == "mesh" else []
         if len(factors) > 3:
-            found.setdefault("the first three factors are read", []).append(_place(element, "scale", " ".join(factors)))
+            slips.setdefault("the first three factors are read", []).append(_place(element, "scale", " ".join(factors)))
             element.set("scale", " ".join(factors[:3]))
-    return [f"{places[0]}{f' and {len(places) - 1} more' * (len(places) > 1)}: {how}" for how, places in found.items()]
+    return [f"{places[0]}{f' and {len(places) - 1} more' * (len(places) > 1)}: {how}" for how, places in slips.items()]
 
 
 def _place(element: Any, word: str, text: str) -> str:
@@ -85,11 +85,11 @@ def warnings_of(root: Any, name: str) -> list[str]:
         name: of the file.
     """
     degrees, words = list(_degrees(root)), list(_misspelled(root))
-    found = []
+    shown = []
     for kind in (degrees, words):
         more = f" (and {len(kind) - 1} more)" if len(kind) > 1 else ""
-        found += [f"{name}:{line}: {text}{more}" for line, text in kind[:1]]
-    return found
+        shown += [f"{name}:{line}: {text}{more}" for line, text in kind[:1]]
+    return shown
 
 
 def _degrees(root: Any) -> Iterator[tuple[int, str]]:
@@ -109,10 +109,10 @@ def _misspelled(root: Any) -> Iterator[tuple[int, str]]:
     around = [*links(root), *joints(root)]
     around += [inertial for link in links(root) for inertial in link.iterchildren("inertial")]
     for element in around:
-        own = [inner for inner in element.iterchildren("*") if isinstance(inner.tag, str)]
-        for inner, meant in _near(_ELEMENTS[element.tag], {inner.tag: inner for inner in own}):
+        children = [inner for inner in element.iterchildren("*") if isinstance(inner.tag, str)]
+        for inner, meant in _near(_ELEMENTS[element.tag], {inner.tag: inner for inner in children}):
             yield inner.sourceline, f"<{inner.tag}> is not read: did you mean <{meant}>?"
-        for inner in own:
+        for inner in children:
             known = _ATTRIBUTES.get(inner.tag, ())
             for word, meant in _near(known, {word: word for word in inner.attrib}):
                 yield inner.sourceline, f"{word} of <{inner.tag}> is not read: did you mean {meant}?"

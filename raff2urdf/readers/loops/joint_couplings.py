@@ -34,9 +34,9 @@ def find(root: Any) -> Iterator[Declaration]:
     for joint in moving:
         for mimic in joint.iterchildren("mimic"):
             follower, leader = str(joint.get("name")), mimic.get("joint", "")
-            given = {word: mimic.get(word) for word in ("multiplier", "offset")}
+            written = {word: mimic.get(word) for word in ("multiplier", "offset")}
             label = f"<mimic> in joint '{follower}'"
-            yield _mimic(mimic, "mimic", label, follower, leader, given)
+            yield _mimic(mimic, "mimic", label, follower, leader, written)
     for element in root.iterchildren("coupling"):
         yield declared(element, "URDF+", _urdf_plus, coupling=True)
     for element in root.iterfind(f"constraint[@type='{COUPLING}']"):
@@ -44,8 +44,8 @@ def find(root: Any) -> Iterator[Declaration]:
     for plugin in root.iterfind("gazebo/plugin"):
         leader, follower = ((plugin.findtext(word) or "").strip() for word in ("joint", "mimicJoint"))
         if leader in names and follower in names:
-            given = {word: plugin.findtext(word) for word in ("multiplier", "offset")}
-            yield _mimic(plugin, "Gazebo plugins", label_of(plugin, "gazebo"), follower, leader, given)
+            written = {word: plugin.findtext(word) for word in ("multiplier", "offset")}
+            yield _mimic(plugin, "Gazebo plugins", label_of(plugin, "gazebo"), follower, leader, written)
     for joint in root.iterfind("ros2_control/joint"):
         values = {str(param.get("name")): (param.text or "").strip() for param in joint.iterchildren("param")}
         follower = str(joint.get("name"))
@@ -54,9 +54,9 @@ def find(root: Any) -> Iterator[Declaration]:
             yield _mimic(joint, "ros2_control", label, follower, values["mimic"], values)
 
 
-def _mimic(element: Any, dialect: str, label: str, follower: str, leader: str, given: Any) -> Declaration:
+def _mimic(element: Any, dialect: str, label: str, follower: str, leader: str, texts: Any) -> Declaration:
     def read(tree: UrdfTree, element: Any) -> CouplingEntry:
-        multiplier, offset = (_number(tree, element, label, given.get(word), word) for word in ("multiplier", "offset"))
+        multiplier, offset = (_number(tree, element, label, texts.get(word), word) for word in ("multiplier", "offset"))
         if leader == follower:
             raise tree.error(element, f"{label} mimics the joint itself: name another joint, or remove it")
         _check(tree, element, follower, label)
@@ -75,10 +75,10 @@ def _urdf_plus(tree: UrdfTree, element: Any) -> CouplingEntry:
         if end is None:
             raise tree.error(element, f"{label} declares a coupling, but has no <{word}>: add it")
         links.append(tree.link(end, end.get("link"), f"<{word}> of {label}"))
-    found = element.find("ratio")
-    if found is None:
+    stated = element.find("ratio")
+    if stated is None:
         raise tree.error(element, f'{label} has no <ratio>: add <ratio value="..."/>')
-    ratio = _number(tree, found, label, found.get("value", ""), "ratio")
+    ratio = _number(tree, stated, label, stated.get("value", ""), "ratio")
     terms: dict[str, list[float]] = {}
     for chain, coefficient in zip(tree.between(*links), (ratio, -1.0), strict=True):
         for joint in chain:
@@ -116,11 +116,11 @@ def _number(tree: UrdfTree, element: Any, label: str, text: str | None, word: st
 
 def _check(tree: UrdfTree, element: Any, joint: str, label: str) -> None:
     """Check that a joint exists, and is one number."""
-    found = tree.joints.get(joint)
-    if found is None:
+    in_urdf = tree.joints.get(joint)
+    if in_urdf is None:
         why = f"names joint '{joint}', which the URDF lacks{did_you_mean(joint, list(tree.joints))}"
-    elif found.get("type") not in _MOVING:
-        why = f"couples joint '{joint}', which is {found.get('type')}"
+    elif in_urdf.get("type") not in _MOVING:
+        why = f"couples joint '{joint}', which is {in_urdf.get('type')}"
     else:
         return
     raise tree.error(element, f"{label} {why}: correct it, or leave it out with --ignore {element.tag}")

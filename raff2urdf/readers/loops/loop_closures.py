@@ -116,26 +116,26 @@ def _declaration(path: Path, cut: LoopJoint, name: str) -> Declaration:
 
 
 def _links(path: Path, tree: UrdfTree, entry: Any, words: Sequence[str]) -> tuple[str, str]:
-    found = []
+    links = []
     for word in words:
         link = entry.get(word) if isinstance(entry, dict) else None
         if str(link) not in tree.links:
             near = did_you_mean(str(link), list(tree.links))
             raise RaffError(f"{path}: {word} of a loop must be a link of the URDF, not '{str(link)[:60]}'{near}")
-        found.append(str(link))
-    if tree.body(found[0])[0] == tree.body(found[1])[0]:
-        raise RaffError(f"{path}: a loop joins '{found[0]}' to '{found[1]}', which are one rigid body")
-    return found[0], found[1]
+        links.append(str(link))
+    if tree.body(links[0])[0] == tree.body(links[1])[0]:
+        raise RaffError(f"{path}: a loop joins '{links[0]}' to '{links[1]}', which are one rigid body")
+    return links[0], links[1]
 
 
 def _vector(path: Path, entry: Any, word: str) -> Array:
     try:
-        found = np.array(entry.get(word), dtype=float)
+        vector = np.array(entry.get(word), dtype=float)
     except (TypeError, ValueError, OverflowError):
-        found = np.zeros(0)
-    if found.shape != (3,) or not np.all(np.abs(found) <= LARGEST):
+        vector = np.zeros(0)
+    if vector.shape != (3,) or not np.all(np.abs(vector) <= LARGEST):
         raise RaffError(f"{path}: {word} of a loop must be three numbers{SIZE}, not {str(entry.get(word))[:60]}")
-    return found
+    return vector
 
 
 def _unit(path: Path, entry: Any) -> Array:
@@ -146,10 +146,10 @@ def _unit(path: Path, entry: Any) -> Array:
 
 
 def _list(path: Path, values: Any, key: str) -> list[Any]:
-    found = values.get(key) or []
-    if not isinstance(found, list):
+    entries = values.get(key) or []
+    if not isinstance(entries, list):
         raise RaffError(f"{path}: {key} must be a list")
-    return found
+    return entries
 
 
 def _values(path: Path) -> Any:

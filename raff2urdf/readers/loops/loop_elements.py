@@ -47,15 +47,15 @@ def kind_of(tree: UrdfTree, element: Any, word: str | None) -> str:
     Raises:
         RaffError: no such kind, or none that constrains anything.
     """
-    own = (word or "").strip().lower()
-    if own not in KINDS:
+    kind = (word or "").strip().lower()
+    if kind not in KINDS:
         label = label_of(element)
-        if not own:
+        if not kind:
             raise tree.error(element, f'{label} declares a loop, but has no type: add type="revolute", for example')
-        near = did_you_mean(own, list(KINDS)) or f" (known: {', '.join(KINDS)})"
-        why = "constrains nothing" if own in ("floating", "free", "6dof") else f"is not a kind of joint{near}"
-        raise tree.error(element, f"the type '{own}' of {label} {why}: leave it out with --ignore {tag_of(element)}")
-    return KINDS[own] or own
+        near = did_you_mean(kind, list(KINDS)) or f" (known: {', '.join(KINDS)})"
+        why = "constrains nothing" if kind in ("floating", "free", "6dof") else f"is not a kind of joint{near}"
+        raise tree.error(element, f"the type '{kind}' of {label} {why}: leave it out with --ignore {tag_of(element)}")
+    return KINDS[kind] or kind
 
 
 def child(tree: UrdfTree, element: Any, *words: str) -> Any:
@@ -95,8 +95,8 @@ def _constraint(tree: UrdfTree, element: Any) -> LoopJoint:
         at = _optional(element, f"{word}_origin")
         at = at if at is not None else end.find("origin")
         starts.append(np.eye(4) if at is None else _pose(tree, at))
-        given = _optional(element, f"{word}_axis")
-        axes.append(None if given is None else tree.vector(given))
+        stated = _optional(element, f"{word}_axis")
+        axes.append(None if stated is None else tree.vector(stated))
     shared = _optional(element, "axis")
     if shared is not None and shared.get("frame") in ("parent", "child"):  # in that link's axes; alike at zero
         which = 0 if shared.get("frame") == "parent" else 1
@@ -105,14 +105,14 @@ def _constraint(tree: UrdfTree, element: Any) -> LoopJoint:
             start[:3, :3].T @ tree.zero[link][:3, :3].T @ direction for link, start in zip(links, starts, strict=True)
         ]
     default = tree.vector(shared)
-    one, other = (default if axis is None else axis for axis in axes)
+    first, other = (default if axis is None else axis for axis in axes)
     if kind == "universal" and _optional(element, "child_axis") is None and shared is None:
         other = np.array([0.0, 1.0, 0.0])
     near = None
-    if kind == "prismatic" and not np.array_equal(one, other):  # the format leaves the rotation open: as at zero
-        world = tree.zero[links[0]][:3, :3] @ along(starts[0], one)[:3, 0]
+    if kind == "prismatic" and not np.array_equal(first, other):  # the format leaves the rotation open: as at zero
+        world = tree.zero[links[0]][:3, :3] @ along(starts[0], first)[:3, 0]
         near = starts[1][:3, :3].T @ tree.zero[links[1]][:3, :3].T @ world
-    placed = [along(starts[0], one), along(starts[1], other, near)]
+    placed = [along(starts[0], first), along(starts[1], other, near)]
     return _cut(tree, element, kind, links, placed)
 
 

@@ -74,8 +74,8 @@ class LoopJoint:
 
     def on_bodies(self, tree: UrdfTree) -> LoopJoint:
         """Return the same joint between the first links of the rigid bodies that it joins."""
-        (one, at), (other, there) = tree.body(self.first), tree.body(self.second)
-        return replace(self, first=one, second=other, placed=(at @ self.placed[0], there @ self.placed[1]))
+        (link, at), (other, other_at) = tree.body(self.first), tree.body(self.second)
+        return replace(self, first=link, second=other, placed=(at @ self.placed[0], other_at @ self.placed[1]))
 
     def add_to(self, tree: UrdfTree, name: str) -> tuple[dict[str, Any], list[str]]:
         """Return the loop as an entry of a constraints file, and the passive joints that were added to the tree."""
@@ -99,15 +99,15 @@ class LoopJoint:
         return [{"name": f"{name}_screw", "terms": terms, "constant": 0.0}]
 
 
-def implies(tree: UrdfTree, one: LoopJoint, other: LoopJoint) -> bool | None:
+def implies(tree: UrdfTree, cut: LoopJoint, other: LoopJoint) -> bool | None:
     """Return whether a loop that one joint closes satisfies another joint, too; None if they join other bodies."""
-    if {tree.body(one.first)[0], tree.body(one.second)[0]} != {tree.body(other.first)[0], tree.body(other.second)[0]}:
+    if {tree.body(cut.first)[0], tree.body(cut.second)[0]} != {tree.body(other.first)[0], tree.body(other.second)[0]}:
         return None
-    one, other, size = one.on_bodies(tree), other.on_bodies(tree), tree.size
-    if one.first != other.first:
+    cut, other, size = cut.on_bodies(tree), other.on_bodies(tree), tree.size
+    if cut.first != other.first:
         other = other.swapped()
     for sample in np.random.default_rng(0).uniform(-1.0, 1.0, (4, 3)):
-        relative = one.placed[0] @ _motion(one, sample, size) @ inverse(one.placed[1])
+        relative = cut.placed[0] @ _motion(cut, sample, size) @ inverse(cut.placed[1])
         between = inverse(other.placed[0]) @ relative @ other.placed[1]
         if np.abs(_residual(other, between, size)).max(initial=0.0) > _SAME:
             return False

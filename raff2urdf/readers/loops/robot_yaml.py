@@ -39,11 +39,11 @@ def sidecar_of(path: Path) -> Path | None:
 
     Other programs write a `<stem>.yaml` of their own: it must contain one of the keys that only this format has.
     """
-    own, shared = plain(path).with_suffix(".yaml"), path.with_name("robot.yaml")
-    for one in (own, shared):
-        note(one)
-    if own.is_file() and (own == shared or any(key.encode() in content_of(own) for key in _DISTINCTIVE)):
-        return own
+    named, shared = plain(path).with_suffix(".yaml"), path.with_name("robot.yaml")
+    for file in (named, shared):
+        note(file)
+    if named.is_file() and (named == shared or any(key.encode() in content_of(named) for key in _DISTINCTIVE)):
+        return named
     return shared if shared.is_file() else None
 
 
@@ -120,11 +120,11 @@ def _actuated(lists: _Lists, moving: list[str], replaced: Mapping[str, list[str]
     actuated: set[str] = set()
     for entry in lists.entries("name_mot"):
         lists.check_scalars(entry)
-        found = replaced.get(entry.value, [entry.value])
-        for joint in found:
+        names = replaced.get(entry.value, [entry.value])
+        for joint in names:
             if joint not in moving:
                 raise lists.error(entry, f"'{joint}' in name_mot is not a joint that moves", moving)
-        actuated |= set(found)
+        actuated |= set(names)
     return actuated
 
 

@@ -48,23 +48,23 @@ def attach(root: Any) -> list[str]:
     """
     below = {ends(joint)[1] for joint in joints(root)}
     parents = {ends(joint)[0] for joint in joints(root)}
-    found = {str(link.get("name")): link for link in links(root) if link.get("name") not in below}
-    if len(found) < 2:
+    roots = {str(link.get("name")): link for link in links(root) if link.get("name") not in below}
+    if len(roots) < 2:
         return []
-    base = min(found, key=lambda name: (name != WORLD, name not in parents))
+    base = min(roots, key=lambda name: (name != WORLD, name not in parents))
     taken, added = {element.get("name") for element in (*links(root), *joints(root))}, []
-    for name, link in found.items():
+    for name, link in roots.items():
         if name == base:
             continue
-        own = f"{name}_free"
-        while own in taken:
-            own += "_"
-        joint = etree.Element("joint", name=own, type="floating")
+        joint_name = f"{name}_free"
+        while joint_name in taken:
+            joint_name += "_"
+        joint = etree.Element("joint", name=joint_name, type="floating")
         etree.SubElement(joint, "parent", link=base)
         etree.SubElement(joint, "child", link=name)
         etree.SubElement(joint, "origin", xyz="0 0 0", rpy="0 0 0")
         link.addnext(joint)
-        added.append(own)
+        added.append(joint_name)
     return added
 
 
@@ -89,9 +89,9 @@ def place(tree: UrdfTree, added: Sequence[str], loops: Sequence[LoopJoint]) -> t
         for loop in (*loops, *(loop.swapped() for loop in loops)):
             first, second = root_of[loop.first], root_of[loop.second]
             if first in placed and second in pending:
-                own = inverse(tree.zero[first]) @ tree.zero[loop.first] @ loop.placed[0]
+                end = inverse(tree.zero[first]) @ tree.zero[loop.first] @ loop.placed[0]
                 other = inverse(tree.zero[second]) @ tree.zero[loop.second] @ loop.placed[1]
-                placed[second] = placed[first] @ own @ inverse(other)
+                placed[second] = placed[first] @ end @ inverse(other)
                 origin = pending.pop(second).find("origin")
                 origin.set("xyz", " ".join(map(repr, placed[second][:3, 3].tolist())))
                 origin.set("rpy", " ".join(map(repr, roll_pitch_yaw(placed[second]))))
@@ -119,8 +119,8 @@ def _root_of(tree: UrdfTree, link: str, added: Sequence[str]) -> str:
 
 def _first(tree: UrdfTree, joint: str) -> tuple[str, Any]:
     """Return the root below a joint of `attach`, and its element; `robot.yaml` may have replaced it."""
-    own = tree.joints.get(joint)
-    if own is not None:
-        return ends(own)[1], own
+    floating = tree.joints.get(joint)
+    if floating is not None:
+        return ends(floating)[1], floating
     last = tree.joints[f"{joint}_{_STEPS[-1][0]}"]
     return ends(last)[1], tree.joints[f"{joint}_{_STEPS[0][0]}"]

@@ -55,14 +55,14 @@ def loops_of(urdf: Path, text: str) -> tuple[str, Constraints] | None:
     Raises:
         RaffError: the file is wrong, or contradicts the URDF.
     """
-    own = constraints_of(urdf)
-    if not own.exists():
+    file = constraints_of(urdf)
+    if not file.exists():
         return None
-    if not own.is_file():
-        raise RaffError(f"{own}: is not a file: remove it, or leave it out with --ignore {shell_word(own.name)}")
-    if own.stat().st_size > _LARGEST:
-        raise RaffError(f"{own}: is not read: it is larger than {_LARGEST / 1e6:.0f} MB")
-    return text, load(own, _summary(urdf, text))
+    if not file.is_file():
+        raise RaffError(f"{file}: is not a file: remove it, or leave it out with --ignore {shell_word(file.name)}")
+    if file.stat().st_size > _LARGEST:
+        raise RaffError(f"{file}: is not read: it is larger than {_LARGEST / 1e6:.0f} MB")
+    return text, load(file, _summary(urdf, text))
 
 
 def embedded(urdf: Path, text: str) -> Constraints | None:
@@ -71,11 +71,11 @@ def embedded(urdf: Path, text: str) -> Constraints | None:
     Raises:
         RaffError: they are wrong, or contradict the URDF or its constraints file.
     """
-    found = own_element(parse(text, str(urdf)), str(urdf))
-    if found is None:
+    element = own_element(parse(text, str(urdf)), str(urdf))
+    if element is None:
         return None
-    name = f"{urdf}:{found.sourceline}: raff:robot"
-    values = loads(found.text or "", name, _summary(urdf, text))
+    name = f"{urdf}:{element.sourceline}: raff:robot"
+    values = loads(element.text or "", name, _summary(urdf, text))
     file = loops_of(urdf, text)
     if file is not None and file[1] != values:
         other = constraints_of(urdf).name
@@ -96,11 +96,11 @@ def check_hash(values: Constraints, holder: str, urdf: Path, root: Any) -> None:
         urdf: path of the URDF.
         root: its root element.
     """
-    found = hash_of(root, str(urdf))
-    entry = f'"{HASH}": "{found}"'
+    digest = hash_of(root, str(urdf))
+    entry = f'"{HASH}": "{digest}"'
     if HASH not in values:
         what = f"{holder} does not name its URDF, so that a change of either is not noticed: add {entry}"
-    elif values[HASH] != found:
+    elif values[HASH] != digest:
         what = (
             f"the links or joints (names, types, origins or axes) are not those for which {holder} was written: its "
             f"loops and home may not fit. Restore the URDF, or write both again; or, if it was meant, put {entry} there"
@@ -118,25 +118,25 @@ def misplaced(urdf: Path, text: str) -> Misplaced | None:
         text: of the URDF.
     """
     urdf = plain(urdf)
-    own, tree = constraints_of(urdf), parse(text, str(urdf))
+    file, tree = constraints_of(urdf), parse(text, str(urdf))
     robot, names, joints = tree.get("name", ""), root_first(tree), moving(text, str(urdf))
     try:
-        there = sorted(os.listdir(urdf.parent))
+        listing = sorted(os.listdir(urdf.parent))
     except OSError:
         return None
-    for name in there:
+    for name in listing:
         path, lower, why = urdf.with_name(name), name.lower(), ""
-        if lower == own.name.lower():
-            why = _broken(path) or (f"differs only in case: rename it to {own.name}" if name != own.name else "")
+        if lower == file.name.lower():
+            why = _broken(path) or (f"differs only in case: rename it to {file.name}" if name != file.name else "")
         elif lower in (f"{urdf.stem}.yaml".lower(), f"{urdf.stem}.yml".lower(), "robot.yaml", "robot.yml"):
             why = _broken(path)
             if not why and b"closed_loop" in content_of(path):
                 stem = "robot" if lower.startswith("robot.") else urdf.stem
                 why = f"is not read under this name: rename it to {stem}.yaml"
-        elif _is_candidate(name, urdf, there) and _fits(path, robot, names, joints):
-            why = f"fits this URDF and no other one here: rename it to {own.name}"
+        elif _is_candidate(name, urdf, listing) and _fits(path, robot, names, joints):
+            why = f"fits this URDF and no other one here: rename it to {file.name}"
         elif lower.endswith(".json") and _written_for(path, hash_of(tree, str(urdf))):
-            why = f"was written for the same links and joints: copy it to {own.name}"
+            why = f"was written for the same links and joints: copy it to {file.name}"
         if why:
             return Misplaced(name, why)
     return None
@@ -148,13 +148,13 @@ def _broken(path: Path) -> str:
     return f"is a link to {os.readlink(path)}, which does not exist: restore that file"
 
 
-def _is_candidate(name: str, urdf: Path, there: Collection[str]) -> bool:
+def _is_candidate(name: str, urdf: Path, listing: Collection[str]) -> bool:
     """Return whether a file may be constraints, by its name, and belongs to no other URDF in the folder."""
     lower = name.lower()
     if not lower.endswith(".json") or not (re.search("constraint|loop", lower) or lower == f"{urdf.stem}.json".lower()):
         return False
     stem = lower.removesuffix(ENDING)
-    others = {other.lower() for other in there} - {urdf.name.lower()}
+    others = {other.lower() for other in listing} - {urdf.name.lower()}
     return f"{stem}.urdf" not in others and f"{stem}.xml" not in others
 
 

@@ -103,12 +103,12 @@ def replace(tree: Any, joint: Any, steps: Sequence[Step], file: str) -> list[str
     Raises:
         RaffError: a name is taken.
     """
-    own = str(joint.get("name"))
-    names = [f"{own}_{suffix}" for suffix, _, _ in steps]
+    old = str(joint.get("name"))
+    names = [f"{old}_{suffix}" for suffix, _, _ in steps]
     taken = {element.get("name") for element in (*joints(tree), *links(tree))}
     for name in names:
         if name in taken:
-            what = f"joint '{own}' can't be written as successive joints: rename '{name}', whose name is needed"
+            what = f"joint '{old}' can't be written as successive joints: rename '{name}', whose name is needed"
             raise error_at(file, joint, what)
     parent, start = joint.find("parent").get("link"), joint.find("origin")
     made: list[Any] = []

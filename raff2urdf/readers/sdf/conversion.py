@@ -80,13 +80,13 @@ class SdfConversion:
         self.placements = {**model.placements, WORLD: np.eye(4)}
         names = [*model.links, *model.frames, *(joint.name for joint in model.joints)]
         self.urdf = UrdfBuilder(model.name, names)
-        self.own = {}
-        for element in () if model.own is None else model.own.iterchildren("*"):
+        self.entries = {}
+        for element in () if model.raff_robot is None else model.raff_robot.iterchildren("*"):
             if element.tag not in _OWN:
                 what = f"<{tag_of(element)}> is unknown in raff:robot{did_you_mean(local(element), _OWN_NAMES)}"
                 raise error_at(name, element, what)
-            self.own[element.get("name")] = element
-        self.states_actuated = any("actuated" in element.attrib for element in self.own.values())
+            self.entries[element.get("name")] = element
+        self.states_actuated = any("actuated" in element.attrib for element in self.entries.values())
         self.axes: dict[str, list[str]] = {}  # by joint: the joint of the URDF for each axis
         self.homes: dict[str, float] = {}  # of joints of the URDF: to be added to SDF's values, rad or m
         self.carried: dict[str, _Step] = {}
@@ -96,7 +96,7 @@ class SdfConversion:
         """Return the URDF and its constraints."""
         model, urdf = self.model, self.urdf
         tree, cut, detached, root = spanning_tree(self.model)
-        floating = model.own is not None and root != WORLD
+        floating = model.raff_robot is not None and root != WORLD
         if root == WORLD or floating:
             urdf.add_link(WORLD)
         for link in detached:
@@ -105,7 +105,7 @@ class SdfConversion:
             urdf.add_fixed(BASE_JOINT, WORLD, root, self.placements[root], "floating")
         self._add_links()
         nodes = [root, *(n for n in (*model.links, *model.frames) if n != root)]
-        if model.own is not None and root == WORLD and "base" in nodes:  # raff2urdf's own robots
+        if model.raff_robot is not None and root == WORLD and "base" in nodes:  # raff2urdf's own robots
             nodes = ["base", *(node for node in nodes if node not in (WORLD, "base"))]
         for joint, reversed_ends in tree:
             self._add_joint(joint, reversed_ends)
@@ -115,7 +115,7 @@ class SdfConversion:
                 nodes += self._add_loop(joint, joint.name in coupled)
         for joint in model.joints:
             self._add_couplings(joint)
-        for element in () if model.own is None else model.own.iterchildren(f"{{{NAMESPACE}}}coupling"):
+        for element in () if model.raff_robot is None else model.raff_robot.iterchildren(f"{{{NAMESPACE}}}coupling"):
             self._add_own_coupling(element)
         for joint in model.joints:
             self.driven |= {
@@ -160,17 +160,17 @@ class SdfConversion:
     def _gravity(self, rotation: Array) -> Sequence[float]:
         """Return the acceleration of the world around the model, that of raff:robot, or the default, in axes (3, 3) of
         the root."""
-        found: Sequence[float] = GRAVITY
-        element, own = self.model.gravity, self.model.own
-        element = own if element is None else element
-        text = None if element is None else element.get("gravity") if element is own else element.text or ""
+        gravity: Sequence[float] = GRAVITY
+        element, ours = self.model.gravity, self.model.raff_robot
+        element = ours if element is None else element
+        text = None if element is None else element.get("gravity") if element is ours else element.text or ""
         if text is not None:
-            given = numbers(text)
-            if given is None or len(given) != 3:
+            vector = numbers(text)
+            if vector is None or len(vector) != 3:
                 what = f"the gravity '{text.strip()[:60]}' must be three numbers{SIZE}"
                 raise error_at(self.name, element, what)
-            found = given
-        seen: Array = rotation.T @ found
+            gravity = vector
+        seen: Array = rotation.T @ gravity
         if np.allclose(seen, GRAVITY, 0.0, 1e-12):
             return GRAVITY
         return [0.0 if abs(x) < 1e-12 else float(x) for x in seen]
@@ -235,15 +235,15 @@ class SdfConversion:
     def _own_values(self, joint: str) -> tuple[float, bool | None, float]:
         """Return raff2urdf's entries for a joint: its value at the links' poses; whether it is actuated, None if that
         is stated of no joint; and the inertia of its rotors."""
-        own = self.own.get(joint)
-        if own is None:
+        entry = self.entries.get(joint)
+        if entry is None:
             return 0.0, False if self.states_actuated else None, 0.0
-        home, actuated = numbers(own.get("home", "0")), own.get("actuated", "false")
-        armature = check_friction(own, own.get("armature", "0"), "armature", f"joint '{joint}'", self.name)
+        home, actuated = numbers(entry.get("home", "0")), entry.get("actuated", "false")
+        armature = check_friction(entry, entry.get("armature", "0"), "armature", f"joint '{joint}'", self.name)
         if home is None or len(home) != 1:
-            raise error_at(self.name, own, f"home='{own.get('home')}' of a raff:joint is not a number")
+            raise error_at(self.name, entry, f"home='{entry.get('home')}' of a raff:joint is not a number")
         if actuated not in ("true", "false"):
-            raise error_at(self.name, own, f"actuated='{actuated}' of a raff:joint must be true or false")
+            raise error_at(self.name, entry, f"actuated='{actuated}' of a raff:joint must be true or false")
         return home[0], actuated == "true" if self.states_actuated else None, armature
 
     def _add_loop(self, joint: SdfJoint, coupled: bool) -> list[str]:
@@ -274,9 +274,9 @@ class SdfConversion:
         if axes and kind != "fixed":
             at[:3, :3] = with_z(axes[0].direction)
         ends = [(node, inverse(self.placements[node]) @ at) for node in (first, joint.child)]
-        own = self.own.get(joint.name)
-        if own is not None and all(own.get(word) in self.placements for word in ("first", "second")):
-            ends = [(own.get(word), IDENTITY) for word in ("first", "second")]  # SDF keeps only one of them
+        entry = self.entries.get(joint.name)
+        if entry is not None and all(entry.get(word) in self.placements for word in ("first", "second")):
+            ends = [(entry.get(word), IDENTITY) for word in ("first", "second")]  # SDF keeps only one of them
         self.urdf.add_loop(joint.name, LOOP_KINDS[kind], *ends)
         return added
 
@@ -369,8 +369,8 @@ class SdfConversion:
 
     def _chain(self, link: str) -> dict[str, _Step]:
         """Return the steps from a link inwards, by the links that they carry."""
-        found: dict[str, _Step] = {}
+        steps: dict[str, _Step] = {}
         while link in self.carried:
-            found[link] = self.carried[link]
-            link = found[link].parent
-        return found
+            steps[link] = self.carried[link]
+            link = steps[link].parent
+        return steps

@@ -81,10 +81,10 @@ def robot_of(root: Any, name: str, robot: str | None, find: Callable[[str, Path]
         fitting = [model for model in models if next(model.iter("joint", "include"), None) is not None]
     else:
         fitting = [model for model in models if model.get("name") == robot]
-    for include in [] if fitting else [one for one in root.iter("include") if one.getparent().tag in within]:
-        own = include.findtext("name", "").strip()
-        if robot is not None and own not in ("", robot):
-            known.append(own)
+    for include in [] if fitting else [e for e in root.iter("include") if e.getparent().tag in within]:
+        stated = include.findtext("name", "").strip()
+        if robot is not None and stated not in ("", robot):
+            known.append(stated)
             continue
         try:
             model = _placed(include, place)
@@ -135,22 +135,22 @@ def _placed(include: Any, place: _Place) -> Any:
         if element.tag not in ("uri", "name", "pose", "placement_frame", "static", "plugin"):
             what = f"<{etree.QName(element).localname}> of the included '{uri}' is not read"
             raise error_at(name, element, f"{what}: write the model's content into the file")
-    inner = _found(include, uri, place)
+    inner = _place_of(include, uri, place)
     model = _model_in(inner, include, name, uri)
-    own, at, frame = (include.find(word) for word in ("name", "pose", "placement_frame"))
+    renamed, at, frame = (include.find(word) for word in ("name", "pose", "placement_frame"))
     if frame is not None and at is None:
         raise error_at(name, frame, "a <placement_frame> is placed by a <pose>: add it")
     model.set(FILE, str(inner.path))
-    if own is not None:
-        model.set("name", (own.text or "").strip())
+    if renamed is not None:
+        model.set("name", (renamed.text or "").strip())
     if frame is not None:
         model.set("placement_frame", (frame.text or "").strip())
     for word in ("pose", "static"):
-        given, there = include.find(word), model.find(word)
-        if given is not None:
-            if there is not None:
-                model.remove(there)
-            model.insert(0, _of_file(copy.deepcopy(given), name))
+        stated, old = include.find(word), model.find(word)
+        if stated is not None:
+            if old is not None:
+                model.remove(old)
+            model.insert(0, _of_file(copy.deepcopy(stated), name))
     model.extend(_of_file(copy.deepcopy(plugin), name) for plugin in include.iterchildren("plugin"))
     for file in model.iterfind(".//mesh/uri"):
         file.text = inner.name_of((file.text or "").strip())
@@ -170,7 +170,7 @@ def _of_file(element: Any, name: str) -> Any:
     return element
 
 
-def _found(include: Any, uri: str, place: _Place) -> _Place:
+def _place_of(include: Any, uri: str, place: _Place) -> _Place:
     """Return the file that an <include> names."""
     folder, name = place.path.parent, str(place.path)
     label = f"the included '{uri}'"
@@ -188,7 +188,7 @@ def _found(include: Any, uri: str, place: _Place) -> _Place:
             problems.append(error)
             continue
         if path in place.trail:
-            chain = " -> ".join(one.name for one in (*place.trail, path))
+            chain = " -> ".join(passed.name for passed in (*place.trail, path))
             raise error_at(name, include, f"{label} includes itself: {chain}")
         if len(place.trail) >= _MOST:
             raise error_at(name, include, f"{label} is the {_MOST}th file that another one includes: too many")
@@ -216,10 +216,10 @@ def _file_of(uri: str, folder: Path, find: Callable[[str, Path], Path]) -> tuple
         except MissingFileError:
             raise error from None
     listed = [
-        (numbers(one.get("version", "0").replace(".", " ")) or [0.0], (one.text or "").strip())
-        for one in parse_xml(read_text(config), str(config)).iter("sdf")
+        (numbers(sdf.get("version", "0").replace(".", " ")) or [0.0], (sdf.text or "").strip())
+        for sdf in parse_xml(read_text(config), str(config)).iter("sdf")
     ]
-    file = max(listed, key=lambda one: one[0])[1] if listed else "model.sdf"
+    file = max(listed, key=lambda entry: entry[0])[1] if listed else "model.sdf"
     return find(f"{uri}/{file}", folder), config.parent
 
 
@@ -238,21 +238,21 @@ def _model_in(place: _Place, include: Any, name: str, uri: str) -> Any:
 
 def _merge(include: Any, model: Any, name: str) -> None:
     """Replace an <include> by the content of its model, and a frame that stands for the model's own one."""
-    parent, own = include.getparent(), f"_merged__{model.get('name', '')}__model__"
+    parent, proxy = include.getparent(), f"_merged__{model.get('name', '')}__model__"
     file = model.get(FILE)
     poses = SdfPoses(name, model, np.eye(4), "")
     at, written = pose(model, name), model.find("pose")
     if model.get("placement_frame"):
         at = at @ inverse(poses.of(model.get("placement_frame"), model))
-    frame = etree.Element("frame", {"name": own, "attached_to": poses.canonical(), PROXY: "1", FILE: file})
+    frame = etree.Element("frame", {"name": proxy, "attached_to": poses.canonical(), PROXY: "1", FILE: file})
     around = _MODEL if written is None else written.get("relative_to", _MODEL)
     placed = etree.SubElement(frame, "pose", relative_to=around)
     placed.text = " ".join(repr(float(x)) for x in (*at[:3, 3], *roll_pitch_yaw(at)))
     position = parent.index(include)
     parent.remove(include)
     parent.insert(position, frame)
-    for element in [one for one in model.iterchildren("*") if one.tag not in ("pose", "static")]:
-        _relate(element, own)
+    for element in [child for child in model.iterchildren("*") if child.tag not in ("pose", "static")]:
+        _relate(element, proxy)
         element.set(FILE, element.get(FILE, file))
         position += 1
         parent.insert(position, element)
@@ -267,11 +267,11 @@ def _relate(element: Any, frame: str) -> None:
             placed.set("relative_to", frame)
     if element.tag == "frame" and not element.get("attached_to"):
         element.set("attached_to", frame)
-    own = [element, *element.iterfind("pose"), *element.iterfind("axis/xyz"), *element.iterfind("axis2/xyz")]
-    for one in own:
+    referring = [element, *element.iterfind("pose"), *element.iterfind("axis/xyz"), *element.iterfind("axis2/xyz")]
+    for part in referring:
         for word in ("relative_to", "attached_to", "expressed_in"):
-            if one.get(word) == _MODEL:
-                one.set(word, frame)
+            if part.get(word) == _MODEL:
+                part.set(word, frame)
     for end in (*element.iterfind("parent"), *element.iterfind("child")):
         if element.tag == "joint" and named(end) == _MODEL:
             end.text = frame

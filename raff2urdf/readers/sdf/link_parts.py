@@ -25,21 +25,21 @@ def inertia_of(element: Any, link: str, file: str) -> Inertia:
     """
 
     def value(path: str, default: float) -> float:
-        found = element.find(path)
-        given = [default] if found is None else numbers(found.text or "")
-        if given is None or len(given) != 1:
-            what = f"<{found.tag}> of link '{link}' must be a number, not '{(found.text or '').strip()[:60]}'{SIZE}"
-            raise error_at(file, found, what)
-        return given[0]
+        stated = element.find(path)
+        values = [default] if stated is None else numbers(stated.text or "")
+        if values is None or len(values) != 1:
+            what = f"<{stated.tag}> of link '{link}' must be a number, not '{(stated.text or '').strip()[:60]}'{SIZE}"
+            raise error_at(file, stated, what)
+        return values[0]
 
     mass = value("mass", 1.0)
     if mass < 0.0:
         raise error_at(file, element.find("mass"), negative_mass(f"link '{link}'", mass))
     moments = [[value(f"inertia/i{''.join(sorted(i + j))}", float(i == j)) for j in "xyz"] for i in "xyz"]
-    found = Inertia(mass, np.zeros(3), np.array(moments)).in_frame(pose(element, file))
-    if not found.largest <= LARGEST:
+    inertia = Inertia(mass, np.zeros(3), np.array(moments)).in_frame(pose(element, file))
+    if not inertia.largest <= LARGEST:
         raise error_at(file, element, f"the inertia of link '{link}' is beyond {LARGEST:g}: check its units")
-    return found
+    return inertia
 
 
 def visuals_of(link: Any, file: str) -> Iterator[Visual]:
@@ -61,7 +61,7 @@ def _geometry(geometry: Any) -> Iterator[Shape]:
 
 def _material(visual: Any) -> Material | None:
     for word in ("diffuse", "ambient"):
-        found = numbers(visual.findtext(f"material/{word}", "none"))
-        if found is not None and len(found) in (3, 4):
-            return material([*found, 1.0][:4])
+        rgba = numbers(visual.findtext(f"material/{word}", "none"))
+        if rgba is not None and len(rgba) in (3, 4):
+            return material([*rgba, 1.0][:4])
     return None

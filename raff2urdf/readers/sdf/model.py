@@ -101,7 +101,7 @@ class SdfModel:
     joints: list[SdfJoint] = field(default_factory=list)
     frames: dict[str, str] = field(default_factory=dict)  # with the links that they are attached to
     static: bool = False
-    own: Any = None  # the element raff:robot
+    raff_robot: Any = None  # the element raff:robot
     gravity: Any = None  # the element of the world around it
     driven: set[tuple[str, int]] = field(default_factory=set)  # joints that plugins control, and the axis: 0 or 1
     notes: list[str] = field(default_factory=list)
@@ -128,7 +128,7 @@ class SdfModelReader:
         if element.get("canonical_link") is not None:
             model.root = poses.canonical()
         model.static = element.findtext("static", "").strip() in ("1", "true")
-        model.own = own_element(element, self.name)
+        model.raff_robot = own_element(element, self.name)
         return model
 
     def _error(self, element: Any, message: str) -> RaffError:

@@ -22,21 +22,21 @@ def pose(element: Any, name: str) -> Array:
     text = "" if written is None else (written.text or "").strip()
     if not text:
         return np.eye(4)
-    found = numbers(text)
+    values = numbers(text)
     quaternion = written.get("rotation_format") == "quat_xyzw"
-    if found is None or len(found) != (7 if quaternion else 6):
-        six = "six numbers, x y z and roll pitch yaw" + (f": '{text} 0 0 0'" if found and len(found) == 3 else "")
+    if values is None or len(values) != (7 if quaternion else 6):
+        six = "six numbers, x y z and roll pitch yaw" + (f": '{text} 0 0 0'" if values and len(values) == 3 else "")
         raise error_at(name, written, f"the pose '{text}' must be {'seven numbers' if quaternion else six}{SIZE}")
     if not quaternion:
         degrees = written.get("degrees", "false") in ("1", "true")
-        if not degrees and in_degrees(found[3:]):
+        if not degrees and in_degrees(values[3:]):
             why = f"the pose '{text}' turns by more than a revolution, since angles are in radians"
             warn(f'{name}:{written.sourceline}: {why}: if these are degrees, write <pose degrees="true">')
-        return from_origin(found[:3], [math.radians(a) if degrees else a for a in found[3:]])
-    x, y, z, w = found[3:]
+        return from_origin(values[:3], [math.radians(a) if degrees else a for a in values[3:]])
+    x, y, z, w = values[3:]
     if math.hypot(x, y, z, w) <= 1e-9:
         raise error_at(name, written, f"the quaternion of the pose '{text}' is 0, which is not a rotation")
-    return from_quaternion(found[:3], (w, x, y, z))
+    return from_quaternion(values[:3], (w, x, y, z))
 
 
 class SdfPoses:
@@ -59,7 +59,7 @@ class SdfPoses:
                 self.elements.setdefault(str(element.get("name", "")), element)
         for reserved in ("__model__", WORLD, ""):
             self.elements.pop(reserved, None)
-        self._found: dict[Any, Array] = {}
+        self._known: dict[Any, Array] = {}
         self._nested: dict[Any, SdfPoses] = {}
         self._pending: set[Any] = set()
 
@@ -79,7 +79,7 @@ class SdfPoses:
     def of_element(self, element: Any) -> Array:
         """Return the pose of a link, joint, frame or model."""
         chain, at = [], element  # each is placed relative to the next
-        while at is not None and at not in self._found:
+        while at is not None and at not in self._known:
             if at in self._pending:
                 raise error_at(
                     self.name, at, f"the pose of '{at.get('name')}' is given relative to itself: name another frame"
@@ -87,18 +87,18 @@ class SdfPoses:
             self._pending.add(at)
             chain.append(at)
             at = self.elements.get(self._relative_to(at)[0])
-        for one in reversed(chain):
-            self._found[one] = self.of(*self._relative_to(one)) @ pose(one, self.name)
+        for at in reversed(chain):
+            self._known[at] = self.of(*self._relative_to(at)) @ pose(at, self.name)
         self._pending.difference_update(chain)
-        return self._found[element]
+        return self._known[element]
 
     def nested(self, model: Any) -> SdfPoses:
         """Return the poses of a nested model."""
         if model not in self._nested:
             prefix, placed = f"{self.prefix}{model.get('name')}::", self.of_element(model)
             if model.get("placement_frame"):  # the frame that the pose places
-                own = SdfPoses(self.name, model, np.eye(4), prefix)
-                placed = placed @ inverse(own.of(model.get("placement_frame"), model))
+                inner = SdfPoses(self.name, model, np.eye(4), prefix)
+                placed = placed @ inverse(inner.of(model.get("placement_frame"), model))
             self._nested[model] = SdfPoses(self.name, model, placed, prefix)
         return self._nested[model]
 
@@ -112,9 +112,9 @@ class SdfPoses:
         """
         passed = set()
         while name not in ("__model__", ""):
-            poses, own = self.owner(name)
+            poses, inner = self.owner(name)
             if poses is not self:
-                return poses.link(own, where, wrong)
+                return poses.link(inner, where, wrong)
             element = self.elements.get(name)
             if name == WORLD:
                 return WORLD

@@ -80,11 +80,11 @@ def _unread(name: str, element: Any, model: SdfModel, ignore: Collection[str]) -
         RaffError: such an element is not to be left out.
     """
     names = {*model.links, *(joint.name for joint in model.joints)}
-    names |= {own.rpartition("::")[2] for own in names}
+    names |= {full.rpartition("::")[2] for full in names}
     left_out = []
     pending = [element]
     if element.getparent().tag == "world":
-        pending += [own for own in element.getparent().iterchildren("*") if own.tag not in ("model", "actor", "light")]
+        pending += [e for e in element.getparent().iterchildren("*") if e.tag not in ("model", "actor", "light")]
     while pending:
         candidate = pending.pop()
         word, parent = local(candidate), candidate.getparent().tag
@@ -101,11 +101,11 @@ def _unread(name: str, element: Any, model: SdfModel, ignore: Collection[str]) -
             and (likely or plugin or elsewhere)
             and ((likely and in_place) or len(named_in(candidate, names)) > 1)
         ):
-            label, own = label_of(candidate), candidate.get("name") or tag_of(candidate)
-            if own not in ignore:
+            label, known_as = label_of(candidate), candidate.get("name") or tag_of(candidate)
+            if known_as not in ignore:
                 what = f"{label} seems to declare a loop or a coupling, which can't be read"
-                raise error_at(name, candidate, f"{what}: {leave_out(own)}")
-            left_out.append(f"'{own}' (line {candidate.sourceline})")
+                raise error_at(name, candidate, f"{what}: {leave_out(known_as)}")
+            left_out.append(f"'{known_as}' (line {candidate.sourceline})")
         elif not read and word not in _SOLID:
             pending += candidate.iterchildren("*")
     return left_out
