@@ -110,13 +110,18 @@ RIGHT = {
 Mend = Callable[[str, re.Match[str]], str]
 
 
+def filled(text: str, said: re.Match[str]) -> str:
+    """A text in which <1> is the first group of a message."""
+    return re.sub(r"<(\d)>", lambda group: said[int(group[1])], text)
+
+
 def put(old: str, new: str) -> Mend:
     """The edit: an old text becomes a new one; both may hold groups of the message, by number."""
 
     def mend(text: str, said: re.Match[str]) -> str:
-        before = re.sub(r"<(\d)>", lambda group: said[int(group[1])], old)
+        before = filled(old, said)
         assert before in text
-        return text.replace(before, re.sub(r"<(\d)>", lambda group: said[int(group[1])], new), 1)
+        return text.replace(before, filled(new, said), 1)
 
     return mend
 
@@ -150,7 +155,7 @@ def line(old: str, new: str, number: int = 1) -> Mend:
     def mend(text: str, said: re.Match[str]) -> str:
         lines, at = text.split("\n"), int(said[number]) - 1
         assert re.search(old, lines[at])
-        lines[at] = re.sub(old, re.sub(r"<(\d)>", lambda group: said[int(group[1])], new), lines[at], count=1)
+        lines[at] = re.sub(old, filled(new, said), lines[at], count=1)
         return "\n".join(lines)
 
     return mend

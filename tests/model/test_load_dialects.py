@@ -21,8 +21,7 @@ import cinegen
 import raff2urdf
 from cinegen import CinegenError
 from cinegen.cli import main
-from raff2urdf import readers
-from raff2urdf.errors import RaffError, RaffWarning
+from raff2urdf.errors import RaffWarning
 
 JOINT = (
     '<joint name="{}" type="continuous"> <parent link="{}"/> <child link="{}"/> <origin xyz="{}"/> <axis xyz="0 0 1"/>'
@@ -482,28 +481,6 @@ def test_all_are_opened_by_ignore_loops_and_each_loop_by_its_dialect_or_its_name
     for word in set(LOOPS.get(dialect, ())[1:3]) - {"coupler-rocker"}:
         with pytest.warns(RaffWarning, match="left out, as requested: "):
             assert cinegen.load(path, ignore=[word]).mobility == 3
-
-
-# --- our own URDFs -----------------------------------------------------------------------------------------------
-@pytest.mark.parametrize(
-    ("loop", "says"),
-    [
-        ('<loop name="x" type="revolute"><predecessor link="coupler"/></loop>', "has no <successor>"),
-        ('<loop name="x"><predecessor link="coupler"/><successor link="rocker"/></loop>', "has no type"),
-        ('<loop name="x" type="fixed"><predecessor link="coupler"/><successor link="rock"/></loop>', "not a link"),
-        ('<loop name="x" type="fixed"><predecessor link="coupler"/><successor link="coupler"/></loop>', "to itself"),
-        (
-            '<constraint name="x" type="floating"><parent link="crank"/><child link="rocker"/></constraint>',
-            "constrains",
-        ),
-    ],
-)
-def test_loops_that_make_no_sense_are_refused(loop, says, write):
-    path = write(loop)
-    with pytest.raises(RaffError, match=rf"bars\.urdf:6: .*{says}"):
-        readers.read(path)
-    with pytest.warns(RaffWarning, match="left out, as requested"):
-        readers.read(path, ignore_loops=True)
 
 
 # --- load declared loops ----------------------------------------------------------------------------------------------

@@ -26,7 +26,7 @@ import pinocchio as pin
 import pytest
 import trimesh
 from proposals import pattern, proposals
-from test_beginners_mistakes import BARS, MISTAKES, RIGHT, URDF_BARS, messages
+from test_beginners_mistakes import BARS, MISTAKES, RIGHT, URDF_BARS, filled, messages
 from test_frozen import bars as with_play
 from test_frozen import hand
 
@@ -306,29 +306,9 @@ def problems(robot: str | Path, **options: Any) -> list[str]:
 def test_the_remedy_of_a_message_works(text: str, says: str, old: str, new: str) -> None:
     said = re.search(says, "\n".join(problems(text)))
     assert said is not None, problems(text)
-    before, after = (re.sub(r"<(\d)>", lambda group: said[int(group[1])], one) for one in (old, new))
+    before, after = filled(old, said), filled(new, said)
     assert before in text
     assert problems(text.replace(before, after, 1)) == []
-
-
-OF_OPTIONS = [
-    (urdf(AB, BC, '<loop_joint name="pin" type="floating">' + ENDS + "</loop_joint>"), r"(--ignore loop_joint)"),
-    (urdf(AB, joint("q", "b", "c", '<mimic joint="x"/>')), r"(--ignore mimic)"),
-    (urdf(AB, BC, '<belt name="b"><pulley joint="p"/><pulley joint="q"/></belt>'), r"(--ignore belt)"),
-    (urdf(AB, BC, '<belt name="b"><pulley joint="p"/><pulley joint="q"/></belt>'), r"(--ignore-loops)"),
-    (urdf(joint("p", "a", "b", '<limit lower="1" upper="-1"/>', "revolute"), BC), r"(--swap-limits)"),
-]
-
-
-@pytest.mark.parametrize(("text", "says"), OF_OPTIONS, ids=[row[1] for row in OF_OPTIONS])
-def test_an_option_that_a_message_proposes_works(text: str, says: str, tmp_path: Path, capsys) -> None:
-    import cinegen.cli
-
-    path = tmp_path / "robot.urdf"
-    path.write_text(text, encoding="utf-8")
-    said = re.search(says, "\n".join(problems(text)))
-    assert said is not None, problems(text)
-    assert cinegen.cli.main(["info", str(path), *said[1].split()]) == 0
 
 
 # --- constraints files --------------------------------------------------------------------------------------------
@@ -410,10 +390,6 @@ class Setting:
     options: Values
     environment: dict[str, str] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        self.files = {name: content for name, content in self.files.items() if content is not None}
-        self.options = dict(self.options)
-
     def problems(self) -> list[str]:
         """What loading says."""
         for name, content in self.files.items():
@@ -431,11 +407,6 @@ class Setting:
 Act = Callable[[Setting, re.Match[str]], object]
 
 
-def filled(text: str, said: re.Match[str]) -> str:
-    """A text in which <1> is the first group of a message."""
-    return re.sub(r"<(\d)>", lambda group: said[int(group[1])], text)
-
-
 def put(old: str, new: str, file: str | None = None) -> Act:
     """Write a new text for an old one, in the first file unless another one is named."""
 
@@ -444,50 +415,23 @@ def put(old: str, new: str, file: str | None = None) -> Act:
         before, text = filled(old, said), it.files[name]
         assert isinstance(text, str)
         assert before in text
-        it.files[name] = text.replace(before, filled(new, said), 1)
+        it.files = it.files | {name: text.replace(before, filled(new, said), 1)}
 
     return act
 
 
-def add(name: str, content: str) -> Act:
-    """Add a file; one without content is removed."""
+def change(files: Values | None = None, **options: Any) -> Act:
+    """Add or remove (None) files, and give options of `load`."""
 
     def act(it: Setting, said: re.Match[str]) -> None:
-        own = filled(name, said)
-        it.files = {**it.files, own: filled(content, said)}
-
-    return act
-
-
-def rename(old: str, new: str) -> Act:
-    """Rename a file."""
-
-    def act(it: Setting, said: re.Match[str]) -> None:
-        it.files[filled(new, said)] = it.files.pop(filled(old, said))
-        (it.folder / filled(old, said)).unlink()
-
-    return act
-
-
-def remove(name: str) -> Act:
-    """Remove a file, or a folder."""
-
-    def act(it: Setting, said: re.Match[str]) -> None:
-        path = it.folder / filled(name, said)
-        if path.is_dir():
-            shutil.rmtree(path)
-        else:
-            path.unlink()
-        it.files = {own: content for own, content in it.files.items() if not (it.folder / own).is_relative_to(path)}
-
-    return act
-
-
-def option(**given: Any) -> Act:
-    """Give options of `load`, or leave out those that are None."""
-
-    def act(it: Setting, said: re.Match[str]) -> None:
-        it.options |= given
+        it.options = it.options | options
+        for name, content in (files or {}).items():
+            path = it.folder / filled(name, said)
+            if content is None:
+                shutil.rmtree(path) if path.is_dir() else path.unlink()
+                it.files = {own: text for own, text in it.files.items() if not (it.folder / own).is_relative_to(path)}
+            else:
+                it.files = it.files | {path.relative_to(it.folder).as_posix(): filled(content, said)}
 
     return act
 
@@ -499,7 +443,7 @@ def python(**words: str) -> Act:
         own, _, value = said[1].partition("=")
         for word, text in words.items():
             value = value.replace(word, repr(text.format(folder=it.folder)))
-        it.options[own] = ast.literal_eval(value)
+        it.options = it.options | {own: ast.literal_eval(value)}
 
     return act
 
@@ -510,27 +454,6 @@ def first(name: str) -> Act:
     def act(it: Setting, said: re.Match[str]) -> None:
         own = filled(name, said)
         it.files = {own: it.files[own], **it.files}
-
-    return act
-
-
-def both(*acts: Act) -> Act:
-    """One act after the other."""
-
-    def act(it: Setting, said: re.Match[str]) -> None:
-        for one in acts:
-            one(it, said)
-
-    return act
-
-
-def recoded(encoding: str, head: str = "", mended: str = "") -> Act:
-    """Save the file, which is in this encoding, as UTF-8."""
-
-    def act(it: Setting, said: re.Match[str]) -> None:
-        name, content = next(iter(it.files.items()))
-        assert isinstance(content, bytes)
-        it.files[name] = content.decode(encoding).replace(head, mended)
 
     return act
 
@@ -560,6 +483,8 @@ GEARED = BARS.replace("constraint {", f"{GEAR} constraint {{ frame 6 sensor ( 0 
 """A four-bar with a sensor and a gear."""
 
 BARS_FILES = converted(BARS)
+CONSTRAINTS = BARS_FILES["r.constraints.json"]
+ALONE = {"r.urdf": BARS_FILES["r.urdf"]}
 PART = '<link name="b"/>' + joint("p", "a", "b")
 XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{}<link name="a"/></robot>'
 MACRO = XACRO.format('<xacro:macro name="arm">' + PART + "</xacro:macro>").replace('<link name="a"/>', "")
@@ -585,7 +510,7 @@ def srdf(inside: str) -> dict[str, str | bytes]:
 
 
 SPHERE = converted(raff("link 1 { joint ball pred 0 }"))
-OWN_ELEMENT = f'<raff:robot xmlns:raff="urn:raff2urdf">{BARS_FILES["r.constraints.json"]}</raff:robot></robot>'
+OWN_ELEMENT = f'<raff:robot xmlns:raff="urn:raff2urdf">{CONSTRAINTS}</raff:robot></robot>'
 EMBEDDED = BARS_FILES["r.urdf"].replace("</robot>", OWN_ELEMENT)
 ON_ONE_BODY = urdf(
     AB,
@@ -608,15 +533,17 @@ BUSHING = urdf(
 )
 SRDF = {"srdf": "{folder}/r.srdf"}
 
+ACCENT = {"r.raff": raff(ONE + " // é")}
+UTF_8 = {"r.urdf": '<?xml version="1.0" encoding="utf-8"?><robot name="é"><link name="a"/></robot>'}
+
 # files, options, what the message says, and what it proposes
-OF_FILES: list[tuple[dict[str, Any], Values, str, Act]] = [
+OF_FILES: list[tuple[Any, ...]] = [
     # encodings
-    ({"r.raff": raff(ONE + " // é").encode("latin-1")}, {}, "is not UTF-8 text: (save) the file as UTF-8",
-     recoded("latin-1")),
-    ({"r.urdf": '<?xml version="1.0" encoding="utf-8"?><robot name="é"><link name="a"/></robot>'.encode("latin-1")}, {},
-     "this is not text in utf-8: (save) the file as UTF-8", recoded("latin-1")),
-    ({"r.urdf": b'<?xml version="1.0" encoding="x-own"?><robot name="r"><link name="a"/></robot>'}, {},
-     "unknown encoding '(x-own)': save the file as UTF-8", recoded("ascii", "x-own", "utf-8")),
+    ({"r.raff": ACCENT["r.raff"].encode("latin-1")}, {}, "is not UTF-8 text: (save) the file as UTF-8", change(ACCENT)),
+    ({"r.urdf": UTF_8["r.urdf"].encode("latin-1")}, {}, "this is not text in utf-8: (save) the file as UTF-8",
+     change(UTF_8)),
+    ({"r.urdf": UTF_8["r.urdf"].replace("utf-8", "x-own")}, {}, "unknown encoding '(x-own)': save the file as UTF-8",
+     change(UTF_8)),
     # MJCF
     ({"r.xml": '<mujoco><asset><model name="m" file="r.xml"/></asset><worldbody><body><joint/><geom size="1"/></body>'
      "</worldbody></mujoco>"}, {}, "r.xml names r.xml, which names it in turn, also through others: (leave one out)",
@@ -633,7 +560,7 @@ OF_FILES: list[tuple[dict[str, Any], Values, str, Act]] = [
     ({"r.urdf.xacro": XACRO.format('<xacro:arg name="prefix"/>')}, {},
      'write (<xacro:arg name="prefix" default=""/>), with the default', put('<xacro:arg name="prefix"/>', "<1>")),
     ({"arm.urdf.xacro": MACRO}, {}, "load a (file) that calls them, by (<xacro:include .*/>) (<xacro:arm/>)",
-     both(add("own.urdf.xacro", XACRO.format("<2><3>")), first("own.urdf.xacro"))),
+     change({"own.urdf.xacro": XACRO.format("<2><3>")}), first("own.urdf.xacro")),
     ({"arm.urdf.xacro": MACRO,
      "own.urdf.xacro": XACRO.format('<xacro:include filename="arm.urdf.xacro"/><xacro:arm/>')}, {},
      r"load \S*/(\S+), which calls them", first("<1>")),
@@ -669,29 +596,29 @@ OF_FILES: list[tuple[dict[str, Any], Values, str, Act]] = [
     ({"a/b/r.sdf": including("").replace("model://part", "../../part/model.sdf"), "part/model.sdf": MODEL}, {},
      r"allow its folder by the environment variable (\w+)=(\S+)", environment),
     ({"a/b/r.sdf": including("").replace("model://part", "../../part/model.sdf"), "part/model.sdf": MODEL}, {},
-     "leads out of .*, to (.*): copy the file, or", both(add("a/b/part/model.sdf", MODEL), put("../../part", "part"))),
+     "leads out of .*, to (.*): copy the file, or", change({"a/b/part/model.sdf": MODEL}), put("../../part", "part")),
     ({"r.sdf": including(""), "part/model.sdf": "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 3\n"},
-     {}, r"is a Git LFS pointer: run `git lfs pull` in \S*/(part)", add("<1>/model.sdf", MODEL)),
+     {}, r"is a Git LFS pointer: run `git lfs pull` in \S*/(part)", change({"<1>/model.sdf": MODEL})),
     # files next to a URDF
-    ({**BARS_FILES, "r.constraints.json": None, "R.Constraints.json": BARS_FILES["r.constraints.json"]}, {},
-     r"(\S+) differs only in case: rename it to ([\w.]+\w)", rename("<1>", "<2>")),
-    ({**BARS_FILES, "r.constraints.json": None, "loops.json": BARS_FILES["r.constraints.json"]}, {},
-     r"(\S+) fits this URDF and no other one here: rename it to ([\w.]+\w)", rename("<1>", "<2>")),
-    ({**BARS_FILES, "r.constraints.json": None, "loops.json": BARS_FILES["r.constraints.json"]}, {},
+    ({**ALONE, "R.Constraints.json": CONSTRAINTS}, {},
+     r"(\S+) differs only in case: rename it to ([\w.]+\w)", change({"<1>": None, "<2>": CONSTRAINTS})),
+    ({**ALONE, "loops.json": CONSTRAINTS}, {},
+     r"(\S+) fits this URDF and no other one here: rename it to ([\w.]+\w)", change({"<1>": None, "<2>": CONSTRAINTS})),
+    ({**ALONE, "loops.json": CONSTRAINTS}, {},
      r"or leave the loops open with .*\(in Python (ignore_loops=True)\)", python()),
-    ({**BARS_FILES, "r.constraints.json": None, "own.json": BARS_FILES["r.constraints.json"]}, {},
+    ({**ALONE, "own.json": CONSTRAINTS}, {},
      r"(\S+) was written for the same links and joints: copy it to ([\w.]+\w)",
-     add("<2>", BARS_FILES["r.constraints.json"])),
-    ({**BARS_FILES, "r.constraints.json": None}, {}, r"Restore that file next to the URDF as ([\w.]+\w)",
-     add("<1>", BARS_FILES["r.constraints.json"])),
-    ({**BARS_FILES, "r.constraints.json": None}, {},
+     change({"<2>": CONSTRAINTS})),
+    (ALONE, {}, r"Restore that file next to the URDF as ([\w.]+\w)",
+     change({"<1>": CONSTRAINTS})),
+    (ALONE, {},
      r"Restore that file .*, or leave the loops open with .*\(in Python (ignore_loops=True)\)", python()),
     ({"r.urdf": urdf(AB, BC), "r.constraints.json/x": ""}, {},
-     r"(r.constraints.json): is not a file: remove it, or leave", remove("<1>")),
+     r"(r.constraints.json): is not a file: remove it, or leave", change({"<1>": None})),
     ({"r.urdf": urdf(AB, BC), "r.constraints.json/x": ""}, {}, r"leave it out with --ignore (\S+)",
-     option(ignore=["r.constraints.json"])),
+     change(ignore=["r.constraints.json"])),
     ({"r.urdf": urdf(AB, BC), "robot.yml": YAML}, {},
-     r"(robot.yml) is not read under this name: rename it to ([\w.]+\w)", rename("<1>", "<2>")),
+     r"(robot.yml) is not read under this name: rename it to ([\w.]+\w)", change({"<1>": None, "<2>": YAML})),
     # robot.yaml
     ({"r.urdf": urdf(AB, BC), "robot.yaml": YAML.replace("[a, c]", "[a, a]")}, {},
      "the loop joins '(a)' to itself: name two different frames", put("[a, <1>]", "[a, c]", "robot.yaml")),
@@ -711,26 +638,27 @@ OF_FILES: list[tuple[dict[str, Any], Values, str, Act]] = [
     # couplings and loops of a URDF
     ({"r.urdf": RING}, {}, "mimics another joint, or leads one: give it a child of its (own)",
      put(joint("s", "a", "c", FOLLOWS), '<link name="d"/>' + joint("s", "a", "d", FOLLOWS))),
-    ({"r.urdf": RING}, {}, "or leave the coupling out with --ignore (mimic)", option(ignore=["mimic"])),
+    ({"r.urdf": RING}, {}, "or leave the coupling out with --ignore (mimic)", change(ignore=["mimic"])),
     ({"r.urdf": urdf(AB, BC, LOOP)}, {"ignore": ["pim"]}, "--ignore pim: .*: did you mean '(pin)'",
-     option(ignore=["pin"])),
+     change(ignore=["pin"])),
     ({"r.urdf": PINNED}, {}, r"or leave it out with .*\(in Python (ignore=\[.*?\])\)", python()),
     ({"r.urdf": PINNED}, {}, r"or all loops with .*\(in Python (ignore_loops=True)\)", python()),
     ({"r.urdf": UNREAD}, {}, r"Declare the loops in (\S+) next to the URDF",
-     add("<1>", BARS_FILES["r.constraints.json"])),
+     change({"<1>": CONSTRAINTS})),
     ({"r.urdf": urdf(AB, BC, LOOP.replace("revolute", "hing"))}, {},
-     "the type 'hing' of .*: leave it out with --ignore (loop_joint)", option(ignore=["loop_joint"])),
-    ({**BARS_FILES, "r.constraints.json": BARS_FILES["r.constraints.json"].replace('"mobility": 1,',
+     "the type 'hing' of .*: leave it out with --ignore (loop_joint)", change(ignore=["loop_joint"])),
+    ({**BARS_FILES, "r.constraints.json": CONSTRAINTS.replace('"mobility": 1,',
      '"mobility": 1,\n "mobility": 1,')}, {}, "this key is on line .* already: remove (one) of them",
      put('"mobility": 1,\n "mobility": 1,', '"mobility": 1,', "r.constraints.json")),
     ({**SPHERE, "r.constraints.json": SPHERE["r.constraints.json"].replace('[\n    "joint1_X",\n    "joint1_Y"',
      '[\n    "joint1_Y",\n    "joint1_X"')}, {}, "are not successive joints with .*: correct (them), or",
      put('[\n    "joint1_Y",\n    "joint1_X"', '[\n    "joint1_X",\n    "joint1_Y"', "r.constraints.json")),
-    ({"r.urdf": EMBEDDED, "r.constraints.json": BARS_FILES["r.constraints.json"].replace('"name": "Bars"',
-     '"name": "Bar"')}, {}, "raff:robot differs from (r.constraints.json): remove one of them, or", remove("<1>")),
-    ({"r.urdf": EMBEDDED, "r.constraints.json": BARS_FILES["r.constraints.json"].replace('"name": "Bars"',
+    ({"r.urdf": EMBEDDED, "r.constraints.json": CONSTRAINTS.replace('"name": "Bars"',
+     '"name": "Bar"')}, {}, "raff:robot differs from (r.constraints.json): remove one of them, or",
+     change({"<1>": None})),
+    ({"r.urdf": EMBEDDED, "r.constraints.json": CONSTRAINTS.replace('"name": "Bars"',
      '"name": "Bar"')}, {}, "raff:robot differs from .*, or write both again with (raff2urdf)",
-     both(*(add(*file) for file in BARS_FILES.items()))),
+     change(BARS_FILES)),
     ({"r.urdf": ON_ONE_BODY}, {},
      "the frames 'closing_x_1' and '(closing_x_2)' are on one rigid body: put each on another link",
      put('<parent link="b"/><child link="<1>"/>', '<parent link="a"/><child link="<1>"/>')),
@@ -738,35 +666,37 @@ OF_FILES: list[tuple[dict[str, Any], Values, str, Act]] = [
      "Restore that file, or remove the (comment)",
      put("<!-- raff2urdf constraints: r.constraints.json (0 loops) -->", "")),
     ({"r.urdf": CONTRADICTED}, {}, "contradicts .*: correct one of them, or leave it out with --ignore (plugin)",
-     option(ignore=["plugin"])),
+     change(ignore=["plugin"])),
     ({"r.urdf": CONTRADICTED}, {}, "contradicts .*: correct (one) of them", put("<multiplier>2", "<multiplier>1")),
     ({"r.urdf": BUSHING}, {}, "is stiff in directions that no joint has: declare the (joint) that it stands for",
      put(BUSHING[BUSHING.index("<drake:linear") : BUSHING.index("</robot>")], LOOP)),
     ({"r.urdf": BUSHING}, {}, "stands for, or leave it out with --ignore (drake:linear_bushing_rpy)",
-     option(ignore=["drake:linear_bushing_rpy"])),
+     change(ignore=["drake:linear_bushing_rpy"])),
     ({"r.urdf": urdf(AB, BC).replace('"c"', '"p_X"'), "robot.yaml": "joint_name: [p]\njoint_type: [SPHERICAL]\n"}, {},
      "can't be written as successive joints: rename '(p_X)', whose name is needed",
-     both(put('"<1>"', '"c"'), put('"<1>"', '"c"'))),
+     put('"<1>"', '"c"'), put('"<1>"', '"c"')),
     # options
     ({"r.urdf": urdf(AB, BC)}, {"packages": {"arm": "/nowhere"}},
-     "there is no such folder: name the (folder) of the package", option(packages=None)),
+     "there is no such folder: name the (folder) of the package", change(packages=None)),
     ({"r.urdf": urdf(AB, BC)}, {"packages": {"arm": "."}}, "has no effect: .*'arm': (leave) it out",
-     option(packages=None)),
+     change(packages=None)),
     ({"r.urdf": urdf(AB, BC)}, {"swap_limits": True},
-     "no joint of .* has a lower limit above its upper one: (leave) it out", option(swap_limits=False)),
+     "no joint of .* has a lower limit above its upper one: (leave) it out", change(swap_limits=False)),
     ({"r.urdf": urdf(AB, BC)}, {"couplings": [Coupling("c", {"p": (1.0,), "q": (1.0,)})]},
-     "a file declares its loops and couplings: give them with a (pinocchio.Model) only", option(couplings=())),
+     "a file declares its loops and couplings: give them with a (pinocchio.Model) only", change(couplings=())),
     ({"r.urdf": URDF_BARS}, {"loops": {"pin": "ball"}, "ignore_loops": True},
-     "a kind is given for loop 'pin', but all are to be ignored: (leave) one out", option(ignore_loops=False)),
+     "a kind is given for loop 'pin', but all are to be ignored: (leave) one out", change(ignore_loops=False)),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("files", "options", "says", "act"), OF_FILES, ids=[row[2] for row in OF_FILES])
-def test_the_remedy_of_a_message_about_files_and_options_works(files, options, says, act, tmp_path: Path) -> None:
+@pytest.mark.parametrize("row", OF_FILES, ids=[row[2] for row in OF_FILES])
+def test_the_remedy_of_a_message_about_files_and_options_works(row: tuple[Any, ...], tmp_path: Path) -> None:
+    files, options, says, *acts = row
     it = Setting(tmp_path, files, options)
     said = re.search(says, "\n".join(it.problems()))
     assert said is not None, it.problems()
-    act(it, said)
+    for act in acts:
+        act(it, said)
     assert it.problems() == []
 
 
@@ -820,7 +750,7 @@ def unhealed(path: Path) -> object:
 
 def marked(folder: Path, mark: str = "") -> Path:
     """A URDF that can be healed, with a byte-order mark in its constraints file."""
-    file = json.loads(BARS_FILES["r.constraints.json"])
+    file = json.loads(CONSTRAINTS)
     tilted = pin.SE3(pin.exp3(np.array([0.001, 0.0, 0.0])), np.zeros(3))
     file["loops"][0]["second"]["placement"] = tilted.homogeneous.tolist()
     return saved(folder, "r.urdf", BARS_FILES["r.urdf"], **{"r.constraints.json": f"{mark}{json.dumps(file)}"})
@@ -828,7 +758,7 @@ def marked(folder: Path, mark: str = "") -> Path:
 
 def limited(**limits: object) -> Values:
     """Constraints of the four-bar, with limits of its first joint."""
-    file: Values = json.loads(BARS_FILES["r.constraints.json"])
+    file: Values = json.loads(CONSTRAINTS)
     file["joints"][0].update(limits)
     return file
 
@@ -937,7 +867,7 @@ OF_CALLS: list[tuple[Callable[[Path], object], str, Callable[[Path, re.Match[str
      lambda _, said: refused(lambda: cinegen.load(with_play(0.45), **literal(said[1])))),
     (lambda folder: cinegen.load(linked(folder)), r"is a link to (gone.json), which does not exist: restore that file",
      lambda folder, said: cinegen.load(saved(folder, "r.urdf", BARS_FILES["r.urdf"],
-     **{said[1]: BARS_FILES["r.constraints.json"]}))),
+     **{said[1]: CONSTRAINTS}))),
     (lambda folder: unhealed(saved(folder, "bent.raff", BENT)),
      "no small change .*: check their geometry, or load the robot with weaker joints there .(--relax)",
      lambda folder, said: cinegen.load(folder / "bent.raff", relax=True)),
@@ -975,7 +905,7 @@ OF_CALLS: list[tuple[Callable[[Path], object], str, Callable[[Path, re.Match[str
      '<link name="a"/><xacro:arm/></robot>')))),
     (lambda _: cinegen.load(PINNED), r"Load the URDF from a file with such a file, NAME(.constraints.json), next to it",
      lambda folder, said: cinegen.load(saved(folder, "r.urdf", UNREAD,
-     **{f"r{said[1]}": BARS_FILES["r.constraints.json"]}))),
+     **{f"r{said[1]}": CONSTRAINTS}))),
     (lambda _: cinegen.load(TWO_PASSIVE),
      r"let joint2 be actuated too; load\(\.\.\., (actuated)=\[\.\.\.\]\) declares that",
      lambda _, said: cinegen.load(TWO_PASSIVE, **{said[1]: ["joint1", "joint2"]})),
@@ -1038,6 +968,7 @@ def test_the_remedy_of_a_message_about_a_call_works(wrong, says, right, tmp_path
 RAFF2URDF, URDF2RAFF, CINEGEN = raff2urdf.cli.main, raff2urdf.urdf2raff.cli.main, cinegen.cli.main
 TWO_ROBOTS = raff(ONE) + "robot s { }\n"
 SOLID = trimesh.creation.box().export(file_type="stl_ascii")
+BELT = '<belt name="b"><pulley joint="p"/><pulley joint="q"/></belt>'
 MESH = DRAWN.format('<geometry><mesh filename="{}.stl"/></geometry>')
 
 # the program, its files, its arguments, what it says, and the arguments then; <1> is the first group
@@ -1060,6 +991,14 @@ OF_COMMANDS: list[tuple[Callable[[list[str]], int], dict[str, str], str, str, st
     (CINEGEN, {"r.urdf.xacro": XACRO.format('<xacro:arg name="prefix" default=""/>')},
      "info r.urdf.xacro --xacro-arg prefix=a --xacro-arg prefix=b", "'prefix' is given twice: (leave) one out",
      "info r.urdf.xacro --xacro-arg prefix=a"),
+    (CINEGEN, {"r.urdf": urdf(AB, BC, '<loop_joint name="pin" type="floating">' + ENDS + "</loop_joint>")},
+     "info r.urdf", "(--ignore loop_joint)", "info r.urdf <1>"),
+    (CINEGEN, {"r.urdf": urdf(AB, joint("q", "b", "c", '<mimic joint="x"/>'))}, "info r.urdf", "(--ignore mimic)",
+     "info r.urdf <1>"),
+    (CINEGEN, {"r.urdf": urdf(AB, BC, BELT)}, "info r.urdf", "(--ignore belt)", "info r.urdf <1>"),
+    (CINEGEN, {"r.urdf": urdf(AB, BC, BELT)}, "info r.urdf", "(--ignore-loops)", "info r.urdf <1>"),
+    (CINEGEN, {"r.urdf": urdf(joint("p", "a", "b", '<limit lower="1" upper="-1"/>', "revolute"), BC)}, "info r.urdf",
+     "(--swap-limits)", "info r.urdf <1>"),
     (URDF2RAFF, {"r.urdf": DRAWN.format('<geometry><box size="1 1 1"/></geometry>')}, "r.urdf -o -",
      "name a regular (file), or give", "r.urdf -o <1>.raff"),
     (URDF2RAFF, {"r.urdf": DRAWN.format('<geometry><box size="1 1 1"/></geometry>')}, "r.urdf -o -",
@@ -1119,7 +1058,7 @@ ELSEWHERE = {
 def told(folder: Path) -> Iterator[tuple[str, re.Match[str]]]:
     """The message of each row of these tables and of the beginners' mistakes, and what the row reads in it."""
 
-    met = [("\n".join(problems(text)), says) for text, says, *_ in [*ROWS, *OF_OPTIONS]]
+    met = [("\n".join(problems(text)), says) for text, says, *_ in ROWS]
     for mistake in MISTAKES:
         wrong = RIGHT[mistake.right]
         for old, new in mistake.wrong:
@@ -1127,7 +1066,7 @@ def told(folder: Path) -> Iterator[tuple[str, re.Match[str]]]:
         met.append((messages(wrong)[0], mistake.says))
     for i, (spoil, says, _) in enumerate(OF_CONSTRAINTS):
         met.append(("\n".join(spoilt(own(folder, f"k{i}"), spoil)[1]), says))
-    for i, (files, options, says, _) in enumerate(OF_FILES):
+    for i, (files, options, says, *_) in enumerate(OF_FILES):
         met.append(("\n".join(Setting(own(folder, f"f{i}"), files, options).problems()), says))
     for i, (wrong, says, _) in enumerate(OF_CALLS):
         met.append((said_by(wrong, own(folder, f"c{i}")), says))

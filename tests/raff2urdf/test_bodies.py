@@ -23,7 +23,7 @@ from raff2urdf import RaffError, loads
 from raff2urdf.conversion import describe, translate
 from raff2urdf.graphics.bodies import BodyDrawing
 from raff2urdf.graphics.body_shapes import SHARED, DrawnBody, Shape
-from raff2urdf.graphics.skeleton import BASE, BRANCHES, JOINT, SkeletonDrawing, telescope
+from raff2urdf.graphics.skeleton import BASE, BRANCHES, JOINT, SkeletonDrawing
 from raff2urdf.graphics.solids import stl_of, tooth_numbers, triangles
 from raff2urdf.graphics.wheels import CouplingDrawing, Mesh
 from raff2urdf.raff.compound import expanded
@@ -164,27 +164,18 @@ def mesh_of(shape: Shape) -> tuple[Array, Array]:
     return points, np.arange(len(points)).reshape(-1, 3)
 
 
-@given(st.floats(-2, 2), st.floats(0.01, 2), st.floats(0, 1))
+@given(st.integers(-2000, 2000), st.integers(10, 2000), st.floats(0, 1))
 @settings(max_examples=100)
-def test_rod_and_sleeve_stay_together_over_the_whole_stroke(low: float, stroke: float, part: float) -> None:
+def test_rod_and_sleeve_stay_together_over_the_whole_stroke(low: int, stroke: int, part: float) -> None:
     """As do carriage and rail."""
-    high = low + stroke
-    start, end, rod = telescope(low + part * stroke, low, high)
-    for value in (low, high, low + part * stroke):
-        fixed, moving = sorted((start, end)), sorted((value - rod, value))
-        assert min(fixed[1], moving[1]) - max(fixed[0], moving[0]) >= -1e-12
-
-
-@pytest.mark.parametrize("limits", [(30, 160), (-160, -30), (-50, 100), (0, 90)])
-def test_a_slide_is_drawn_together_at_both_ends_of_its_stroke(limits: tuple[int, int]) -> None:
-    low, high = limits
-    drawing = drawn(robot(f"link 1 {{ parameters {{ d 100 r {high} }} type 1 pred 0 limits {{ {low} {high} }} }}"))
+    high, home = low + stroke, low + part * stroke
+    drawing = drawn(robot(f"link 1 {{ parameters {{ d 100 r {home} }} type 1 pred 0 limits {{ {low} {high} }} }}"))
     on_base = [one for one in drawing.of(drawing.robot.base) if one.kind in ("cylinder", "box") and one.placement[0, 3]]
     (moving,) = [one for one in drawing.of(drawing.robot.nodes[1]) if one.kind in ("cylinder", "box")]
     spans = np.array(
         [[one.placement[2, 3] - one.sizes[-1] / 2, one.placement[2, 3] + one.sizes[-1] / 2] for one in on_base]
     )
-    for value in (1e-3 * low, 1e-3 * high):
+    for value in (1e-3 * low, 1e-3 * home, 1e-3 * high):
         a, b = (
             value + moving.placement[2, 3] - moving.sizes[-1] / 2,
             value + moving.placement[2, 3] + moving.sizes[-1] / 2,

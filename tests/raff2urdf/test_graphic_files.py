@@ -80,14 +80,6 @@ def test_triangles_have_the_area_of_their_polygon_and_face_where_it_does(
     assert np.linalg.norm(found, axis=1).sum() == pytest.approx(expected, rel=1e-4, abs=1e-3)
 
 
-def test_a_concave_quadrangle_is_cut_along_its_inner_diagonal() -> None:
-    """Whichever corner is the inner one. A fan from the first corner has 3 times the area where it is wrong."""
-    dart = [(0.0, 0.0, 0.0), (2.0, -1.0, 0.0), (0.5, 0.0, 0.0), (2.0, 1.0, 0.0)]
-    for shift in range(4):
-        corners = np.array(dart[shift:] + dart[:shift])
-        assert area(cut(corners)) == pytest.approx(0.5)
-
-
 @given(outlines())
 @settings(max_examples=30)
 def test_what_is_seen_from_both_sides_faces_both(outline: list[tuple[float, float]]) -> None:

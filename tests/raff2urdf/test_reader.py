@@ -242,11 +242,6 @@ def test_white_space_and_comments_mean_nothing(document: Document, data: st.Data
     assert raff2urdf.loads(data.draw(layouts(text))) == document
 
 
-@pytest.mark.parametrize("name", ["robot", "3RRR", "a b", "", "-1", "a//b", "{", "Tête à tête", ".5"])
-def test_a_file_may_bear_any_name(name: str) -> None:
-    assert raff2urdf.loads(raff2urdf.dumps(Document(name))).name == name
-
-
 @pytest.mark.parametrize("wrong", ['a "b"', "a\nb"])
 @pytest.mark.parametrize("where", ["document", "path", "name", "filename", "port"])
 def test_a_text_that_raff_cannot_hold_is_refused(wrong: str, where: str) -> None:
@@ -398,29 +393,10 @@ def test_a_fault_is_named_where_it_stands(body: str, line: int, column: int, wor
     assert (problem.location.line, problem.location.column) == (line, column)
 
 
-@pytest.mark.parametrize(
-    ("text", "column", "what"),
-    [
-        ("RAFF t\nrobot a { }\nrobot b { }\nrobot a { }", 7, "robot 'a'"),
-        ('RAFF t\nsensor 1 { port "a" }\nrobot r { }\nsensor 1 { port "b" }', 8, "sensor 1"),
-    ],
-)
-def test_a_name_or_number_that_is_taken_is_refused_where_it_stands(text: str, column: int, what: str) -> None:
-    (problem,) = faults_of(text)
-    assert problem.location is not None
-    assert (problem.location.line, problem.location.column) == (4, column)
-    assert problem.message == f"{what} is defined twice, first on line 2: change one of them"
-
-
 @pytest.mark.parametrize("name", ["4bar", '"left arm"', '""', "-r"])
 def test_a_robots_name_must_be_one_that_xml_takes(name: str) -> None:
     (problem,) = faults_of(f"RAFF t\nrobot {name} {{ }}")
     assert "can't name a robot" in problem.message
-
-
-def test_an_unknown_sensor_is_answered_with_those_that_exist() -> None:
-    text = text_of(f"{ONE}\nconstraint {{ link 1 sensor ( 3 ) }}", 'sensor 7 { port "a" } sensor 2 { port "b" }')
-    assert faults_of(text)[0].message == "sensor 3 is not declared (declared: 2, 7)"
 
 
 @pytest.mark.parametrize("length", [1, 3000])

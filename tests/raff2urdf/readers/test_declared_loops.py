@@ -206,48 +206,50 @@ def refused(path, message):
 
 
 RENAMED = "{} fits this URDF and no other one here: rename it to "
-
+COPIED = "{} was written for the same links and joints: copy it to r.constraints.json"
 KEPT = "five_bar.constraints.json"
+YML = "{0} is not read under this name: rename it to {1}"
+GONE = "{} is a link to gone.json, which does not exist: restore that file"
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "says"),
-    [
-        ("five_bar.urdf", "r.urdf", RENAMED.format(KEPT) + "r.constraints.json, or leave the loops open"),
-        (KEPT, "loops.json", RENAMED.format("loops.json") + "five_bar"),
-        (KEPT, "five_bar.urdf.constraints.json", RENAMED.format("five_bar.urdf.constraints.json") + "five_bar"),
-        (KEPT, "FIVE_BAR.CONSTRAINTS.json", "FIVE_BAR.CONSTRAINTS.json differs only in case: rename it to five_bar"),
-    ],
-)
-def test_a_file_that_was_renamed(old, new, says, five_bar):
-    (five_bar / old).rename(five_bar / new)
-    refused(next(five_bar.glob("*.urdf")), f"its loops would be lost: {says}")
+def renamed(*pairs):
+    def change(folder):
+        for old, new in pairs:
+            (folder / old).rename(folder / new)
+
+    return change
 
 
-@pytest.mark.parametrize("name", [KEPT, "robot.yaml"])
-def test_a_link_to_nowhere(name, five_bar):
-    (five_bar / KEPT).unlink()
-    (five_bar / name).symlink_to("gone.json")
-    refused(five_bar / "five_bar.urdf", f"{name} is a link to gone.json, which does not exist: restore that file")
+def instead(name, text=None):
+    """Another file instead of the constraints; without a text a link to nowhere."""
+
+    def change(folder):
+        (folder / KEPT).unlink()
+        (folder / name).symlink_to("gone.json") if text is None else (folder / name).write_text(text)
+
+    return change
 
 
-@pytest.mark.parametrize(
-    ("name", "wanted"), [("robot.yml", "robot.yaml"), ("Robot.yaml", "robot.yaml"), ("five_bar.yml", "five_bar.yaml")]
-)
-def test_a_robot_yaml_under_another_name(name, wanted, five_bar):
-    (five_bar / KEPT).unlink()
-    (five_bar / name).write_text("closed_loop: [[link5, link3]]\ntype: [6d]\n")
-    refused(five_bar / "five_bar.urdf", f"{name} is not read under this name: rename it to {wanted}")
+LOOP = "closed_loop: [[link5, link3]]\ntype: [6d]\n"
 
 
-def test_a_copy_of_a_urdf_without_its_constraints(five_bar):
-    """They name the URDF by its hash, though they belong to another one by their name."""
-    shutil.copy(five_bar / "five_bar.urdf", five_bar / "r.urdf")
-    message = "five_bar.constraints.json was written for the same links and joints: copy it to r.constraints.json"
-    refused(five_bar / "r.urdf", message)
-    (five_bar / "five_bar.constraints.json").rename(five_bar / "any.json")
-    (five_bar / "five_bar.urdf").unlink()
-    refused(five_bar / "r.urdf", message.replace("five_bar.constraints.json", "any.json"))
+@pytest.mark.parametrize(("change", "says"), [
+    (renamed(("five_bar.urdf", "r.urdf")), f"{RENAMED.format(KEPT)}r.constraints.json, or leave the loops open"),
+    (renamed((KEPT, "loops.json")), f"{RENAMED.format('loops.json')}five_bar"),
+    (renamed((KEPT, f"five_bar.urdf.{KEPT}")), f"{RENAMED.format(f'five_bar.urdf.{KEPT}')}five_bar"),
+    (renamed((KEPT, KEPT.upper())), f"{KEPT.upper()} differs only in case: rename it to five_bar"),
+    (instead(KEPT), GONE.format(KEPT)), (instead("robot.yaml"), GONE.format("robot.yaml")),
+    (instead("robot.yml", LOOP), YML.format("robot.yml", "robot.yaml")),
+    (instead("Robot.yaml", LOOP), YML.format("Robot.yaml", "robot.yaml")),
+    (instead("five_bar.yml", LOOP), YML.format("five_bar.yml", "five_bar.yaml")),
+    # a copy: the constraints name the URDF by its hash, though they belong to another one by their name
+    (lambda folder: shutil.copy(folder / "five_bar.urdf", folder / "r.urdf"), COPIED.format(KEPT)),
+    (lambda folder: renamed((KEPT, "any.json"))(shutil.copy(folder / "five_bar.urdf", folder / "r.urdf").parent),
+     COPIED.format("any.json")),
+])  # fmt: skip
+def test_loops_that_a_file_of_another_name_holds_are_not_lost(change, says, five_bar):
+    change(five_bar)
+    refused(five_bar / ("r.urdf" if (five_bar / "r.urdf").exists() else "five_bar.urdf"), says)
 
 
 # --- constraints name their URDF ---------------------------------------------------------------------------------

@@ -114,33 +114,43 @@ file = "none.stl"
 """
 
 
-def test_a_urdf(tmp_path):
-    path = tmp_path / "a.urdf"
-    path.write_text(URDF, encoding="utf-8")
-    with pytest.raises(RaffError) as found:
-        raff2urdf.to_raff(path, tmp_path / "a.raff")
-    said = str(found.value).splitlines()
-    wanted = ("'revolut'", "'bas', which is not a link", "no <parent>", "limit", "mass", "radius")
-    assert len(said) == len(wanted)
-    assert all(part in line for part, line in zip(wanted, said, strict=True))
+def lines_of(error, call, *arguments):
+    """The lines of the error of a call."""
+    with pytest.raises(error) as caught:
+        call(*arguments)
+    return str(caught.value).splitlines()
 
 
-def test_an_sdf(tmp_path):
-    path = tmp_path / "a.sdf"
-    joints = '<joint name="one" type="revolut"/><joint name="two" type="fixed"><parent>bas</parent></joint>'
-    path.write_text(f'<sdf version="1.9"><model name="a"><link name="base"/>{joints}</model></sdf>', encoding="utf-8")
-    with pytest.raises(RaffError) as found:
-        raff2urdf.to_raff(path, tmp_path / "a.raff")
-    said = str(found.value).splitlines()
-    assert [part in line for part, line in zip(("'revolut'", "'bas'"), said, strict=True)] == [True, True]
+def assert_told(wanted, said):
+    assert [part in line for part, line in zip(wanted, said, strict=True)] == [True] * len(wanted), said
+
+
+def assert_told_at(wanted, said, folder=None):
+    """Each line begins with a place, and holds a pattern."""
+    said = [line.removeprefix(f"{folder}/") for line in said]
+    assert [line.partition(": ")[0] for line in said] == [place for place, _ in wanted]
+    assert all(re.search(part, line) for (_, part), line in zip(wanted, said, strict=True))
+
+
+SDF = """<sdf version="1.9"><model name="a"><link name="base"/>
+<joint name="one" type="revolut"/><joint name="two" type="fixed"><parent>bas</parent></joint></model></sdf>"""
+
+
+@pytest.mark.parametrize(("name", "text", "wanted"), [
+    ("a.urdf", URDF, ("'revolut'", "'bas', which is not a link", "no <parent>", "limit", "mass", "radius")),
+    ("a.sdf", SDF, ("'revolut'", "'bas'")),
+    ("a.xml", UNLIKE, ("'first' constrains the spatial", "'third' constrains the spatial")),
+])  # fmt: skip
+def test_a_robot(tmp_path, name, text, wanted):
+    (tmp_path / name).write_text(text, encoding="utf-8")
+    assert_told(wanted, lines_of(RaffError, raff2urdf.to_raff, tmp_path / name, tmp_path / "a.raff"))
 
 
 def test_a_scene(tmp_path):
     path = tmp_path / "a.toml"
     path.write_text(SCENE, encoding="utf-8")
-    with pytest.raises(SceneError) as found:
+    with pytest.raises(SceneError) as caught:
         load_scene(path)
-    said = str(found.value).splitlines()
     wanted = (
         "safety must not be", "up must be", "'spere'", "obstacle 2: point must", "'radus'", "'colur'",
         "obstacle 3: radius is missing: is 'radus'", "obstacle 3: length", "obstacle 4: rpy", "obstacle 4: scale",
@@ -150,10 +160,8 @@ def test_a_scene(tmp_path):
         "locked 'a' is not", "locked 'b' is not", "attached 1: node 'tol'", "attached 1: kind 'bux'",
         "weights: 'elbow' is not", "weights: joint1 must be a weight",
     )  # fmt: skip
-    assert all(part in line for part, line in zip(wanted, said[:20], strict=False)), str(found.value)
-    assert said[20:] == [f"and {len(wanted) - 20} more"]
-    lines = found.value.lines
-    assert [part in line for part, line in zip(wanted, lines, strict=True)] == [True] * len(wanted)
+    assert_told(wanted, caught.value.lines)
+    assert str(caught.value).splitlines() == [*caught.value.lines[:20], f"and {len(wanted) - 20} more"]
 
 
 @pytest.mark.parametrize(
@@ -171,26 +179,20 @@ def test_a_scene(tmp_path):
 def test_other_scenes(tmp_path, changed, wanted):
     path = tmp_path / "a.toml"
     path.write_text(changed, encoding="utf-8")
-    with pytest.raises(SceneError) as found:
-        load_scene(path)
-    said = str(found.value).splitlines()
-    assert [part in line for part, line in zip(wanted, said, strict=True)] == [True] * len(wanted), said
+    assert_told(wanted, lines_of(SceneError, load_scene, path))
 
 
 def test_an_mjcf(tmp_path):
     """MuJoCo itself stops at the first: what it names is left out, and only then it reads on."""
     path = tmp_path / "a.xml"
     path.write_text(MJCF, encoding="utf-8")
-    with pytest.raises(RaffError) as found:
-        raff2urdf.to_raff(path, tmp_path / "a.raff")
     wanted = (
         (3, "'pox'"), (5, "'revolute' .*: did you mean 'hinge'"), (7, "zero quaternion"), (8, "axis too small"),
         (9, r"range\[0\].*: swap them"), (10, "repeated name 'one'"), (10, "bad format in attribute 'axis'"),
         (11, "size 1 must be positive"), (17, "target 'fiur'"), (20, "unknown element 'c'"),
     )  # fmt: skip
-    said = str(found.value).splitlines()
-    assert [line.partition(": ")[0] for line in said] == [f"{path}:{number}" for number, _ in wanted]
-    assert all(re.search(part, line) for (_, part), line in zip(wanted, said, strict=True))
+    said = lines_of(RaffError, raff2urdf.to_raff, path, tmp_path / "a.raff")
+    assert_told_at([(f"a.xml:{number}", part) for number, part in wanted], said, tmp_path)
 
 
 def test_an_mjcf_that_includes_others(tmp_path):
@@ -220,17 +222,14 @@ def test_an_mjcf_that_includes_others(tmp_path):
         for name, text in files.items():
             (tmp_path / name).write_text(text.replace('<include file="gone.xml"/>', head), encoding="utf-8")
         (tmp_path / "broken.xml").write_text("<mujocoinclude>\n<a></mujocoinclude>", encoding="utf-8")
-        with pytest.raises(RaffError) as found:
-            raff2urdf.to_raff(tmp_path / "a.xml", tmp_path / "a.raff")
-        said = [line.removeprefix(f"{tmp_path}/") for line in str(found.value).splitlines()]
+        said = lines_of(RaffError, raff2urdf.to_raff, tmp_path / "a.xml", tmp_path / "a.raff")
         parts = [
             (place, part)
             for place, part in wanted
             if (missing == "gone.xml" or "gone" not in part) and (not missing or "twi" not in part)  # a name of it?
         ]
         parts = [*([("broken.xml:2", "invalid XML")] if missing == "broken.xml" else []), *parts]
-        assert [line.partition(": ")[0] for line in said] == [place for place, _ in parts]
-        assert all(re.search(part, line) for (_, part), line in zip(parts, said, strict=True))
+        assert_told_at(parts, said, tmp_path)
 
 
 def test_an_mjcf_that_attaches_others(tmp_path):
@@ -257,20 +256,9 @@ def test_an_mjcf_that_attaches_others(tmp_path):
     ):  # fmt: skip
         (tmp_path / "a.xml").write_text(content, encoding="utf-8")
         (tmp_path / "sub.xml").write_text(inner, encoding="utf-8")
-        with pytest.raises(RaffError) as found:
-            raff2urdf.to_raff(tmp_path / "a.xml", tmp_path / "a.raff")
-        said = [line.removeprefix(f"{tmp_path}/") for line in str(found.value).splitlines()]
-        assert [line.partition(": ")[0] for line in said] == [place for place, _ in wanted]
-        assert all(re.search(part, line) for (_, part), line in zip(wanted, said, strict=True))
-
-
-def test_what_has_no_counterpart_in_an_mjcf(tmp_path):
-    path = tmp_path / "a.xml"
-    path.write_text(UNLIKE, encoding="utf-8")
-    with pytest.raises(RaffError) as found:
-        raff2urdf.to_raff(path, tmp_path / "a.raff")
-    wanted = ("'first' constrains the spatial", "'third' constrains the spatial")
-    assert [part in line for part, line in zip(wanted, str(found.value).splitlines(), strict=True)] == [True] * 2
+        assert_told_at(
+            wanted, lines_of(RaffError, raff2urdf.to_raff, tmp_path / "a.xml", tmp_path / "a.raff"), tmp_path
+        )
 
 
 def test_measurements():
@@ -291,31 +279,18 @@ def test_measurements():
         "line 7, column tool.x: 'six'",
     )  # fmt: skip
     mechanism = cinegen.load("five_bar")
-    with pytest.raises(DesignError) as found:
-        Measurements.loads(text, mechanism)
-    said = str(found.value).splitlines()
-    assert [part in line for part, line in zip(wanted, said, strict=True)] == [True] * len(wanted), said
+    assert_told(wanted, lines_of(DesignError, Measurements.loads, text, mechanism))
     units = "pose, joint1, tool.x, tool.y\nsigma, , 1, 1\n1, 1rad, 400, 0.1\n2, 1rad, 410, 0.1\n3, 1rad, 410, 300"
-    with pytest.raises(DesignError) as found:
-        Measurements.loads(units, mechanism)
-    said = str(found.value).splitlines()
-    parts = ("line 3, column tool.x", "line 5, column tool.y")  # of each column the first
-    assert [part in line for part, line in zip(parts, said, strict=True)] == [True, True]
+    said = lines_of(DesignError, Measurements.loads, units, mechanism)
+    assert_told(("line 3, column tool.x", "line 5, column tool.y"), said)  # of each column the first
 
 
 def test_a_seam(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("x [mm], y, z, nx, ny, nz\n1,2,3,0,0,1\na,2,b,0,0,1\n1,2,3\n\n4,5,6,0,0,u", encoding="utf-8")
-    with pytest.raises(SensorError) as found:
-        read_points(path)
-    said = str(found.value).splitlines()
-    wanted = (":3: x:", ":3: z:", ":4: 3 values", ":6: nz:")
-    assert [part in line for part, line in zip(wanted, said, strict=True)] == [True] * len(wanted), said
+    assert_told((":3: x:", ":3: z:", ":4: 3 values", ":6: nz:"), lines_of(SensorError, read_points, path))
     path.write_text("x, y, z, nx\n1,2,3,0", encoding="utf-8")
-    with pytest.raises(SensorError) as found:
-        read_points(path)
-    said = [line.partition(":1: ")[2] for line in str(found.value).splitlines()]
-    assert [line.partition(";")[0] for line in said] == ["no column 'ny'", "no column 'nz'"]
+    assert_told((":1: no column 'ny';", ":1: no column 'nz';"), lines_of(SensorError, read_points, path))
 
 
 def test_a_mission(tmp_path):
@@ -331,26 +306,19 @@ def test_a_mission(tmp_path):
     lines[4] = '{"t":0,"robots":{},"obstacles":{"box":[0,0,0,0,0,0,1]}}'
     lines[6] = lines[6][:20]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    with pytest.raises(MissionError) as found:
-        Recording.load(path)
-    said = str(found.value).splitlines()
+    said = lines_of(MissionError, Recording.load, path)
     wanted = (
         ":3: robot 'none'", ":4: Expected `array` of length 3 - at `$.robots.one.q`", ":4: Expected `array` of length",
         ":5: obstacle 'box'", ":5: Expected a time after", ":7: ",
     )  # fmt: skip
-    assert [part in line for part, line in zip(wanted, said, strict=True)] == [True] * len(wanted), said
+    assert_told(wanted, said)
     path.write_text(lines[0] + "\n", encoding="utf-8")
-    with pytest.raises(MissionError) as found:
-        Player(Recording.load(path))
-    said = str(found.value).splitlines()
-    assert [name in line for name, line in zip(("'one' was changed", "'two' was changed"), said, strict=True)]
+    assert_told(("'one' was changed", "'two' was changed"), lines_of(MissionError, Player, Recording.load(path)))
     header = json.loads(lines[0])
     header["robots"]["one"] |= {"nq": "3", "index": [0, "x", 2.5], "base": {"placement": [0] * 7, "noed": 1}}
     del header["robots"]["two"]["urdf"], header["created"]
     path.write_text(json.dumps(header) + "\n", encoding="utf-8")
-    with pytest.raises(MissionError) as found:
-        Recording.load(path)
-    said = str(found.value).splitlines()
+    said = lines_of(MissionError, Recording.load, path)
     wanted = (
         "line 1: Object missing required field `created` - at `$`", "robots.one.index[1]`", "robots.one.index[2]`",
         "got `str` - at `$.robots.one.nq`", "unknown field `noed` - at `$.robots.one.base`", "quaternion of length 1",
@@ -363,13 +331,11 @@ def test_a_mission(tmp_path):
 def test_a_task_of_a_synthesis(tmp_path):
     path = tmp_path / "a.toml"
     path.write_text(TASK, encoding="utf-8")
-    with pytest.raises(DesignError) as found:
-        load_task(path)
     wanted = (
         "parameters: link2.d must be a string", "ties must be", "x is wrong", "y is wrong", "'sigma' is none of",
         "write maximise", "starts must be", "joint_limits must be", "mass must be above 0", "unknown key 'mas'",
         "payload must be above 0", "wrench must be", "unknown key 'nodes'",
     )  # fmt: skip
-    said = str(found.value).splitlines()
+    said = lines_of(DesignError, load_task, path)
     assert all(line.startswith(str(path)) for line in said)
-    assert [part in line for part, line in zip(wanted, said, strict=True)] == [True] * len(wanted)
+    assert_told(wanted, said)
