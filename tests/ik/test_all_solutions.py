@@ -285,6 +285,7 @@ def test_a_redundant_arm_is_refused_until_a_joint_is_locked(robot):
     assert all(q[arm.q_index("joint3")] == value for q in found)
     with pytest.raises(cinegen.CinegenError, match="no joint 'joint33'"):
         cinegen.inverse_kinematics(arm, {"tool": pose}, all=True, locked={"joint33": value})
+    assert len(cinegen.inverse_kinematics(arm, {"tool": pose}, all=True, locked=["joint3"])) == len(found)
     one = cinegen.inverse_kinematics(arm, {"tool": pose}, locked={"joint3": value})
     assert one.q[arm.q_index("joint3")] == value
 

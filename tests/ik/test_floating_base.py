@@ -12,7 +12,6 @@ from raff2urdf import to_raff
 
 DT = 1.0 / 240.0
 formats = pytest.mark.parametrize("form", ["urdf", "xml", "raff"])
-SQUAT = np.array([0.03, 0.02, -0.1])  # m
 
 
 def loaded(folder, form="urdf", **options):
@@ -39,29 +38,6 @@ def moved(pose, by):
 
 def _poses(mechanism):
     return {node: of_pinocchio(mechanism, mechanism.q_home, node) for node in ("trunk", *bipeds.FEET)}
-
-
-def bent(mechanism):
-    """Return a configuration (nq,) with bent knees, the feet where they are at home."""
-    lower = moved(of_pinocchio(mechanism, mechanism.q_home, "trunk"), np.array([0.0, 0.0, -0.05]))
-    found = cinegen.inverse_kinematics(mechanism, {**_poses(mechanism), "trunk": lower})
-    assert found
-    return found.q
-
-
-def test_the_trunk_is_dragged_with_the_feet_held_by_tasks(tmp_path):
-    mechanism = loaded(tmp_path)
-    start = bent(mechanism)
-    feet = {node: of_pinocchio(mechanism, start, node) for node in bipeds.FEET}
-    solver = Solver(mechanism, DT, start)
-    for node in bipeds.FEET:
-        solver.add_task(node)
-    goal = moved(of_pinocchio(mechanism, start, "trunk"), SQUAT)
-    solver.add_task("trunk", goal)
-    step = ticked(solver, 400)
-    assert step.status is Status.FOLLOWING
-    for node, pose in (*feet.items(), ("trunk", goal)):
-        assert of_pinocchio(mechanism, step.q, node).isApprox(pose, 1e-8)
 
 
 @formats

@@ -300,13 +300,6 @@ def test_wrong_objectives_are_refused_when_they_are_set():
         with pytest.raises(cinegen.CinegenError):
             solver.objectives = wrong
         assert solver.objectives == ()
-    for kind, wrong in (
-        (Posture, {"rate": math.nan}),
-        (LimitMargin, {"margin": 0.0}),
-        (Manipulability, {"rotation": 4}),
-    ):
-        with pytest.raises(cinegen.CinegenError):
-            kind(**wrong)
 
 
 def test_objectives_move_a_floating_base_only_as_its_tasks_need_it(raff):

@@ -241,6 +241,9 @@ def test_a_task_that_fails_is_left_out_of_the_tick_and_told(name, broken, says):
         assert step.status is Status.BAD_TARGET
         assert np.isnan(step.errors[0]).all()
         assert step.exceptions
+        assert step.task_statuses[0] is Status.BAD_TARGET
+        assert repr(own) in step.problems[0]
+        assert not step.problems[1]
     assert says.replace("\\", "") in str(step.exceptions[0]) or pytest.fail(str(step.exceptions[0]))
     assert len(solver.exception_log.messages) == 1
     setattr(own, name, good)

@@ -108,9 +108,6 @@ def test_weights_that_can_not_be_used(robot):
         solver.add_task("tool", translation=2, weights=np.ones(6))
     assert not solver.tasks
     task = solver.add_task("tool", weights=(1, 2, 3, 4, 5, 6))
-    for wrong in ((1, 1, 1), None, np.full(6, np.nan)):
-        task.weights = wrong
-        assert solver.step().status is Status.BAD_TARGET
     task.weights = np.zeros(6)
     assert task.rows == 0
     assert solver.step().status is Status.FOLLOWING
