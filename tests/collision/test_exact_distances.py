@@ -144,9 +144,6 @@ def test_a_self_clearance_beyond_the_safety_distance_is_refused():
 HERE = pin.SE3.Identity()
 
 
-# --- brute force -----------------------------------------------------------------------------------------------------
-
-
 # --- how much convex bodies exceed exact ones ------------------------------------------------------------------------
 
 

@@ -137,6 +137,3 @@ def test_a_path_with_contact_is_never_reported_as_reached(monkeypatch):
     assert not found
     assert "check against the meshes" in found.reason
     assert not touch_along(found.path)
-
-
-# --- dragging ------------------------------------------------------------------------------------------------------

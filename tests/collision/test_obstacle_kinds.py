@@ -153,9 +153,6 @@ def test_damaged_meshes_and_flat_hulls_are_refused(tmp_path):
         assert str(error.value).startswith("scene: obstacle 1: file '")
 
 
-# --- what is refused --------------------------------------------------------------------------------------------------
-
-
 # --- there and back ---------------------------------------------------------------------------------------------------
 
 

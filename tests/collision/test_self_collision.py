@@ -164,9 +164,6 @@ def test_what_stands_in_the_world_may_be_hit_by_a_link_further_out():
     assert min(distance(bodies, at, i, k) for i, k in pairs if bodies[i].joint == 0) < 0.0, last.name
 
 
-# --- Pinocchio's geometry ------------------------------------------------------------------------------------------
-
-
 # --- srdf -------------------------------------------------------------------------------------------------------------
 # Pairs of links that an SRDF disables.
 

@@ -4,7 +4,6 @@ import contextlib
 import itertools
 import math
 import re
-import sys
 import time
 
 import numpy as np
@@ -19,7 +18,6 @@ from cinegen.collision.clearance import Clearance
 from cinegen.planning import Planner, PlanStatus, plan
 from cinegen.planning.clear_motion import clear_motion
 from cinegen.planning.sampling.path_sampler import PathSampler
-from raff2urdf.command.extras import MissingExtraError
 
 
 def is_at_goal(scene, q):
@@ -40,7 +38,6 @@ def walls(*corners):
 
 
 SPIRAL = walls((1, 1), (2, 1), (2, 2), (0, 2), (0, 0), (3, 0), (3, 3), (-1, 3), (-1, -1), (4, -1))
-CELL = walls((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))
 
 
 def mobile(boxes, start, goal, **more):
@@ -169,17 +166,3 @@ def test_an_edge_never_leads_to_another_assembly_mode(root):
     clearance = Clearance(mechanism, [], [])
     assert clear_motion(clearance, home, other, 0.0) is None
     assert clear_motion(clearance, home, mechanism.close(home + 0.05), 0.0) is not None
-
-
-# --- statuses --------------------------------------------------------------------------------------------------------
-
-
-# --- what is wrong ---------------------------------------------------------------------------------------------------
-
-
-def test_without_ompl_it_is_said_how_to_get_it(monkeypatch):
-    monkeypatch.delitem(sys.modules, "cinegen.planning.sampling.ompl_trees", raising=False)
-    monkeypatch.setitem(sys.modules, "ompl", None)
-    monkeypatch.setitem(sys.modules, "ompl.base", None)
-    with pytest.raises(MissingExtraError, match=r'install "cinegen\[sampling\]"'):
-        plan(mobile(CELL, [0.0, 0.0], [3.0, 0.0]), planner=Planner.RRT_CONNECT)

@@ -213,14 +213,6 @@ def test_one_line_plans_to_a_point_a_pose_and_joint_values(arm):
     assert to_point.path[0] == pytest.approx(arm.q_home)
 
 
-def test_a_closed_mechanism_is_planned_for_in_one_line():
-    delta = cinegen.load("delta4")
-    home = delta.placement(delta.q_home, delta.end).translation
-    found = plan(delta, home + np.array([0.2, 0.1, -0.2]))
-    assert found
-    assert max(delta.closure(q) for q in found.path) < 1e-9
-
-
 def test_other_keys_of_a_file_and_obstacles_of_a_scene_are_taken(arm):
     made = scene_of({"goal": {"point": [0, 0, 1]}, "obstacle": [BALL]}, mechanism=arm).obstacles[0]
     goal = {"point": [0.4, 0.2, 0.4], "tolerance": [0.1, 0.1, 0.1]}
