@@ -1,14 +1,12 @@
 """Meshes in the page: in the colour that the URDF says, or in their own, base_poses_at_start on the floor."""
 
-import sysconfig
-from pathlib import Path
-
 import coal
 import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
 import umsgpack
+from example_robots import SHARE, UR5
 
 import cinegen
 from cinegen.cockpit import Page, RobotScene
@@ -68,9 +66,7 @@ def test_a_mesh_has_the_colour_that_the_urdf_says(tmp_path, box, ending):
 
 def test_every_colour_of_a_mesh_is_shown(tmp_path):
     """Collada may lay several materials on one mesh, which the viewer's own reader loses."""
-    share = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
-    ur5 = cinegen.load(share / "ur_description/urdf/ur5_robot.urdf")
-    sent = drawn(ur5)
+    sent = drawn(cinegen.load(SHARE / UR5))
     parts = {path: thing["object"] for path, thing in sent.items() if "shoulder_link" in path and "object" in thing}
     assert len(parts) == 3
     assert len({thing["materials"][0]["color"] for thing in parts.values()}) == 3

@@ -8,9 +8,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
+from example_robots import PANDA, load
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from reference import PANDA, load
 from scipy.spatial import ConvexHull
 
 import cinegen

@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
+from example_robots import PANDA, load
 from mesh_contact import MeshContact
-from reference import PANDA, load
 
 import cinegen
 from cinegen.collision import clearance_of, scene_of

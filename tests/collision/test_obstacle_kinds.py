@@ -9,9 +9,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
+from clearings import apart, at
+from example_robots import UR5, load
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from reference import UR5, load
 from scenes_of_tables import refused, scene_with, to_point
 
 import cinegen
@@ -206,13 +207,7 @@ def test_another_robot_is_an_obstacle_at_its_joint_values_and_base_pose(robot, r
     bodies = link_bodies(other)
     expected = Clearance(other, bodies, [near]).least(q)
     moving = [body for body, link in zip(obstacle.bodies, bodies, strict=True) if link.joint]
-    found = [
-        coal.distance(
-            body.shape, coal.Transform3s(body.placement.rotation, body.placement.translation),
-            coal.Sphere(0.05), coal.Transform3s(np.eye(3), ball), coal.DistanceRequest(), coal.DistanceResult(),
-        )
-        for body in moving
-    ]  # fmt: skip
+    found = [apart(body.shape, body.placement, coal.Sphere(0.05), at(*ball)) for body in moving]
     assert min(found) == pytest.approx(expected, abs=1e-6)
     (again,) = scene_of(made.document(), root).obstacles
     assert [one.placement for one in again.bodies] == [one.placement for one in obstacle.bodies]

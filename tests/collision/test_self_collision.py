@@ -6,13 +6,13 @@ from functools import cache
 from itertools import combinations, pairwise
 from pathlib import Path
 
-import coal
 import numpy as np
 import pinocchio as pin
 import pytest
+from clearings import apart
+from example_robots import PANDA, SHARE, load
 from lxml import etree
 from mesh_contact import adjacent_links
-from reference import PANDA, SHARE, load
 from variants import FEWER
 
 import cinegen
@@ -31,14 +31,14 @@ def found(name):
     return mechanism, *links_of(mechanism)
 
 
-def transforms(mechanism, bodies, q):
+def poses(mechanism, bodies, q):
     data = mechanism.model.createData()
     pin.forwardKinematics(mechanism.model, data, q)
-    return [coal.Transform3s(at.rotation, at.translation) for at in (data.oMi[b.joint] * b.placement for b in bodies)]
+    return [data.oMi[one.joint] * one.placement for one in bodies]
 
 
 def distance(bodies, at, i, k):
-    return coal.distance(bodies[i].shape, at[i], bodies[k].shape, at[k], coal.DistanceRequest(), coal.DistanceResult())
+    return apart(bodies[i].shape, at[i], bodies[k].shape, at[k])
 
 
 # --- laws ----------------------------------------------------------------------------------------------------------
@@ -68,7 +68,7 @@ def test_what_is_left_out_touches_in_every_configuration_or_never_moves(name):
         for i, k in set(combinations(range(len(bodies)), 2)) - set(pairs)
         if bodies[i].joint != bodies[k].joint and tuple(sorted((bodies[i].joint, bodies[k].joint))) not in near
     ]
-    others = [transforms(mechanism, bodies, q) for q in within_limits(mechanism, 25)]
+    others = [poses(mechanism, bodies, q) for q in within_limits(mechanism, 25)]
     for i, k in left_out:
         distances = np.array([distance(bodies, at, i, k) for at in others])
         constant = np.ptp(distances) <= 1e-5 * mechanism.length
@@ -160,7 +160,7 @@ def test_what_stands_in_the_world_may_be_hit_by_a_link_further_out():
     assert with_base == {"link2", "link3"} & {body.name for body in bodies}
     last = bodies[max(k for i, k in pairs if bodies[i].joint == 0)]
     folded = arm.configuration({joint: angle for joint, angle in zip(arm.joints, (0.0, np.pi, 0.0), strict=True)})
-    at = transforms(arm, bodies, folded)
+    at = poses(arm, bodies, folded)
     assert min(distance(bodies, at, i, k) for i, k in pairs if bodies[i].joint == 0) < 0.0, last.name
 
 

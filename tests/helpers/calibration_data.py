@@ -58,3 +58,15 @@ def changes(one: Calibration, other: Calibration) -> np.ndarray:
     deviations."""
     apart = other.subspace.basis.T @ ((one.values - other.values) / other.subspace.errors)
     return np.abs(apart) / np.sqrt(np.diag(other.combination_covariance))
+
+
+def changed_by_dependencies(found: Calibration) -> float:
+    """Return the largest change of a reading by a dependency of a calibration, relative to the dependency's size."""
+    observation, largest = found.observation, 0.0
+    for one in found.dependencies:
+        for change in one.changes:
+            step = np.zeros(len(found.names))
+            step[[found.names.index(name) for name in one.names]] = 0.01 * change
+            ends = [observation.predict(observation.values + s * step, derivatives=False).values for s in (1, -1)]
+            largest = max(largest, float(np.abs(ends[0] - ends[1]).max() / np.abs(step).max()))
+    return largest

@@ -14,7 +14,6 @@ from cinegen import CinegenError, PersistentSolver, Solver, Status, forecast_mot
 from cinegen.errors import ClosureError, UnknownNameError
 from cinegen.ik import Posture
 from cinegen.model.build import build
-from cinegen.planning import plan
 
 DT = 1.0 / 240.0
 
@@ -337,15 +336,3 @@ def test_a_persistent_solver_does_not_search_for_what_its_locks_forbid(robot):
         step = solver.step()
         assert step.q[mechanism.q_index("joint1")] == mechanism.q_home[mechanism.q_index("joint1")]
     assert step.status is not cinegen.Status.DETOUR
-
-
-def test_a_plan_keeps_joints_that_are_locked(robot):
-    mechanism = robot("arm7")
-    goal = mechanism.placement(mechanism.q_home, mechanism.end).translation + np.array([0.05, 0.05, -0.05])
-    found = plan(mechanism, goal, locked=["joint1"], planner="vortex")
-    assert found
-    assert np.ptp(found.path[:, mechanism.q_index("joint1")]) == 0.0
-    free = plan(mechanism, goal, planner="vortex")
-    assert np.ptp(free.path[:, mechanism.q_index("joint1")]) > 1e-3
-    with pytest.raises(CinegenError, match="'joint2' is a joint of the goal"):
-        plan(mechanism, {"joint2": 0.1}, locked=["joint2"])

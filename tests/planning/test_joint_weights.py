@@ -8,6 +8,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
+from clearings import apart, at
 from paths import along
 
 import cinegen
@@ -163,13 +164,8 @@ def carrying(arm, *attached, goal=None, obstacles=(), **more):
 
 def held_to_wall(arm, q):
     """The distance of the bar from the wall, m."""
-    data = arm.model.createData()
-    pin.framesForwardKinematics(arm.model, data, q)
-    pose = data.oMf[arm.frame_id(arm.end)] * pin.SE3(np.eye(3), np.array(ALONG))
-    there = coal.Transform3s(pose.rotation, pose.translation)
-    wall = coal.Transform3s(np.eye(3), np.array(WALL["point"]))
-    result = coal.DistanceResult()
-    return coal.distance(coal.Box(*SIDES), there, coal.Box(*WALL["size"]), wall, coal.DistanceRequest(), result)
+    pose = arm.placement(q, arm.end) * at(*ALONG)
+    return apart(coal.Box(*SIDES), pose, coal.Box(*WALL["size"]), at(*WALL["point"]))
 
 
 def test_a_held_object_that_stands_on_a_table_is_lifted_if_they_may_touch(arm):

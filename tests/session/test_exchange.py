@@ -163,7 +163,9 @@ def test_undo_goes_back_across_the_edit_by_joint_names(load):
     assert value(session, "joint1") == pytest.approx(0.9, abs=1e-6)
 
 
-def test_an_obstacle_stays_where_it_was_dragged_unless_its_file_moves_it(load, box):
+def test_an_obstacle_stays_where_it_was_dragged_unless_its_file_moves_it(load):
+    shape = DrawnShape.of(PlacedShape(pin.SE3.Identity(), coal.Box(np.full(3, 0.1))))
+    box = DrawnObstacle((shape,), pin.SE3.Identity(), 6)
     far, near = (pin.SE3(np.eye(3), np.array(at)) for at in ([2.0, 0.0, 0.0], [1.5, 0.0, 0.0]))
     drawn = {name: msgspec.structs.replace(box, placement=far) for name in ("kept", "moved", "gone")}
     session = Session(replace(arrange({"arm": load(ARM)}), obstacles=drawn))
@@ -175,12 +177,6 @@ def test_an_obstacle_stays_where_it_was_dragged_unless_its_file_moves_it(load, b
     assert state.obstacles["kept"].pose.isApprox(there)
     assert state.obstacles["moved"].pose.isApprox(near)
     assert list(state.obstacles) == ["kept", "moved"]
-
-
-@pytest.fixture
-def box():
-    shape = DrawnShape.of(PlacedShape(pin.SE3.Identity(), coal.Box(np.full(3, 0.1))))
-    return DrawnObstacle((shape,), pin.SE3.Identity(), 6)
 
 
 def test_an_earlier_edition_that_comes_late_is_not_taken(load):

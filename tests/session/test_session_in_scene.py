@@ -7,6 +7,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
+from clearings import to_shape
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -49,21 +50,14 @@ class Measured:
 
     def __init__(self, session, name, shapes):
         self.mechanism, self.name, self.shapes = session.setup.robots[name], name, shapes
-        self.links = [body.as_described for body in link_bodies(self.mechanism) if body.joint]
-        self.setup, self.data = session.setup, self.mechanism.model.createData()
+        self.links = [body.as_described for body in link_bodies(self.mechanism)]
 
     def __call__(self, state):
-        pin.forwardKinematics(self.mechanism.model, self.data, state.robots[self.name].q)
-        least = np.inf
-        for obstacle, shape in self.shapes.items():
-            there = state.obstacles[obstacle].pose
-            for link in self.links:
-                here = self.data.oMi[link.joint] * link.placement
-                result = coal.DistanceResult()
-                poses = [coal.Transform3s(place.rotation, place.translation) for place in (here, there)]
-                coal.distance(link.shape, poses[0], shape, poses[1], coal.DistanceRequest(), result)
-                least = min(least, result.min_distance)
-        return least
+        q = state.robots[self.name].q
+        return min(
+            to_shape(self.mechanism, self.links, q, shape, state.obstacles[obstacle].pose)
+            for obstacle, shape in self.shapes.items()
+        )
 
 
 def run(session, ticks, *said):

@@ -1,13 +1,12 @@
 """What a session is made of: sensors by file, stands, robots side by side, and where robots start."""
 
 import re
-import sysconfig
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from example_robots import SHARE, UR5
 
 import cinegen
 from cinegen import load
@@ -165,13 +164,9 @@ def test_a_file_opens_the_usual_sensors(raff, url):
 # --- where robots start ----------------------------------------------------------------------------------------------
 
 
-DATA = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
-UR5 = DATA / "ur_description/urdf/ur5_robot.urdf"
-
-
 @pytest.fixture(scope="module")
 def ur5():
-    return load(UR5)
+    return load(SHARE / UR5)
 
 
 @pytest.mark.parametrize("name", ["rx90", "arm7", "delta4"])

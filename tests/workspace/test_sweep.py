@@ -342,6 +342,3 @@ def test_what_was_changed_by_hand_is_kept(arm, tmp_path):
         path.unlink()  # as the message proposes: rename it, or remove it
         assert again() == first
         assert path.read_bytes() == made
-
-
-# --- the picture ------------------------------------------------------------------------------------------------------
