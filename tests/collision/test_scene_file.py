@@ -40,18 +40,14 @@ def test_scenes_of_the_figures_read_back_as_the_same(root, tmp_path, name):
     copied.parent.mkdir()
     (tmp_path / "planar_3r.raff").write_text((root / "robots" / "planar_3r.raff").read_text())
     copied.write_text(json.dumps(scene.document()))
-    assert _same(load_scene(copied), scene)
-
-
-def _same(one, other):
-    """Whether two scenes say the same, to the rounding of what turns are written as."""
-    assert (one.start == other.start).all()
-    assert one.goal.isApprox(other.goal, 1e-15)
-    for a, b in zip(one.obstacles, other.obstacles, strict=True):
+    again = load_scene(copied)
+    assert (again.start == scene.start).all()
+    assert again.goal.isApprox(scene.goal, 1e-15)  # the rounding of what turns are written as
+    for a, b in zip(again.obstacles, scene.obstacles, strict=True):
         assert (a.name, a.written) == (b.name, b.written)
         assert a.placement.isApprox(b.placement, 1e-15)
-    said, again = ({k: v for k, v in scene.document().items() if k != "obstacle"} for scene in (one, other))
-    return said == again
+    said = [{k: v for k, v in one.document().items() if k != "obstacle"} for one in (scene, again)]
+    assert said[0] == said[1]
 
 
 # --- files that are wrong -------------------------------------------------------------------------------------------

@@ -90,8 +90,8 @@ def resolve(
     left, step, carry = np.eye(motions.shape[1]), np.zeros(len(low)), 0.0
     for k, (rows, error, weights, own_rank) in enumerate(levels):
         width = left.shape[1]
-        if width == 0:
-            break
+        if width == 0 or (k and own_rank == 0):
+            continue
         u, sigma, wt = np.linalg.svd(rows @ motions @ left, full_matrices=True)
         is_lost = bool(own_rank) and sigma[own_rank - 1] < 1e-9
         if (k == 0 and own_rank == 0) or (is_lost and len(levels) > 1):

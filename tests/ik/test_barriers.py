@@ -33,14 +33,14 @@ class Linear:
         return self.part
 
 
-class Odd(Linear):
+class Barrier:
     """Its methods are given."""
 
     def __init__(self, bounds=None, clear=None):
         self._bounds, self._clear = bounds, clear
 
     def bounds(self, state):
-        return self._bounds(state) if self._bounds else Bounds(np.zeros((0, len(state.q))), np.zeros(0))
+        return self._bounds(state) if self._bounds else Bounds(np.zeros((0, state.mechanism.model.nv)), np.zeros(0))
 
     def clear(self, state, q):
         return self._clear(state, q) if self._clear else 1.0
@@ -193,7 +193,7 @@ def test_a_step_that_is_not_clear_is_made_shorter_until_it_is(robot):
         return 1.0 if np.abs(q - state.q).max() < 0.3 * np.abs(whole).max() * DT else 0.5
 
     solver, _ = pulled(mechanism, np.random.default_rng(0))
-    solver.barriers = [Odd(clear=clear)]
+    solver.barriers = [Barrier(clear=clear)]
     step = solver.step()
     assert len(asked) == 3
     assert step.v == pytest.approx(0.25 * whole)
@@ -203,7 +203,7 @@ def test_a_step_that_is_not_clear_is_made_shorter_until_it_is(robot):
 def test_all_barriers_are_asked_and_the_strictest_counts(robot):
     solver, _ = pulled(robot("planar_3r"), np.random.default_rng(0))
     for parts in ((1.0, 0.0), (0.0, 1.0)):
-        solver.barriers = [Odd(clear=lambda state, q, part=part: part) for part in parts]
+        solver.barriers = [Barrier(clear=lambda state, q, part=part: part) for part in parts]
         assert not solver.step().v.any()
 
 
@@ -215,7 +215,7 @@ def test_what_a_barrier_does_to_what_it_is_shown_changes_nothing(robot):
 
     free, _ = pulled(robot("five_bar"), np.random.default_rng(0))
     solver, _ = pulled(robot("five_bar"), np.random.default_rng(0))
-    solver.barriers = [Odd(clear=spoil)]
+    solver.barriers = [Barrier(clear=spoil)]
     assert (solver.step().q == free.step().q).all()
 
 

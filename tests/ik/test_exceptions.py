@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 import pinocchio as pin
 import pytest
+from test_barriers import Barrier
 
 import cinegen
 from cinegen import CinegenError, FrameTask, Solver, Status
@@ -32,20 +33,6 @@ class Objective:
 
     def velocity(self, state):
         return self.answer(state)
-
-
-class Barrier:
-    """Its methods are given."""
-
-    def __init__(self, bounds=None, clear=None):
-        self._bounds, self._clear = bounds, clear
-
-    def bounds(self, state):
-        nv = state.mechanism.model.nv
-        return self._bounds(state) if self._bounds else Bounds(np.zeros((0, nv)), np.zeros(0))
-
-    def clear(self, state, q):
-        return self._clear(state, q) if self._clear else 1.0
 
 
 def fails(state):
@@ -296,19 +283,17 @@ def test_an_exception_of_the_package_is_refused_as_before(robot, caplog):
 TICK = 1.0 / 240.0
 
 
-class Meeting:
+class Meeting(Barrier):
     """Barrier without bounds, in which a tick waits until another thread has tried to use the solver."""
 
     def __init__(self):
+        super().__init__()
         self.inside, self.go = threading.Event(), threading.Event()
 
     def bounds(self, state):
         self.inside.set()
         assert self.go.wait(60)
-        return Bounds(np.zeros((0, state.mechanism.model.nv)), np.zeros(0))
-
-    def clear(self, state, q):
-        return 1.0
+        return super().bounds(state)
 
 
 def _pulled(mechanism):

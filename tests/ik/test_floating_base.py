@@ -4,7 +4,7 @@ import bipeds
 import numpy as np
 import pinocchio as pin
 import pytest
-from ticking import ticked
+from ticking import beside, ticked
 
 import cinegen
 from cinegen import Solver, Status
@@ -32,10 +32,6 @@ def of_pinocchio(mechanism, q, node):
     return data.oMf[mechanism.model.getFrameId(node, pin.FrameType.BODY)]
 
 
-def moved(pose, by):
-    return pin.SE3(pose.rotation, pose.translation + by)
-
-
 def _poses(mechanism):
     return {node: of_pinocchio(mechanism, mechanism.q_home, node) for node in ("trunk", *bipeds.FEET)}
 
@@ -44,7 +40,7 @@ def _poses(mechanism):
 def test_a_hand_takes_the_base_along_where_nothing_holds_it(tmp_path, form):
     mechanism = loaded(tmp_path, form)
     solver = Solver(mechanism, DT)
-    goal = moved(of_pinocchio(mechanism, mechanism.q_home, "hand"), np.array([2.0, 0.0, 1.0]))
+    goal = beside(of_pinocchio(mechanism, mechanism.q_home, "hand"), np.array([2.0, 0.0, 1.0]))
     task = solver.add_task("hand", goal)
     step = ticked(solver, 800)
     assert step.status is Status.FOLLOWING
@@ -62,7 +58,7 @@ def test_a_base_that_is_loaded_as_fixed_does_not_move(tmp_path, form):
     for node in held.nodes:
         assert held.placement(held.q_home, node).isApprox(of_pinocchio(free, free.q_home, node), 1e-12)
     solver = Solver(held, DT)
-    solver.add_task("hand", moved(held.placement(held.q_home, "hand"), np.array([2.0, 0.0, 0.0])), rotation=0)
+    solver.add_task("hand", beside(held.placement(held.q_home, "hand"), np.array([2.0, 0.0, 0.0])), rotation=0)
     step = ticked(solver, 300)
     assert step.status is not Status.FOLLOWING
     assert held.placement(step.q, "trunk").isApprox(_poses(held)["trunk"], 1e-12)

@@ -4,7 +4,7 @@ import bipeds
 import numpy as np
 import pinocchio as pin
 import pytest
-from ticking import ticked
+from ticking import away, ticked
 
 import cinegen
 from cinegen import Solver, Status
@@ -25,12 +25,6 @@ ONE_JOINT = """robot r { base { }
 
 def turned(angle: float) -> pin.SE3:
     return pin.SE3(pin.exp3(np.array([0.0, 0.0, angle])), np.zeros(3))
-
-
-def away(mechanism, node, rng, lengths) -> pin.SE3:
-    """In a random direction from home."""
-    home, way = mechanism.placement(mechanism.q_home, node), rng.normal(size=3)
-    return pin.SE3(home.rotation, home.translation + lengths * mechanism.length * way / np.linalg.norm(way))
 
 
 def allowed(mechanism, acceleration: float) -> dict[str, float]:

@@ -45,19 +45,14 @@ def session(robot, closing):
     return open_session
 
 
-class Measured:
-    """How far the robot is from an obstacle, by coal on what is drawn, as the session's states have them."""
-
-    def __init__(self, session, name, shapes):
-        self.mechanism, self.name, self.shapes = session.setup.robots[name], name, shapes
-        self.links = [body.as_described for body in link_bodies(self.mechanism)]
-
-    def __call__(self, state):
-        q = state.robots[self.name].q
-        return min(
-            to_shape(self.mechanism, self.links, q, shape, state.obstacles[obstacle].pose)
-            for obstacle, shape in self.shapes.items()
-        )
+def measured(session, name, shapes):
+    """How far the robot is from obstacles in a state of the session, by coal on what is drawn."""
+    mechanism = session.setup.robots[name]
+    links = [body.as_described for body in link_bodies(mechanism)]
+    return lambda state: min(
+        to_shape(mechanism, links, state.robots[name].q, shape, state.obstacles[obstacle].pose)
+        for obstacle, shape in shapes.items()
+    )
 
 
 def run(session, ticks, *said):
@@ -89,7 +84,7 @@ def line(begin, end, count):
 
 def test_an_obstacle_that_is_dragged_pushes_the_robot_never_touches_it_and_both_go_back_by_undo(session):
     one = session("arm7", POLE)
-    far = Measured(one, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
+    far = measured(one, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
     at_rest = one.state().robots["arm7"].q
     begin = point(one, "pole", "pole")
     least, statuses = [], set()
@@ -125,7 +120,7 @@ def test_home_stops_before_it_hits_and_says_what(session):
     run(one, 0, c.StartDrag("pole", "pole", (0, 0, 0)))
     lead(one, [[middle[0] * 1.15, middle[1] * 1.15, 0.45]], each=125)
     run(one, 5, c.EndDrag())
-    far = Measured(one, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
+    far = measured(one, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
     one.obey(c.MoveHome("arm7"))
     least = [far(run(one, 1)) for _ in range(700)]
     state = one.state()
@@ -140,7 +135,7 @@ def test_home_stops_before_it_hits_and_says_what(session):
 
 def test_a_motor_that_is_led_into_an_obstacle_stays_before_it(session):
     one = session("arm7", POLE)
-    far = Measured(one, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
+    far = measured(one, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
     one.obey(c.MoveJoint("arm7", "joint1", 3.0))
     least = [far(run(one, 1)) for _ in range(250)]
     assert min(least) >= SAFETY
