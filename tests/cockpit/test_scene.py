@@ -156,13 +156,9 @@ def test_every_kind_of_shape_is_drawn_as_a_closed_surface_alone_or_merged(kind):
     }
     solid = pin.GeometryObject("", 0, pin.SE3.Identity(), made.get(kind, lambda: kind(0.1, 0.5))())
     volume = {coal.BVHModelOBBRSS: 8.0, coal.Ellipsoid: 0.2 * 0.4 * 0.6}.get(kind) or solid.geometry.computeVolume()
-    for corners, faces in (surface_of(solid), merged_surface(solid)):
+    (mesh,) = merged([(solid, pin.SE3.Identity())])
+    for corners, faces in (surface_of(solid), (mesh.geometry.vertices, mesh.geometry.faces)):
         surface = trimesh.Trimesh(corners, faces)
         surface.merge_vertices(merge_norm=True)
         assert surface.is_watertight
         assert surface.volume == pytest.approx(volume, rel=0.08)
-
-
-def merged_surface(solid):
-    (mesh,) = merged([(solid, pin.SE3.Identity())])
-    return mesh.geometry.vertices, mesh.geometry.faces

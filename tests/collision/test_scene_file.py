@@ -94,34 +94,28 @@ def test_what_is_wrong_with_a_file_is_said_with_its_place(tmp_path, old, new, sa
 BALL = {"kind": "sphere", "radius": 1}
 BAR = {"name": "bar", "kind": "box", "size": [0.05, 0.05, 0.4], "node": "tool"}
 
-# a robot, or None for a mobile; values of a scene, and what is said of them
+# a robot, values of a scene, and what is said of them; without a robot, obstacles of a mobile
 SENSELESS = [
-    (None, {"obstacle": [{"kind": "sphere", "name": "post", "radius": 0.0}]},
-     "obstacle 1 'post': radius must be above 0, not 0.0"),
-    (None, {"obstacle": [{"kind": "sphere", "radius": math.nan}]}, "radius must be finite, not nan"),
-    (None, {"obstacle": [{"kind": "sphere", "radius": 1e7}]}, "radius is 1e+07: the largest value is 1e+06"),
-    (None, {"obstacle": [{"kind": "sphere", "radius": 1e-9}]}, "radius is 1e-09 m: the least size"),
-    (None, {"obstacle": [{"kind": "sphere", "radius": "0.1 pc"}]}, "radius is wrong: '0.1 pc': unknown unit 'pc'"),
-    (None, {"obstacle": [{"kind": "sphere", "raduis": 1.0}]}, "radius is missing: is 'raduis' misspelled?"),
-    (None, {"obstacle": [{"kind": "disc", "radius": 1, "hieght": 2}]}, "unknown key 'hieght': did you mean 'height'?"),
-    (None, {"obstacle": [{"kind": "spheer", "radius": 1}]}, "kind 'spheer' is unknown: did you mean 'sphere'?"),
-    (None, {"obstacle": [{"kind": "box", "size": [1]}]}, "size must be a list of 2 or 3 numbers"),
-    (None, {"obstacle": [{"kind": "capsule", "radius": 1, "ends": [[0, 0], [0, 0, 0]]}]},
-     "ends coincide: for a sphere, write kind"),
-    (None, {"obstacle": [{"kind": "half_plane", "normal": [0, 0]}]},
-     "normal must be a direction: [0.0, 0.0] has length 0"),
-    (None, {"obstacle": [{"kind": "disc", "radius": 1, "angle": 1, "rpy": [0, 0, 0]}]},
-     "angle cannot be combined with rpy"),
-    (None, {"obstacle": [BALL | {"name": "a"}, BALL | {"name": "a"}]}, "obstacle 2 'a': name 'a' is used by another"),
-    (None, {"obstacle": [BALL | {"name": "sphere 2"}, BALL]}, "name 'sphere 2' is used by another"),
-    (None, {"obstacle": [{"kind": "polygon", "points": [[0, 0], [1, 0]]}]}, "must be at least 3, not 2"),
-    (None, {"obstacle": [{"kind": "polygon", "points": [[0, 0], [1, 1], [1, 0], [0, 1]]}]},
+    (None, [{"kind": "sphere", "radius": math.nan}], "radius must be finite, not nan"),
+    (None, [{"kind": "sphere", "radius": 1e7}], "radius is 1e+07: the largest value is 1e+06"),
+    (None, [{"kind": "sphere", "radius": 1e-9}], "radius is 1e-09 m: the least size"),
+    (None, [{"kind": "sphere", "radius": "0.1 pc"}], "radius is wrong: '0.1 pc': unknown unit 'pc'"),
+    (None, [{"kind": "sphere", "raduis": 1.0}], "radius is missing: is 'raduis' misspelled?"),
+    (None, [{"kind": "disc", "radius": 1, "hieght": 2}], "unknown key 'hieght': did you mean 'height'?"),
+    (None, [{"kind": "spheer", "radius": 1}], "kind 'spheer' is unknown: did you mean 'sphere'?"),
+    (None, [{"kind": "box", "size": [1]}], "size must be a list of 2 or 3 numbers"),
+    (None, [{"kind": "capsule", "radius": 1, "ends": [[0, 0], [0, 0, 0]]}], "ends coincide: for a sphere, write kind"),
+    (None, [{"kind": "half_plane", "normal": [0, 0]}], "normal must be a direction: [0.0, 0.0] has length 0"),
+    (None, [{"kind": "disc", "radius": 1, "angle": 1, "rpy": [0, 0, 0]}], "angle cannot be combined with rpy"),
+    (None, [BALL | {"name": "a"}, BALL | {"name": "a"}], "obstacle 2 'a': name 'a' is used by another"),
+    (None, [BALL | {"name": "sphere 2"}, BALL], "name 'sphere 2' is used by another"),
+    (None, [{"kind": "polygon", "points": [[0, 0], [1, 0]]}], "must be at least 3, not 2"),
+    (None, [{"kind": "polygon", "points": [[0, 0], [1, 1], [1, 0], [0, 1]]}],
      "cross or touch each other: the side from point 1 meets the side from"),
-    (None, {"obstacle": [{"kind": "polygon", "points": [[0, 0], [1, 0], [2, 0]]}]}, "enclose no area"),
-    (None, {"obstacle": [{"kind": "polygon", "points": [[0, 0], [1, 0], [1, 0], [0, 1]]}]},
-     "repeat [1.0, 0.0] (points 2 and 3)"),
-    (None, {"obstacle": [{"kind": "polygon", "points": 7}]}, "must be a list of points, not 7"),
-    (None, {"obstacle": [{"kind": "polygon", "points": np.zeros((2002, 2))}]}, "are 2001: the largest number is 2000"),
+    (None, [{"kind": "polygon", "points": [[0, 0], [1, 0], [2, 0]]}], "enclose no area"),
+    (None, [{"kind": "polygon", "points": [[0, 0], [1, 0], [1, 0], [0, 1]]}], "repeat [1.0, 0.0] (points 2 and 3)"),
+    (None, [{"kind": "polygon", "points": 7}], "must be a list of points, not 7"),
+    (None, [{"kind": "polygon", "points": np.zeros((2002, 2))}], "are 2001: the largest number is 2000"),
     ("arm7", {"allowed_collisions": [["tool", "lnk5"]]}, "'lnk5' is not a node of arm: did you mean 'link5'?"),
     ("arm7", {"allowed_collisions": [["tool", "tool"]]}, "names 'tool' twice"),
     ("arm7", {"allowed_collisions": ["tool", "link5"]}, "list of pairs of names"),
@@ -157,9 +151,12 @@ SENSELESS = [
 
 @pytest.mark.parametrize(("name", "values", "said"), SENSELESS, ids=[row[2] for row in SENSELESS])
 def test_what_makes_no_sense_is_refused_by_its_key(robot, name, values, said):
-    base = {"goal": {"point": [0.4, 0.3, 0.4]}} if name else {"mobile": {"radius": 0.0}, "goal": {"point": [1.0, 0.0]}}
+    if name:
+        given = {"goal": {"point": [0.4, 0.3, 0.4]}} | values
+    else:
+        given = {"mobile": {"radius": 0.0}, "goal": {"point": [1.0, 0.0]}, "obstacle": values}
     with pytest.raises(SceneError) as error:
-        scene_of(base | values, mechanism=robot(name) if name else None)
+        scene_of(given, mechanism=robot(name) if name else None)
     assert str(error.value).startswith("scene: ")
     assert said in str(error.value)
 

@@ -510,15 +510,12 @@ def test_ticks_leave_nothing_behind():
 # --- the yardstick itself --------------------------------------------------------------------------------------------
 
 
-def _loops(rng, rows, nv, rank):
-    return rng.normal(size=(rows, rank)) @ rng.normal(size=(rank, nv))
-
-
 @given(seeds)
 def test_with_bounds_it_is_the_best_of_all_steps_within_them(seed):
     """Against a general optimiser, on the function that the docstring states."""
     rng = np.random.default_rng(seed)
-    loops, tasks, error = _loops(rng, 4, 7, 2), rng.normal(size=(3, 7)), rng.normal(size=3)
+    loops, tasks = rng.normal(size=(4, 2)) @ rng.normal(size=(2, 7)), rng.normal(size=(3, 7))
+    error = rng.normal(size=3)
     low, high = -rng.uniform(0.0, 0.4, 7), rng.uniform(0.0, 0.4, 7)
     step = resolve(loops, 2, [(tasks, error, np.ones(3), 3)], low, high, np.full(7, np.inf))
     assert np.abs(loops @ step).max() < 1e-9

@@ -20,11 +20,6 @@ from cinegen.planning.clear_motion import clear_motion
 from cinegen.planning.sampling.path_sampler import PathSampler
 
 
-def is_at_goal(scene, q):
-    there = scene.mechanism.placement(q, scene.node).translation - scene.goal.translation
-    return np.linalg.norm(there[: scene.translation]) < 1e-4
-
-
 def walls(*corners):
     """Boxes, 0.1 m thick, from corner to corner."""
     found = []
@@ -54,7 +49,8 @@ def test_the_scenes_of_the_figures_are_solved(root, name):
     found = plan(scene, planner=Planner.RRT_CONNECT)
     assert found.status is PlanStatus.REACHED
     assert np.array_equal(found.path[0], scene.start)
-    assert is_at_goal(scene, found.path[-1])
+    off = scene.mechanism.placement(found.path[-1], scene.node).translation - scene.goal.translation
+    assert np.linalg.norm(off[: scene.translation]) < 1e-4
     assert found.clearance >= scene.safety
     clearance = clearance_of(scene)
     assert min(clearance.least(q) for q in along(scene.mechanism, found.path, 2e-3)) >= found.clearance

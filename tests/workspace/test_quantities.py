@@ -164,15 +164,20 @@ def test_speeds_and_forces_through_couplings_are_those_of_linear_programmes(robo
         assert force == pytest.approx(greatest_force(mechanism, q, spec.node, along), rel=1e-4)
 
 
-def test_where_the_actuated_joints_control_nothing_there_is_no_speed_and_no_force(robot):
+def test_where_the_actuated_joints_control_nothing_there_is_no_speed_no_force_and_nothing_is_stiff(robot):
     """A five-bar with its elbows in one point: the linear programme has no bound, and rounding is no figure."""
     five_bar, elbow = robot("five_bar"), math.atan2(-200.0, 150.0)
     axes = [(name, at - 1e-3, at + 1e-3, 1) for name, at in (("joint1", elbow), ("joint3", math.pi - elbow))]
-    names = ("sigma_2", "condition", "manipulability", "velocity", "force")
-    found = mapped(MapSpecification(five_bar, over(*axes), names, limits=False))
+    names = ("sigma_2", "condition", "manipulability", "velocity", "force", "reaction_force", "stiffness", "frequency")
+    spec = MapSpecification(
+        five_bar, over(*axes), names, limits=False, reaction="joint2", gravity=(0.0, -9.81, 0.0),
+        stiffness=dict.fromkeys(five_bar.actuated, 1e3),
+    )  # fmt: skip
+    found = mapped(spec)
     assert found["reachable"].all()
     assert found["sigma_2"].item() < 1e-7
-    assert found["condition"].item() == math.inf
+    assert found["condition"].item() == found["reaction_force"].item() == math.inf
+    assert found["stiffness"].item() == found["frequency"].item() == 0.0
     for name in ("manipulability", "velocity", "force"):
         assert math.isnan(found[name].item())
 
