@@ -257,43 +257,6 @@ def test_the_view_only_address_shows_the_robots_and_drives_nothing(cockpit, tab)
     assert page.get_attribute("#page-copy", "href") == one.view_url.replace("?", "snapshot.html?")
 
 
-@pytest.mark.slow
-def test_a_finger_drags_too(cockpit, tab):
-    one = cockpit("delta4")
-    page = tab(one, viewport={"width": 420, "height": 760}, has_touch=True)
-    x, y, *_ = find(page, "delta4", "link5")
-    line = page.context.new_cdp_session(page)
-    line.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": x, "y": y}]})
-    for step in range(1, 8):
-        points = [{"x": x + 3 * step, "y": y + 3 * step}]
-        line.send("Input.dispatchTouchEvent", {"type": "touchMove", "touchPoints": points})
-    assert becomes(page, lambda: held(one, "delta4"))
-    line.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
-    assert becomes(page, lambda: not one.state.robots["delta4"].tasks)
-    picture(page, "phone")
-
-    def offset():
-        *eye, x, y, z = page.evaluate("cockpit.view.cameraNumbers()")
-        return np.array(eye) - [x, y, z], np.array([x, y, z])
-
-    rests(page, one)
-    x, y, *_ = find(page, "delta4", "link5")
-    for first, shifts in (((x, y), False), ((20.0, 300.0), True)):
-        (before, middle), other = offset(), (first[0] + 60.0, first[1])
-        for kind, step, count in (
-            ("touchStart", 0, 1),
-            ("touchStart", 0, 2),
-            ("touchMove", 5, 2),
-            ("touchMove", 25, 2),
-        ):
-            fingers = [{"x": a + step, "y": b + step, "id": i} for i, (a, b) in enumerate((first, other)[:count])]
-            line.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": fingers})
-        line.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
-        after, moved = offset()
-        assert (np.linalg.norm(moved - middle) > 1e-3) == shifts
-        assert (np.linalg.norm(after - before) > 1e-3) != shifts
-
-
 def test_the_buttons_lead_from_mode_to_mode(robot, cockpit, tab, tmp_path):
     modes = cinegen.assembly_modes(robot("five_bar"))
     record_modes(modes, tmp_path / "modes.jsonl", "five_bar")

@@ -251,19 +251,25 @@ def touch(line, kind, *points):
     )
 
 
-def test_fingers_two_on_the_robot_rotate_the_view_one_that_rests_selects(cockpit, tab):
+def test_fingers_two_rotate_the_view_or_beside_the_robot_shift_it_one_that_rests_selects_and_one_drags(cockpit, tab):
     one = cockpit("delta4", follow=None)
     page = tab(one, viewport={"width": 390, "height": 844}, has_touch=True)
     x, y, *_ = find(page, "delta4", "link5")
     line = page.context.new_cdp_session(page)
-    camera = "cockpit.viewer.camera.matrixWorld.toArray()"
-    before = page.evaluate(camera)
-    touch(line, "touchStart", (x, y))
-    touch(line, "touchStart", (x, y), (x + 60, y - 80))
-    for step in range(1, 6):
-        touch(line, "touchMove", (x + 8 * step, y), (x + 60 + 8 * step, y - 80))
-    assert becomes(page, lambda: page.evaluate(camera) != before)
-    touch(line, "touchEnd")
+
+    def seen():
+        *eye, a, b, c = page.evaluate("cockpit.view.cameraNumbers()")
+        return np.array(eye) - [a, b, c], np.array([a, b, c])
+
+    for left, top, shifts in ((x, y, False), (20.0, 300.0, True)):
+        offset, middle = seen()
+        touch(line, "touchStart", (left, top))
+        for step in range(6):
+            kind = "touchMove" if step else "touchStart"
+            touch(line, kind, (left + 8 * step, top), (left + 60 + 8 * step, top - 80))
+        touch(line, "touchEnd")
+        assert (np.linalg.norm(seen()[1] - middle) > 1e-3) == shifts
+        assert (np.linalg.norm(seen()[0] - offset) > 1e-3) != shifts
     assert not one.state.robots["delta4"].tasks
     assert not page.is_visible("#selection")
     x, y, *_ = find(page, "delta4", "link5")
@@ -271,6 +277,12 @@ def test_fingers_two_on_the_robot_rotate_the_view_one_that_rests_selects(cockpit
     assert becomes(page, lambda: page.is_visible("#selection"))
     touch(line, "touchEnd")
     assert page.is_visible("#selection")
+    touch(line, "touchStart", (x, y))
+    for step in range(1, 8):
+        touch(line, "touchMove", (x + 3 * step, y + 3 * step))
+    assert becomes(page, lambda: held(one, "delta4"))
+    touch(line, "touchEnd")
+    assert becomes(page, lambda: not one.state.robots["delta4"].tasks)
     sizes = page.evaluate("""() => [...document.querySelectorAll("button")].filter((one) => one.checkVisibility())
       .map((one) => [one.id, one.offsetWidth, one.offsetHeight]).filter(([, wide, high]) => wide < 44 || high < 44)""")
     assert sizes == []

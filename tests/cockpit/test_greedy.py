@@ -9,7 +9,6 @@ import json
 import logging
 import os
 import socket
-import struct
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -19,6 +18,7 @@ from urllib.parse import urlsplit
 import pytest
 import tornado.websocket
 from browsers import Browser, becomes, get
+from campaign import served as served_page
 from tornado.httpclient import HTTPClientError
 
 from cinegen.cockpit import Cockpit
@@ -173,16 +173,8 @@ def served(robot, caplog):
     assert logged == []
 
 
-class Peer:
-    """A client with its hands on the socket."""
-
-    def __init__(self, url, room=None):
-        self.address = urlsplit(url)
-        self.socket = socket.socket()
-        self.socket.settimeout(10)
-        if room is not None:  # bytes that it takes without reading
-            self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, room)
-        self.socket.connect(("127.0.0.1", self.address.port))
+class Peer(served_page.Peer):
+    """A client with its hands on the socket, which waits for no answer."""
 
     def ask(self, path, *headers, host=None):
         lines = [f"GET /{path} HTTP/1.1", f"Host: {self.address.netloc if host is None else host}", *headers]
@@ -200,16 +192,6 @@ class Peer:
             answer += self.socket.recv(1000)
         self.socket.close()
         return int(answer.split()[1])
-
-    def say(self, **said):
-        payload, mask = json.dumps(said).encode(), os.urandom(4)
-        masked = bytes(byte ^ mask[k % 4] for k, byte in enumerate(payload))
-        self.socket.sendall(bytes([0x81, 0x80 | len(payload)]) + mask + masked)
-
-    def vanish(self):
-        """Without a word: the connection is reset."""
-        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
-        self.socket.close()
 
 
 @pytest.mark.parametrize(
@@ -266,23 +248,14 @@ def test_tokens_that_are_none(served):
             assert Peer(url).ask(f"{path}?token={token}").status() in (400, 403)
 
 
-def test_who_asks_and_vanishes(served):
-    url = served().url
-    for path in ("", "viewer.js", "snapshot.html", "static/cockpit.js"):
-        for delay in (0.0, 0.001, 0.01, 0.05):
-            for _ in range(3):
-                peer = Peer(url, 2048).ask(path)
-                time.sleep(delay)
-                peer.vanish()
-
-
-@pytest.mark.parametrize("path", ["session", "page"])
+@pytest.mark.parametrize("path", ["session", "page", "", "viewer.js", "snapshot.html", "static/cockpit.js"])
 def test_who_looks_and_vanishes(served, path):
     """At once, in the middle of the first words, or after some time."""
     one = served()
     for delay in (0.0, 0.0005, 0.001, 0.005, 0.02, 0.1):
-        for _ in range(5):
-            peer = Peer(one.url, 2048).upgrade(path)
+        for _ in range(4):
+            peer = Peer(one.url, room=2048)
+            (peer.upgrade if path in ("session", "page") else peer.ask)(path)
             time.sleep(delay)
             peer.vanish()
     assert becomes(lambda: not one.hub.clients and not one.server.pages)
@@ -292,9 +265,9 @@ def test_who_commands_and_vanishes(served):
     one = served()
     for said in ({"hand": True}, {"nonsense": 1}, {"ack": 1}, {"pause": True}, {"pause": False}):
         for _ in range(4):
-            peer = Peer(one.url, 2048).upgrade("session")
+            peer = Peer(one.url, room=2048).upgrade("session")
             assert becomes(lambda: one.hub.clients)
-            peer.say(**said)
+            peer.send(**said)
             peer.vanish()
     assert becomes(lambda: not one.hub.clients and one.hub.controller is None)
 
@@ -302,10 +275,10 @@ def test_who_commands_and_vanishes(served):
 def test_who_acknowledges_without_reading_and_vanishes(served):
     """What is sent piles up; it is in the middle of being sent when the connection ends."""
     one = served()
-    peers = [Peer(one.url, 2048).upgrade("session") for _ in range(3)]
+    peers = [Peer(one.url, room=2048).upgrade("session") for _ in range(3)]
     for frame in range(200):
         for peer in peers:
-            peer.say(type="ack", frame=frame)
+            peer.send(type="ack", frame=frame)
         time.sleep(0.005)
     assert len(one.hub.clients) == 3
     for peer in peers:
@@ -317,7 +290,7 @@ def test_who_acknowledges_without_reading_and_vanishes(served):
 @pytest.mark.parametrize("half", [socket.SHUT_WR, socket.SHUT_RD], ids=["says no more", "hears no more"])
 def test_a_connection_that_is_half_open(served, path, half):
     one = served()
-    peers = [Peer(one.url, 2048).upgrade(path) for _ in range(5)]
+    peers = [Peer(one.url, room=2048).upgrade(path) for _ in range(5)]
     assert becomes(lambda: len(one.hub.clients) == 5)
     for peer in peers:
         peer.socket.shutdown(half)

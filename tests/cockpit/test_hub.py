@@ -53,10 +53,14 @@ class Line:
         return [said["text"] for said in self.told if said["type"] == "notice"]
 
 
+def hub_of(*more, obey=lambda command: None, **options):
+    return Hub(SETUP, obey, lambda number: replace(HELLO, client=number), *more, **options)
+
+
 @pytest.fixture
 def hub():
     obeyed = []
-    hub = Hub(SETUP, obeyed.append, lambda number: replace(HELLO, client=number))
+    hub = hub_of(obey=obeyed.append)
     hub.obeyed = obeyed
     return hub
 
@@ -200,7 +204,7 @@ def test_who_takes_no_frame_for_long_is_given_up(hub, monkeypatch):
 def test_messages_beyond_the_budget_of_all_wait_but_not_those_of_who_has_control_or_sends_little(hub, monkeypatch):
     at(monkeypatch, lambda: now)
     now = 100.0
-    hub = Hub(SETUP, lambda command: None, lambda number: replace(HELLO, client=number))
+    hub = hub_of()
     greedy = [join(hub)[0] for _ in range(20)]
     modest, driver = join(hub)[0], join(hub)[0]
     says(hub, driver, type="request_control", on=True)
@@ -220,13 +224,13 @@ def test_messages_beyond_the_budget_of_all_wait_but_not_those_of_who_has_control
     assert waited == 0.0
     assert sum(read.values()) < 1.2 * 5.0 * clients.BUDGET
     assert max(read.values()) < 1.1 * min(read.values())
-    calm = Hub(SETUP, lambda command: None, lambda number: replace(HELLO, client=number))
+    calm = hub_of()
     client, _ = join(calm)
     assert not any(calm.pause(client) for _ in range(clients.FASTEST))
 
 
 def test_messages_wait_while_the_session_has_many_commands(hub):
-    hub = Hub(SETUP, lambda command: None, lambda number: replace(HELLO, client=number), waiting=lambda: waiting)
+    hub = hub_of(waiting=lambda: waiting)
     waiting = clients.QUEUE
     assert not hub.queue_is_full()
     waiting += 1
@@ -235,12 +239,7 @@ def test_messages_wait_while_the_session_has_many_commands(hub):
 
 def test_it_receives_whether_anybody_watches(hub):
     watched = []
-    hub = Hub(
-        SETUP,
-        lambda command: None,
-        lambda number: replace(HELLO, client=number),
-        lambda: watched.append(bool(hub.clients)),
-    )
+    hub = hub_of(lambda: watched.append(bool(hub.clients)))
     first, second = join(hub)[0], join(hub)[0]
     hub.show(state(1.0), REPORT)
     hub.leave(first)
@@ -319,7 +318,7 @@ def test_users_and_pointers_that_are_not_valid_are_refused(hub, message, reason)
 def test_clients_that_take_control_in_turns_gain_nothing(hub, monkeypatch):
     at(monkeypatch, lambda: now)
     now = 100.0
-    hub = Hub(SETUP, lambda command: None, lambda number: replace(HELLO, client=number))
+    hub = hub_of()
     read = 0
     while now < 105.0:
         client, _ = join(hub)

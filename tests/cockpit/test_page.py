@@ -5,12 +5,10 @@ import re
 import threading
 from pathlib import Path
 
-import coal
 import numpy as np
 import pinocchio as pin
 import psutil
 import pytest
-import trimesh
 import umsgpack
 from browsers import Browser, becomes, get
 from meshcat import Visualizer
@@ -19,9 +17,7 @@ from meshcat.geometry import Box, MeshLambertMaterial, Sphere, TriangularMeshGeo
 import cinegen
 from cinegen.cockpit import Page, RobotScene, draw, title_of
 from cinegen.cockpit.build_messages import NodePoses, hello_message, state_message
-from cinegen.cockpit.surfaces import surface_of
 from cinegen.collision import load_scene, scene_of
-from cinegen.collision.convex_hull import hull
 from cinegen.session import Session, Setup, scene_setup
 
 
@@ -159,35 +155,9 @@ POLE = {"name": "pole", "kind": "capsule", "radius": 0.03, "length": 1.0, "point
 FLOOR = {"name": "floor", "kind": "half_space", "normal": [0, 0, 1], "point": [0, 0, -0.05]}
 
 
-@pytest.fixture
-def setup(robot):
+def test_the_page_is_told_what_is_an_obstacle_and_its_title_names_robots_only(robot):
     said = {"robot": "arm7.raff", "goal": {"point": [0.3, 0.3, 0.3]}, "obstacle": [POLE, FLOOR]}
-    return scene_setup(scene_of(said, mechanism=robot("arm7")))
-
-
-@pytest.mark.parametrize(("radius", "length"), [(0.1, 0.5), (1.0, 1e-3)])
-def test_a_capsule_is_drawn_with_its_round_ends(radius, length):
-    points, faces = surface_of(pin.GeometryObject("", 0, pin.SE3.Identity(), coal.Capsule(radius, length)))
-    beyond = points - np.stack([0.0 * points[:, 0], 0.0 * points[:, 1], points[:, 2].clip(-length / 2, length / 2)], 1)
-    assert np.linalg.norm(beyond, axis=1) == pytest.approx(radius)
-    assert np.ptp(points[:, 2]) == pytest.approx(length + 2.0 * radius)
-    mesh = trimesh.Trimesh(points, faces)
-    mesh.update_faces(mesh.nondegenerate_faces())  # a ring at each end is a point
-    assert mesh.is_watertight
-    volume = np.pi * radius**2 * (length + 4.0 / 3.0 * radius)
-    assert mesh.volume == pytest.approx(volume, rel=0.03)  # above 0: seen from outside
-
-
-def test_a_hull_is_drawn_with_all_its_faces_turned_outwards():
-    points = np.random.default_rng(0).normal(size=(30, 3))
-    corners, faces = surface_of(pin.GeometryObject("", 0, pin.SE3.Identity(), hull(points).shape))
-    mesh = trimesh.Trimesh(corners, faces)
-    mesh.merge_vertices()
-    assert mesh.is_watertight
-    assert mesh.volume == pytest.approx(trimesh.convex.convex_hull(points).volume)
-
-
-def test_the_page_is_told_what_is_an_obstacle_and_its_title_names_robots_only(setup):
+    setup = scene_setup(scene_of(said, mechanism=robot("arm7")))
     hello = hello_message(setup, title_of(setup), 1)
     assert title_of(setup) == "arm7"
     assert [robot.name for robot in hello.robots] == ["arm7"]

@@ -4,11 +4,11 @@ import os
 import threading
 from dataclasses import replace
 
-import msgspec
 import numpy as np
 import pytest
 import trimesh
 from browsers import Browser, becomes
+from test_hub import Line
 
 import cinegen
 from cinegen.cockpit import Cockpit, SetupFiles
@@ -197,20 +197,10 @@ def test_all_browsers_meet_the_new_robot_of_a_session_in_a_process_of_its_own(tm
 
 
 def test_a_client_may_name_what_is_gone_until_it_knows(robot):
-    class Connection:
-        def __init__(self):
-            self.told, self.closed = [], None
-
-        def send(self, text):
-            self.told.append(msgspec.json.decode(text))
-
-        def close(self, code, reason):
-            self.closed = reason
-
     arm, scara = (arrange({"r": robot(name)}) for name in ("planar_3r", "scara"))
     now = [arm]
     hub = Hub(arm, lambda command: None, lambda number: hello_message(now[0], "t", number))
-    connection = Connection()
+    connection = Line()
     client = hub.join(connection)
     now[0] = scara
     hub.exchange(scara)
@@ -220,7 +210,7 @@ def test_a_client_may_name_what_is_gone_until_it_knows(robot):
     client.unacknowledged = (client.met, 0.0)
     hub.receive(client, f'{{"type": "ack", "frame": {client.met}}}')
     hub.receive(client, f'{{"type": "pin", "robot": "r", "node": "{gone}"}}')
-    assert "Unknown node" in connection.closed
+    assert "Unknown node" in connection.closed[1]
     assert [one["type"] for one in connection.told] == ["hello", "hello"]
 
 

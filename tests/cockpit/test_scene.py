@@ -1,14 +1,12 @@
 """Meshes in the page: in the colour that the URDF says, or in their own, base_poses_at_start on the floor."""
 
-import sysconfig
-from pathlib import Path
-
 import coal
 import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
 import umsgpack
+from example_robots import SHARE, UR5
 
 import cinegen
 from cinegen.cockpit import Page, RobotScene
@@ -68,9 +66,7 @@ def test_a_mesh_has_the_colour_that_the_urdf_says(tmp_path, box, ending):
 
 def test_every_colour_of_a_mesh_is_shown(tmp_path):
     """Collada may lay several materials on one mesh, which the viewer's own reader loses."""
-    share = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
-    ur5 = cinegen.load(share / "ur_description/urdf/ur5_robot.urdf")
-    sent = drawn(ur5)
+    sent = drawn(cinegen.load(SHARE / UR5))
     parts = {path: thing["object"] for path, thing in sent.items() if "shoulder_link" in path and "object" in thing}
     assert len(parts) == 3
     assert len({thing["materials"][0]["color"] for thing in parts.values()}) == 3
@@ -160,13 +156,9 @@ def test_every_kind_of_shape_is_drawn_as_a_closed_surface_alone_or_merged(kind):
     }
     solid = pin.GeometryObject("", 0, pin.SE3.Identity(), made.get(kind, lambda: kind(0.1, 0.5))())
     volume = {coal.BVHModelOBBRSS: 8.0, coal.Ellipsoid: 0.2 * 0.4 * 0.6}.get(kind) or solid.geometry.computeVolume()
-    for corners, faces in (surface_of(solid), merged_surface(solid)):
+    (mesh,) = merged([(solid, pin.SE3.Identity())])
+    for corners, faces in (surface_of(solid), (mesh.geometry.vertices, mesh.geometry.faces)):
         surface = trimesh.Trimesh(corners, faces)
         surface.merge_vertices(merge_norm=True)
         assert surface.is_watertight
         assert surface.volume == pytest.approx(volume, rel=0.08)
-
-
-def merged_surface(solid):
-    (mesh,) = merged([(solid, pin.SE3.Identity())])
-    return mesh.geometry.vertices, mesh.geometry.faces

@@ -154,11 +154,6 @@ def test_a_link_without_end_is_refused(shape):
 # --- what is near ------------------------------------------------------------------------------------------------
 
 
-def nearest_rows(near):
-    """The first row of each pair: of its nearest points."""
-    return {int(pair): i for i, pair in reversed(list(enumerate(near.pairs)))}
-
-
 @pytest.mark.parametrize("name", ROBOTS)
 def test_rows_of_nearest_points_are_how_distances_change(name):
     """By central differences of coal's distances, where these are smooth: the nearest points stay where they are."""
@@ -176,7 +171,7 @@ def test_rows_of_nearest_points_are_how_distances_change(name):
             ahead, behind = (clearance.distances(pin.integrate(load(name).model, q, s * way)) for s in (1.0, -1.0))
             slopes[:, j] = (ahead - behind) / (2.0 * step)
             curved = np.maximum(curved, np.abs(ahead + behind - 2.0 * here) / step)
-        for pair, i in nearest_rows(near).items():
+        for pair, i in zip(*np.unique(near.pairs, return_index=True), strict=True):  # the first: the nearest points
             assert pairs[i] == pair
             assert distances[i] == here[pair]
             shapes = {type(clearance.bodies[int(b)].shape) for b in clearance.pairs[pair]}

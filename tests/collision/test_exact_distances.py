@@ -5,8 +5,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
+from example_robots import PANDA, UR5, load
 from mesh_contact import MeshContact, tree_of
-from reference import PANDA, UR5, load
 
 import cinegen
 from cinegen.collision import Clearance, scene_of
@@ -28,9 +28,8 @@ def clearance_among_links(mechanism, within=None):
     return Clearance(mechanism, links.bodies, (), links.of(PairReason.CHECKED), within)
 
 
-@pytest.mark.parametrize("name", [PANDA])
-def test_a_configuration_is_clear_by_a_margin_exactly_where_the_meshes_are(name):
-    mechanism, margin = load(name), 2e-3
+def test_a_configuration_is_clear_by_a_margin_exactly_where_the_meshes_are():
+    mechanism, margin = load(PANDA), 2e-3
     meshes = MeshContact(mechanism, configurations(mechanism, 100, 1))
     clearance = clearance_among_links(mechanism, 3e-3)
     touching = 0
@@ -142,9 +141,6 @@ def test_a_self_clearance_beyond_the_safety_distance_is_refused():
 
 
 HERE = pin.SE3.Identity()
-
-
-# --- brute force -----------------------------------------------------------------------------------------------------
 
 
 # --- how much convex bodies exceed exact ones ------------------------------------------------------------------------

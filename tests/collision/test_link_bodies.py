@@ -8,14 +8,15 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
+from example_robots import PANDA, load
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from reference import PANDA, load
 from scipy.spatial import ConvexHull
 
 import cinegen
 from cinegen.collision.body import PlacedShape as Solid
 from cinegen.collision.body import rounded_hull
+from cinegen.collision.convex_hull import hull
 from cinegen.collision.links import TIGHT, is_inside
 from cinegen.collision.links import convex_shape as solid
 from cinegen.collision.links import link_bodies as bodies_of
@@ -216,14 +217,8 @@ shapes = st.one_of(
     st.builds(coal.Capsule, st.floats(0.05, 0.3), st.floats(0.1, 0.8)),
     st.builds(coal.Cylinder, st.floats(0.05, 0.5), st.floats(0.1, 0.8)),
     st.builds(coal.Box, st.floats(0.1, 0.8), st.floats(0.1, 0.8), st.floats(0.1, 0.8)),
-    st.integers(0, 10**6).map(lambda seed: polyhedron(np.random.default_rng(seed).normal(size=(12, 3)) * 0.2)),
+    st.integers(0, 10**6).map(lambda seed: hull(np.random.default_rng(seed).normal(size=(12, 3)) * 0.2).shape),
 )
-
-
-def polyhedron(points):
-    corners = coal.StdVec_Vec3s()
-    corners.extend(list(points))
-    return coal.Convex.convexHull(corners, True, "Qt")
 
 
 @settings(max_examples=80)

@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
+from example_robots import PANDA, load
 from mesh_contact import MeshContact
-from reference import PANDA, load
 
 import cinegen
 from cinegen.collision import clearance_of, scene_of
@@ -137,6 +137,3 @@ def test_a_path_with_contact_is_never_reported_as_reached(monkeypatch):
     assert not found
     assert "check against the meshes" in found.reason
     assert not touch_along(found.path)
-
-
-# --- dragging ------------------------------------------------------------------------------------------------------

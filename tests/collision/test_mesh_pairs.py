@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from reference import PANDA, load
+from example_robots import PANDA, load
 from test_mesh_check import READY, panda, scene
 from test_self_collision import AC, chain
 

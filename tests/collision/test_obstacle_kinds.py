@@ -9,9 +9,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
+from clearings import apart, at
+from example_robots import UR5, load
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from reference import UR5, load
 from scenes_of_tables import refused, scene_with, to_point
 
 import cinegen
@@ -153,9 +154,6 @@ def test_damaged_meshes_and_flat_hulls_are_refused(tmp_path):
         assert str(error.value).startswith("scene: obstacle 1: file '")
 
 
-# --- what is refused --------------------------------------------------------------------------------------------------
-
-
 # --- there and back ---------------------------------------------------------------------------------------------------
 
 
@@ -169,8 +167,9 @@ def test_what_a_scene_writes_reads_back_as_the_same(seed):
     ]
     obstacles[0]["rpy"] = [0.3, math.pi / 2, -0.2]  # where roll and yaw are one
     scene = scene_with(*obstacles, safety=float(rng.uniform(0, 0.1)), start={"point": rng.normal(size=2)})
-    moved = scene.obstacles[3].moved(pin.SE3.Random())
-    for before in (scene, _with(scene, 3, moved)):
+    obstacles = scene.obstacles
+    moved = replace(scene, obstacles=(*obstacles[:3], obstacles[3].moved(pin.SE3.Random()), *obstacles[4:]))
+    for before in (scene, moved):
         after = scene_of(json.loads(json.dumps(before.document())))
         assert _close(after.document(), before.document())
         assert (after.start == before.start).all()
@@ -180,10 +179,6 @@ def test_what_a_scene_writes_reads_back_as_the_same(seed):
             assert one.placement.isApprox(other.placement, 1e-12)
             for p in rng.normal(size=(3, 3)) * 2:
                 assert to_point(one.bodies, p) == pytest.approx(to_point(other.bodies, p), abs=1e-5)
-
-
-def _with(scene, i, obstacle):
-    return replace(scene, obstacles=(*scene.obstacles[:i], obstacle, *scene.obstacles[i + 1 :]))
 
 
 def _close(a, b):
@@ -209,13 +204,7 @@ def test_another_robot_is_an_obstacle_at_its_joint_values_and_base_pose(robot, r
     bodies = link_bodies(other)
     expected = Clearance(other, bodies, [near]).least(q)
     moving = [body for body, link in zip(obstacle.bodies, bodies, strict=True) if link.joint]
-    found = [
-        coal.distance(
-            body.shape, coal.Transform3s(body.placement.rotation, body.placement.translation),
-            coal.Sphere(0.05), coal.Transform3s(np.eye(3), ball), coal.DistanceRequest(), coal.DistanceResult(),
-        )
-        for body in moving
-    ]  # fmt: skip
+    found = [apart(body.shape, body.placement, coal.Sphere(0.05), at(*ball)) for body in moving]
     assert min(found) == pytest.approx(expected, abs=1e-6)
     (again,) = scene_of(made.document(), root).obstacles
     assert [one.placement for one in again.bodies] == [one.placement for one in obstacle.bodies]
@@ -227,11 +216,6 @@ def test_another_robot_is_an_obstacle_at_its_joint_values_and_base_pose(robot, r
 
 INNER, OUTER, HALF = 0.4, 0.6, 0.3
 RADIUS = 0.05
-
-
-def tube():
-    """A pipe along z: closed, not convex."""
-    return trimesh.creation.annulus(INNER, OUTER, 2.0 * HALF, sections=24)
 
 
 def cup():
@@ -266,7 +250,7 @@ def among(clearance, q):
 @given(seed=seeds)
 def test_a_ball_is_as_far_from_a_mesh_that_is_not_convex_as_from_its_nearest_triangle(seed):
     rng = np.random.default_rng(seed)
-    for mesh in (tube(), cup()):
+    for mesh in (trimesh.creation.annulus(INNER, OUTER, 2.0 * HALF, sections=24), cup()):
         clearance = clearance_of(scene_with(as_values(mesh), mobile={"radius": RADIUS}), is_exact=True)
         points = np.column_stack([rng.uniform(-1.0, 1.0, size=(20, 2)), np.zeros(20)])
         truth = to_triangles(mesh.triangles, points) - RADIUS

@@ -11,6 +11,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from loop_openings import jacobian_by
 
 import raff2urdf
 from cinegen.design import Design, DesignError, Parameters, Tolerances, holding_torques, tolerance
@@ -175,21 +176,6 @@ def test_other_joints_may_be_fixed():
         np.testing.assert_allclose(here.pose_derivative("tool", "world")[0, :3, k], numeric, atol=1e-8)
 
 
-def test_evaluation_in_place_is_that_of_a_loaded_mechanism():
-    parameters = Parameters("delta4")
-    design, mechanism = Design(parameters), parameters.mechanism
-    rng = np.random.default_rng(2)
-    p = parameters.values + 1e-3 * rng.normal(size=(4, len(parameters)))
-    q = np.array(mechanism.random_closed(4))
-    found = design.evaluate(p, q)
-    for values, start, closed, pose in zip(p, q, found.q, found.placements(mechanism.end), strict=True):
-        loaded = parameters.mechanism_with(values)
-        again = loaded.close(start, mechanism.actuated)
-        np.testing.assert_allclose(closed, again, atol=1e-10)
-        np.testing.assert_allclose(pose, loaded.placement(again, mechanism.end).homogeneous, atol=1e-10)
-    assert found.gap.max() < 1e-12
-
-
 def test_designs_go_to_other_processes():
     design = pickle.loads(
         pickle.dumps(Design(Parameters("five_bar", "link*.d", ["link2.d = link4.d"]), [("joint2", "x")]))
@@ -225,18 +211,6 @@ def difference(values: list[np.ndarray], step: float) -> np.ndarray:
     return np.tensordot(WEIGHTS, np.array(values), 1) / step
 
 
-def jacobian_by_fixed(design: Design, mechanism: Mechanism, q: np.ndarray, node: str) -> np.ndarray:
-    """Return the Jacobian of a node by the fixed joints, by the loops of a mechanism as Pinocchio places them."""
-    jacobian, loops = mechanism.jacobian(q, node), mechanism.structure.system.evaluate(q)[1] / mechanism.scale
-    fixed, moving = [mechanism.v_index(name) for name in design.fixed], design.moving
-    follow = np.zeros((mechanism.model.nv, len(fixed)))
-    if len(loops):
-        scaled = loops * mechanism.scale
-        follow[moving] = -np.linalg.pinv(scaled[:, moving], rcond=1e-9) @ loops[:, fixed]
-        follow *= mechanism.scale[:, None]
-    return jacobian[:, fixed] + jacobian @ follow
-
-
 @pytest.mark.parametrize("name", FEW)
 def test_edited_documents(name: str) -> None:
     one = design(name)
@@ -248,7 +222,7 @@ def test_edited_documents(name: str) -> None:
     scale = np.repeat([1.0 / length, 1.0], 3)
     amplified = here.amplification(node)[0]
     np.testing.assert_allclose(
-        amplified, jacobian_by_fixed(one, mechanism, here.q[0], node), atol=1e-9 * max(1.0, length)
+        amplified, jacobian_by(mechanism, here.q[0], node, one.fixed), atol=1e-9 * max(1.0, length)
     )
     by_p = here.amplification_derivative(node)[0]
     chosen = np.random.default_rng(3).permutation(len(one.names))[:SAMPLED]
@@ -267,7 +241,7 @@ def test_edited_documents(name: str) -> None:
         ]
         moved = here.pose_derivative(node)[0, :, k] * scale
         np.testing.assert_allclose(unit * moved, unit * difference(poses, step), atol=1e-8)
-        jacobians = [jacobian_by_fixed(one, m, c, node) for m, c in zip(changed, closed, strict=True)]
+        jacobians = [jacobian_by(m, c, node, one.fixed) for m, c in zip(changed, closed, strict=True)]
         numeric = difference(jacobians, step) * scale[:, None] * unit
         np.testing.assert_allclose(
             by_p[..., k] * scale[:, None] * unit, numeric, atol=1e-8 * max(1.0, np.abs(numeric).max())

@@ -8,6 +8,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
+from clearings import apart, at
 from five_bar import FiveBar
 from orthoglide import orthoglide
 from variants import slow
@@ -128,17 +129,10 @@ def test_derivatives_of_all_quantities(robot):
             np.testing.assert_allclose(rows.slopes[..., k], numeric, atol=1e-7 * size, err_msg=f"{what} by {name}")
 
 
-@pytest.fixture(scope="module")
-def best_five_bar(tmp_path_factory):
-    """What is found, and the file of its state."""
-    state = tmp_path_factory.mktemp("five_bar") / "state.json"
-    return synthesize("five_bar", FIVE_BAR, state=state), state
-
-
-def test_state_continues(best_five_bar, tmp_path):
-    first, whole = best_five_bar
+def test_state_continues(tmp_path):
     state = tmp_path / "state.json"
-    values = json.loads(whole.read_text(encoding="utf-8"))
+    first = synthesize("five_bar", FIVE_BAR, state=state)
+    values = json.loads(state.read_text(encoding="utf-8"))
     values["starts"] = values["starts"][:1]
     state.write_text(json.dumps(values), encoding="utf-8")
     told: list[int] = []
@@ -235,10 +229,9 @@ def test_clearance_is_that_of_capsules_in_coal(tmp_path):
             bars = [("base", "link1"), ("base", "link3"), ("link1", "link2"), ("link3", "link4"), ("link2", "tool"),
                     ("link4", "link5")]  # fmt: skip
             arms = {pair: capsule(place[pair[0]], place[pair[1]], 0.01) for pair in bars}
-            at = coal.Transform3s(np.eye(3), np.array([0.0, 0.12, 0.0]))
-            gaps += [distance(*arms[pair], ball, at) for pair in bars[2:]]
-            apart = [(0, 3), (0, 5), (1, 2), (1, 4), (2, 3), (2, 5), (3, 4)]
-            gaps += [distance(*arms[bars[a]], *arms[bars[b]]) for a, b in apart]
+            gaps += [apart(*arms[pair], ball, at(0.0, 0.12, 0.0)) for pair in bars[2:]]
+            pairs = [(0, 3), (0, 5), (1, 2), (1, 4), (2, 3), (2, 5), (3, 4)]
+            gaps += [apart(*arms[bars[a]], *arms[bars[b]]) for a, b in pairs]
         if result is found:
             assert min(gaps) == pytest.approx(0.09, abs=1e-4)  # what is asked, and no more: it costs condition
             assert result.check.margins["clearance"] > -1e-3
@@ -247,15 +240,9 @@ def test_clearance_is_that_of_capsules_in_coal(tmp_path):
     assert found.values[0] > free.values[0]
 
 
-def capsule(a: np.ndarray, b: np.ndarray, radius: float) -> tuple[coal.Capsule, coal.Transform3s]:
-    axis = b - a
-    length = float(np.linalg.norm(axis))
-    rotation = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).matrix()
-    return coal.Capsule(radius, length), coal.Transform3s(rotation, (a + b) / 2.0)
-
-
-def distance(one, at, other, there) -> float:
-    return coal.distance(one, at, other, there, coal.DistanceRequest(), coal.DistanceResult())
+def capsule(a: np.ndarray, b: np.ndarray, radius: float) -> tuple[coal.Capsule, pin.SE3]:
+    rotation = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), b - a).matrix()
+    return coal.Capsule(radius, float(np.linalg.norm(b - a))), pin.SE3(rotation, (a + b) / 2.0)
 
 
 def test_poses_of_a_gough_platform(tmp_path):
@@ -455,15 +442,8 @@ def test_bad_precision_points(robot, values, message):
 # is (r0 + r1) / 2 / sqrt(r0 r1) at r0, r1 and sqrt(r0 r1).
 
 
+WIDE = changed(parameters={"link2.d": "150..500mm", "link5.d": "200..700mm"}, starts=1)
 RECTANGLE = np.stack(np.meshgrid(np.linspace(-0.15, 0.15, 61), np.linspace(0.3, 0.5, 41)), -1).reshape(-1, 2)
-TASK = {
-    "parameters": {"link2.d": "150..500mm", "link5.d": "200..700mm"},
-    "ties": ["link2.d = link4.d", "link5.d = tool.d"],
-    "reach": {"x": "-150..150mm", "y": "300..500mm"},
-    "objective": [{"minimise": "condition"}],
-    "constraints": {"joint_limits": False},
-    "starts": 1,
-}
 
 
 def optimum_with_coincident_base_joints() -> tuple[float, float, float]:
@@ -473,33 +453,8 @@ def optimum_with_coincident_base_joints() -> tuple[float, float, float]:
     return inner, float(np.sqrt(inner**2 + nearest * farthest)), float(inner / np.sqrt(nearest * farthest))
 
 
-# --- the geometry alone -----------------------------------------------------------------------------------------
-
-
-def test_closed_forms_of_coincident_base_joints():
-    inner, outer, worst = optimum_with_coincident_base_joints()
-    nearby = {(a, b): FiveBar(inner + a, outer + b, 1e-9).condition(RECTANGLE).max()
-              for a in (-1e-3, 0.0, 1e-3) for b in (-1e-3, 0.0, 1e-3)}  # fmt: skip
-    assert nearby[0.0, 0.0] == pytest.approx(worst, abs=1e-7)
-    assert min(nearby, key=nearby.get) == (0.0, 0.0)
-
-
-def test_speeds_of_the_tool_by_differences():
-    robot, at = FiveBar(0.25, 0.4, 0.15), np.array([[0.05, 0.42]])
-    step, angles = 1e-6, []
-    for change in ([step, 0], [-step, 0], [0, step], [0, -step]):
-        elbows = robot.elbows(at + change)[0] - np.array([[-robot.half, 0.0], [robot.half, 0.0]])
-        angles.append(np.arctan2(elbows[:, 1], elbows[:, 0]))
-    by_point = np.stack([angles[0] - angles[1], angles[2] - angles[3]], axis=1) / (2.0 * step)
-    speeds = 1.0 / np.linalg.svd(by_point, compute_uv=False)[::-1]
-    np.testing.assert_allclose(robot.singular_values(at)[0], speeds, rtol=1e-8)
-
-
-# --- the synthesis ----------------------------------------------------------------------------------------------
-
-
 def test_condition_of_the_written_five_bar():
-    found = synthesize("five_bar", TASK)
+    found = synthesize("five_bar", WIDE)
     inner, outer = found.p
     best = FiveBar(inner, outer, 0.15).condition(RECTANGLE).max()
     assert found.before[0] == pytest.approx(FiveBar(0.25, 0.4, 0.15).condition(RECTANGLE).max(), rel=1e-6)
@@ -515,11 +470,8 @@ def test_five_bar_with_coincident_base_joints(tmp_path):
     path = tmp_path / "coincident.raff"
     path.write_text(Parameters("five_bar", "link3.d", "link1.d = -1*link3.d").with_values([0.0]), encoding="utf-8")
     assert np.linalg.norm(cinegen.load(path).placement(cinegen.load(path).q_home, "link1").translation) < 1e-12
-    found = synthesize(path, TASK)
+    found = synthesize(path, WIDE)
     inner, outer, worst = optimum_with_coincident_base_joints()
     np.testing.assert_allclose(found.p, [inner, outer], rtol=1e-5)  # the grid has no point at sqrt(r0 r1)
     assert worst * (1.0 - 1e-5) < found.values[0] <= worst  # of fewer points
     assert found.check.condition <= worst * (1.0 + 1e-5)
-
-
-# --- the largest circle -----------------------------------------------------------------------------------------

@@ -138,7 +138,8 @@ def test_the_list_of_sensors_shows_the_axes(raff, tmp_path, typed):
 # --- a session -------------------------------------------------------------------------------------------------------
 
 
-def test_a_mouse_whose_z_axis_is_inverted_and_turned_back_while_it_drives(robot, tmp_path):
+def test_a_mouse_moves_the_node_that_it_is_switched_to_and_its_axes_are_turned_back_while_it_drives(robot, tmp_path):
+    """Unplugged, it leaves the node at rest, where it is held; plugged in again it goes on."""
     device = PlayedMagellan(tmp_path / "mouse").plug()
     delta = robot("delta4")
     sensors = [f"1={device.path}#axes=x,y,-z"]
@@ -155,12 +156,14 @@ def test_a_mouse_whose_z_axis_is_inverted_and_turned_back_while_it_drives(robot,
             begin = height()
 
             def moved(sign=sign, begin=begin):
-                device.send(magellan_motion((0, 300, 0, 0, 0, 0)))  # up
+                device.send(b"\x7fnoise\r" + magellan_motion((0, 300, 0, 0, 0, 0)))  # up, on a noisy line
                 assert sign * (height() - begin) > -0.01
                 return sign * (height() - begin) > 0.02
 
             wait(moved)
             assert sensor().twist[2] > 0.5
+            device.unplug()
+            wait(lambda: sensor().state.value in ("lost", "silent", "opening"))
             runner.send(c.ChangeSensor("1", "x y z"))
             wait(lambda: sensor().axes == "x, y, z, 0, 0, 0")
             rest = []
@@ -170,6 +173,10 @@ def test_a_mouse_whose_z_axis_is_inverted_and_turned_back_while_it_drives(robot,
                 return len(rest) > 100 and rest[-1] == rest[-100]
 
             wait(rests)
+            (task,) = runner.state.robots["delta"].tasks
+            assert abs(task.target.translation[2] - height()) < 1e-6
+            device.plug()
+            wait(lambda: sensor().state.value == "live", 20.0)
     device.unplug()
 
 
@@ -200,43 +207,3 @@ def test_a_session_keeps_changed_axes_until_the_file_changes_them(raff):
     with pytest.raises(CommandError, match=r"Unknown sensor '2' - at `\$.sensor`"):
         check_names(c.ChangeSensor("2", "x"), session.setup)
     session.close()
-
-
-# --- mice drive a session ---------------------------------------------------------------------------------------------
-# A 3D mouse on a serial line moves a robot of a session; unplugged it comes to rest, plugged in again it goes on.
-
-
-def test_a_mouse_moves_the_node_that_it_is_switched_to(robot, tmp_path):
-    device = PlayedMagellan(tmp_path / "mouse").plug()
-    delta = robot("delta4")
-    with SessionRunner(arrange({"delta": delta}, sensors=[f"1={device.path}"]), own_process=False) as runner:
-
-        def height():
-            return delta.placement(runner.state.robots["delta"].q, "platform").translation[2]
-
-        def sensor():
-            return next(one for one in runner.state.sensors if one.id == "1")
-
-        wait(lambda: runner.state is not None and sensor().state.value == "live")
-        for _ in range(2):
-            begin = height()
-
-            def risen(begin=begin):
-                device.send(b"\x7fnoise\r" + magellan_motion((0, 300, 0, 0, 0, 0)))  # a line is noisy
-                return height() > begin + 0.02
-
-            wait(risen)
-            device.unplug()
-            wait(lambda: sensor().state.value in ("lost", "silent", "opening"))
-            rest = []
-
-            def rests(rest=rest):
-                rest.append(height())
-                return len(rest) > 100 and rest[-1] == rest[-100]
-
-            wait(rests)
-            (task,) = runner.state.robots["delta"].tasks
-            assert np.linalg.norm(task.target.translation[2] - height()) < 1e-6  # held there
-            device.plug()
-            wait(lambda: sensor().state.value == "live", 20.0)
-    device.unplug()

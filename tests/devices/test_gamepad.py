@@ -57,19 +57,9 @@ def test_deflections_are_cut(twist):
 @pytest.mark.parametrize(
     ("twist", "buttons"),
     [
-        ((0, 0, 0), ()),
-        ((0, 0, 0, 0, 0, math.nan), ()),
-        ((math.inf, 0, 0, 0, 0, 0), ()),
-        (("1", 0, 0, 0, 0, 0), ()),
-        (None, ()),
-        (10**400, ()),
-        ((10**400, 0, 0, 0, 0, 0), ()),
-        (UP, (64,)),
-        (UP, (-1,)),
-        (UP, (True,)),
-        (UP, (0.5,)),
-        (UP, ([],)),
-        (UP, None),
+        *((twist, ()) for twist in ((0, 0, 0), None, 10**400)),
+        *(((first, 0, 0, 0, 0, 0), ()) for first in (math.inf, math.nan, "1", 10**400)),
+        *((UP, buttons) for buttons in ((64,), (-1,), (True,), (0.5,), ([],), None)),
     ],
 )
 def test_what_makes_no_sense_moves_nothing(gamepad, twist, buttons):

@@ -20,14 +20,24 @@ from cinegen.devices.reading_json import ReadingError, decode_reading, decode_re
 from cinegen.sensor import Reading
 
 
-@pytest.fixture
-def sensor():
-    sensor = open_sensor("tcp://127.0.0.1:0")
+def opened(url):
+    sensor = open_sensor(url)
     sensor.start()
     wait(lambda: sensor.status.state is SensorState.LIVE)
     yield sensor
     sensor.close()
     assert sensor.status.state is SensorState.CLOSED
+
+
+@pytest.fixture
+def sensor():
+    yield from opened("tcp://127.0.0.1:0")
+
+
+@pytest.fixture
+def open_port():
+    """A sensor whose programs need no token."""
+    yield from opened("tcp://127.0.0.1:0?no-token")
 
 
 class Program:
@@ -56,16 +66,6 @@ class Program:
         return json.loads(line)["error"] if line else ""
 
 
-@pytest.fixture
-def open_port():
-    """A sensor whose programs need no token."""
-    sensor = open_sensor("tcp://127.0.0.1:0?no-token")
-    sensor.start()
-    wait(lambda: sensor.status.state is SensorState.LIVE)
-    yield sensor
-    sensor.close()
-
-
 def comes(sensor, condition) -> Reading:
     found = []
 
@@ -76,6 +76,11 @@ def comes(sensor, condition) -> Reading:
 
     wait(there)
     return found[-1]
+
+
+def drives(sensor, program, *twist) -> None:
+    program.send({"twist": twist})
+    comes(sensor, lambda r: r.twist == twist)
 
 
 def test_what_a_program_can_say(sensor):
@@ -120,8 +125,7 @@ def test_invalid_lines_are_answered(sensor, line, why):
         program.send(line + b"\n")
         assert why in program.answer()
         assert sensor.read() is None
-        program.send({"twist": [1, 0, 0, 0, 0, 0]})
-        comes(sensor, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
+        drives(sensor, program, 1, 0, 0, 0, 0, 0)
     assert sensor.status.damaged == 1
 
 
@@ -139,19 +143,17 @@ def test_20_invalid_lines_in_succession_are_forgiven_and_the_next_is_not(sensor)
     assert MISTAKES == 20
 
 
-@pytest.mark.parametrize("noise", [b"x" * 200_000])
-def test_a_line_without_end_is_dropped(sensor, noise):
+def test_a_line_without_end_is_dropped(sensor):
     with Program(sensor) as program:
         try:
             for _ in range(100):
-                program.send(noise)
+                program.send(b"x" * 200_000)
         except OSError:
             pass
         else:
             pytest.fail("it was read to the end")
     with Program(sensor) as program:
-        program.send({"twist": [1, 0, 0, 0, 0, 0]})
-        comes(sensor, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
+        drives(sensor, program, 1, 0, 0, 0, 0, 0)
 
 
 def test_a_hundred_programs(sensor):
@@ -169,8 +171,7 @@ def test_connections_that_say_nothing_keep_no_program_out(port, request):
     sensor = request.getfixturevalue(port)
     silent = [socket.create_connection(("127.0.0.1", sensor.port), timeout=15) for _ in range(2 * SILENT)]
     with Program(sensor) as program:
-        program.send({"twist": [1, 0, 0, 0, 0, 0]})
-        comes(sensor, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
+        drives(sensor, program, 1, 0, 0, 0, 0, 0)
     assert b"later connections have not sent their first line" in silent[0].recv(1000)
     for one in silent:
         one.close()
@@ -179,8 +180,7 @@ def test_connections_that_say_nothing_keep_no_program_out(port, request):
 
 def test_the_newest_speaks(sensor):
     with Program(sensor) as first:
-        first.send({"twist": [1, 0, 0, 0, 0, 0]})
-        comes(sensor, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
+        drives(sensor, first, 1, 0, 0, 0, 0, 0)
         with Program(sensor) as second:
             second.send({"twist": [0, 1, 0, 0, 0, 0], "buttons": [7]})
             comes(sensor, lambda r: r.twist == (0, 1, 0, 0, 0, 0))
@@ -189,8 +189,7 @@ def test_the_newest_speaks(sensor):
             assert sensor.newest.last.twist == (0, 1, 0, 0, 0, 0)
         reading = comes(sensor, lambda r: r.twist == (0,) * 6)  # at rest, and let go, when it goes
         assert reading.buttons == frozenset()
-        first.send({"twist": [0.25, 0, 0, 0, 0, 0]})
-        comes(sensor, lambda r: r.twist == (0.25, 0, 0, 0, 0, 0))
+        drives(sensor, first, 0.25, 0, 0, 0, 0, 0)
 
 
 TWIST = b'{"twist": [1, 0, 0, 0, 0, 0]}\n'
@@ -263,8 +262,7 @@ def test_tokens_are_random_unless_they_are_given(monkeypatch):
 def test_a_sensor_is_closed_in_silence_while_programs_are_connected(sensor, capfd, caplog):
     """Before, asyncio printed a traceback."""
     with Program(sensor) as program:
-        program.send(TWIST)
-        comes(sensor, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
+        drives(sensor, program, 1, 0, 0, 0, 0, 0)
         sensor.close()
         assert program.answer() == ""
     assert capfd.readouterr().err == ""
@@ -317,8 +315,7 @@ def test_what_is_written_is_read(twist, placed, buttons, seed):
 
 def test_http_ends_a_connection_later_too(sensor):
     with Program(sensor) as program:
-        program.send(TWIST)
-        comes(sensor, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
+        drives(sensor, program, 1, 0, 0, 0, 0, 0)
         program.send(b"Host: 127.0.0.1\r\n" + TWIST)
         assert drained(program) == ["this port takes lines of JSON, not HTTP: disconnected"]
 
@@ -331,5 +328,4 @@ def test_a_flood_is_dropped(sensor):
     wait(lambda: sensor.status.damaged >= 1)
     assert sensor.status.packets < 10_000
     with Program(sensor) as program:
-        program.send({"twist": [0, 0, 1, 0, 0, 0]})
-        comes(sensor, lambda r: r.twist == (0, 0, 1, 0, 0, 0))
+        drives(sensor, program, 0, 0, 1, 0, 0, 0)

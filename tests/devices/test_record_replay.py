@@ -4,14 +4,10 @@ import errno
 import json
 import math
 import os
-import signal
-import subprocess
-import sys
 from types import SimpleNamespace
 
 import pinocchio as pin
 import pytest
-from played import wait
 
 from cinegen.devices import Reading, ReadingRecorder, RecordError, SensorState, open_sensor
 from cinegen.devices.replay import Replay, load_readings
@@ -82,29 +78,6 @@ def test_a_line_that_was_cut_is_left_out(recording):
     for length in range(whole.index(b"\n") + 1, len(whole), 7):
         recording.write_bytes(whole[:length])
         assert len(load_readings(recording)[0]) == whole[:length].count(b"\n") - 1
-
-
-def test_a_process_that_is_killed_leaves_all_it_wrote(tmp_path):
-    path = tmp_path / "run.jsonl"
-    program = f"""
-from cinegen.devices import Reading, ReadingRecorder
-recorder = ReadingRecorder({str(path)!r})
-for i in range(10**9):
-    recorder.write(Reading(float(i), (0.5,) * 6))
-"""
-    with subprocess.Popen([sys.executable, "-c", program]) as process:
-        wait(lambda: path.exists() and path.stat().st_size > 10_000, 60)
-        process.send_signal(signal.SIGKILL)
-    readings, _ = load_readings(path)
-    assert len(readings) > 50
-    assert [reading.time for reading in readings] == list(range(len(readings)))
-
-
-def test_a_full_disk_is_said_at_the_start(device):
-    full = device("full")
-    with pytest.raises(RecordError, match="the disk is full"):
-        ReadingRecorder(full)
-    assert full.is_char_device()
 
 
 def test_a_full_disk_does_not_raise_later_and_no_file_stays_open(tmp_path, monkeypatch):

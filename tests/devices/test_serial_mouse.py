@@ -24,6 +24,7 @@ def played(request, tmp_path):
     mouse = SerialMouse(str(device.path), patience=0.3)
     mouse.longest = 0.1
     mouse.start()
+    wait(device.started.is_set)
     yield device, mouse, twist, request.param
     mouse.close()
     device.unplug()
@@ -55,7 +56,6 @@ def reads(mouse: SerialMouse, twist: tuple[float, ...], device: Device, counts: 
 
 def test_it_is_found_started_and_read(played):
     device, mouse, twist, name = played
-    wait(device.started.is_set)
     wait(lambda: mouse.status.state is SensorState.LIVE and name in mouse.status.message)
     for counts in [(20, -30, 40, 50, -60, 70), (0, 0, 0, 0, 0, 0), (1, 2, 3, 4, 5, 6)]:
         reads(mouse, twist(counts), device, counts)
@@ -85,7 +85,6 @@ def test_unplugged_and_plugged_in_again(played):
 def test_a_cable_that_is_pulled_is_noticed_by_its_silence(played):
     """The port stays; the device behind it, plugged in anew, says nothing before it is started."""
     device, mouse, twist, _ = played
-    wait(device.started.is_set)
     reads(mouse, twist((1, 1, 1, 1, 1, 1)), device, (1, 1, 1, 1, 1, 1))
     device.deaf = True
     wait(lambda: mouse.status.state not in (SensorState.LIVE, SensorState.SILENT))
@@ -97,7 +96,6 @@ def test_a_cable_that_is_pulled_is_noticed_by_its_silence(played):
 
 def test_a_device_at_rest_is_asked_again_and_again_and_stays_live(played):
     device, mouse, twist, name = played
-    wait(device.started.is_set)
     reads(mouse, twist((1, 1, 1, 1, 1, 1)), device, (1, 1, 1, 1, 1, 1))
     reads(mouse, twist((0,) * 6), device, (0,) * 6)
     question = b"kQ\r" if name.startswith("Magellan") else b"k\r"
@@ -113,7 +111,6 @@ def test_a_device_at_rest_is_asked_again_and_again_and_stays_live(played):
 
 def test_garbage_and_halves_do_no_harm(played):
     device, mouse, twist, _ = played
-    wait(device.started.is_set)
     wait(lambda: mouse.status.state is SensorState.LIVE)
     chance = random.Random(0)
     for _ in range(20):

@@ -159,11 +159,6 @@ def test_the_dead_zone_is_continuous(dead, value, step):
         assert speed(value) == 0.0
 
 
-def test_the_dominant_axis_only():
-    velocity = TwistMapping(dominant=True, dead=0.0, speed=1.0, turning=1.0).velocity((0.1, -0.2, 0.3, 0.4, -0.5, 0.1))
-    assert velocity == pytest.approx([0, 0, 0, 0, -0.5, 0])
-
-
 @pytest.mark.parametrize(
     ("translation", "rotation", "free"),
     [

@@ -1,10 +1,12 @@
 """Synthetic measurements of robots whose parameters differ from their description."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+import pinocchio as pin
 
 from cinegen.design import Calibration, Design, Measurements, Parameters
+from cinegen.design.calibration.frames import MeasuringFrames
 from cinegen.design.calibration.observation import Observation
 from cinegen.design.poses import random_poses
 
@@ -22,9 +24,15 @@ def errors_of(parameters: Parameters) -> np.ndarray:
 
 
 def exact(
-    parameters: Parameters, columns: Sequence[str], truth: np.ndarray, poses: int = 40, seed: int = 0
+    parameters: Parameters,
+    columns: Sequence[str],
+    truth: np.ndarray,
+    poses: int = 40,
+    seed: int = 0,
+    places: Mapping[str, pin.SE3] | None = None,
 ) -> Measurements:
-    """Return what a robot with true values (parameters,) reads, without noise: the actuated joints, then columns."""
+    """Return what a robot with true values (parameters,) reads, without noise: the actuated joints, then columns; of
+    devices and targets that stand at places."""
     mechanism = parameters.mechanism
     q = random_poses(Design(parameters), poses + 10, seed)
     q = q[Design(parameters).evaluate(truth, q).gap < 1e-10][:poses]
@@ -34,8 +42,11 @@ def exact(
     values = np.column_stack([*joints, np.zeros((poses, len(columns)))])
     sigmas = [0.0] * len(joints) + [1e-3] * len(columns)
     blank = Measurements.of(mechanism, headers, values, sigmas)
-    observation = Observation(parameters, blank)
-    values[:, observation.outputs] = observation.predict(truth, derivatives=False).values
+    frames = MeasuringFrames(blank.quantities)
+    frames.start = {name: (places or {})[name].homogeneous for name in frames.start}
+    observation = Observation(parameters, blank, frames=frames)
+    theta = np.append(truth, np.zeros(len(frames)))
+    values[:, observation.outputs] = observation.predict(theta, derivatives=False).values
     noise = [POSITION_NOISE if one.dimension.default == "m" else ANGLE_NOISE for one in blank.quantities]
     sigmas = [0.0] * len(joints) + noise[len(joints) :]
     return Measurements.of(mechanism, headers, values, sigmas)
@@ -58,3 +69,15 @@ def changes(one: Calibration, other: Calibration) -> np.ndarray:
     deviations."""
     apart = other.subspace.basis.T @ ((one.values - other.values) / other.subspace.errors)
     return np.abs(apart) / np.sqrt(np.diag(other.combination_covariance))
+
+
+def changed_by_dependencies(found: Calibration) -> float:
+    """Return the largest change of a reading by a dependency of a calibration, relative to the dependency's size."""
+    observation, largest = found.observation, 0.0
+    for one in found.dependencies:
+        for change in one.changes:
+            step = np.zeros(len(found.names))
+            step[[found.names.index(name) for name in one.names]] = 0.01 * change
+            ends = [observation.predict(observation.values + s * step, derivatives=False).values for s in (1, -1)]
+            largest = max(largest, float(np.abs(ends[0] - ends[1]).max() / np.abs(step).max()))
+    return largest

@@ -70,6 +70,19 @@ def around(name: str, seed: int, count: int = 4, near: float = 0.4) -> list[Body
     return found
 
 
+def apart(one, at: pin.SE3, other, there: pin.SE3) -> float:
+    """The distance of two shapes at two poses, by coal itself; below 0 where they overlap."""
+    places = [coal.Transform3s(pose.rotation, pose.translation) for pose in (at, there)]
+    return float(coal.distance(one, places[0], other, places[1], coal.DistanceRequest(), coal.DistanceResult()))
+
+
+def to_shape(mechanism, bodies, q, shape, pose: pin.SE3) -> float:
+    """The least distance of bodies of a mechanism that move from a shape at a pose, by coal and Pinocchio."""
+    data = mechanism.model.createData()
+    pin.forwardKinematics(mechanism.model, data, q)
+    return min(apart(one.shape, data.oMi[one.joint] * one.placement, shape, pose) for one in bodies if one.joint)
+
+
 def measured(clearance: Clearance, q) -> np.ndarray:
     """(pairs,) distances by coal itself, each body placed by Pinocchio's kinematics of its own: of convex bodies, and
     where these are near, of the shapes inside; meshes that overlap count as deep as the convex bodies around them. The
@@ -79,10 +92,8 @@ def measured(clearance: Clearance, q) -> np.ndarray:
     pin.forwardKinematics(model, data, q)
 
     def distance(pair) -> float:
-        places = [data.oMi[one.joint] * one.placement for one in pair]
-        first, second = (coal.Transform3s(place.rotation, place.translation) for place in places)
-        request, result = coal.DistanceRequest(), coal.DistanceResult()
-        return float(coal.distance(pair[0].shape, first, pair[1].shape, second, request, result))
+        first, second = (data.oMi[one.joint] * one.placement for one in pair)
+        return apart(pair[0].shape, first, pair[1].shape, second)
 
     found = []
     for number, pair in enumerate(clearance.pairs):

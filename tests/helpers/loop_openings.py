@@ -1,5 +1,6 @@
 """The screw matrix of a mechanism's loops, in numpy: in closed form, and by differences of Pinocchio's placements."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -120,3 +121,15 @@ class Openings:
     def _end(self, placements: list[pin.SE3], node: str, placement: pin.SE3) -> pin.SE3:
         frame = self._frame(node)
         return placements[frame.parentJoint] * frame.placement * placement
+
+
+def jacobian_by(mechanism: cinegen.Mechanism, q: Array, node: str, joints: Sequence[str]) -> Array:
+    """Return (6, joints) how joints move a node in its own axes, while the others follow as the loops ask."""
+    columns = [mechanism.v_index(name) for name in joints]
+    moving, follow = np.setdiff1d(np.arange(mechanism.model.nv), columns), np.zeros((mechanism.model.nv, len(columns)))
+    follow[columns, range(len(columns))] = 1.0
+    if mechanism.is_constrained:
+        loops = mechanism.structure.system.evaluate(q)[1]  # of dimensionless velocities
+        led = np.linalg.pinv(loops[:, moving], rcond=1e-9) @ (loops / mechanism.scale)[:, columns]
+        follow[moving] = -mechanism.scale[moving, None] * led
+    return np.asarray(mechanism.jacobian(q, node) @ follow)

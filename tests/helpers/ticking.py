@@ -1,4 +1,9 @@
-"""Many ticks of a solver in one line."""
+"""Many ticks of a solver in one line, and targets for it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
 
 import cinegen
 from cinegen.ik import Step
@@ -9,3 +14,15 @@ def ticked(solver: cinegen.Solver, count: int) -> Step:
     for _ in range(count):
         step = solver.step()
     return step
+
+
+def beside(pose: pin.SE3, way: Sequence[float], turn: Sequence[float] = (0.0, 0.0, 0.0)) -> pin.SE3:
+    """Return a pose that is moved along the world's axes, and turned about its own."""
+    return pin.SE3(pose.rotation @ pin.exp3(np.array(turn)), pose.translation + np.asarray(way))
+
+
+def away(mechanism: cinegen.Mechanism, node: str, rng: np.random.Generator, lengths: float) -> pin.SE3:
+    """Return a target in a random direction from home."""
+    way = rng.normal(size=3)
+    home = mechanism.placement(mechanism.q_home, node)
+    return beside(home, lengths * mechanism.length * way / np.linalg.norm(way))

@@ -2,7 +2,6 @@
 possible. Everything is dimensionless. The compiled kernels are tested against it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,102 +51,50 @@ def damping(sigma: Array, error: float, near: float = NEAR_SINGULAR) -> Array:
     return np.asarray(part * (0.25 * near * near + error))
 
 
-@dataclass(frozen=True, slots=True)
-class Resolution:
-    """Attributes:
-    step: (nv,) joint step.
-    sigma: singular values of the tasks in the null space of the loops, largest first.
-    loop_sigma: singular values of the loops, as many as their generic rank.
-    frozen: columns whose bound restricts the step; they end on it.
-    """
-
-    step: Array
-    sigma: Array
-    loop_sigma: Array
-    frozen: tuple[int, ...]
-
-
 def resolve(
-    loops: Array,
-    rank: int,
-    tasks: Array,
-    task_rank: int,
-    error: Array,
-    weights: Array,
-    low: Array,
-    high: Array,
-    cut_rates: Array | None = None,
-) -> Resolution:
-    """Return the step that does most for the tasks while every loop stays closed and every joint within its bounds.
-
-    In the coordinates y of the free motions V, with the SVD A = tasks V = U S W^T, the step minimises
-
-        |A y - error|^2 + sum_i damping_i (w_i . y)^2    subject to    low <= V y <= high,
-
-    without damping where singular values are large, and with `RESTING` for motions that no task constrains. With
-    x_i = h_i (w_i . y), h_i^2 = s_i^2 + damping_i, that is the point x of a polyhedron that is nearest to
-    b_i = (s_i / h_i) u_i . error.
-
-    Args:
-        loops: (rows, nv) Jacobian of the loops.
-        rank: its generic rank.
-        tasks: (k, nv) Jacobian of all tasks, weighted.
-        task_rank: generic rank of the tasks in the null space of the loops.
-        error: (k,) desired motion, weighted.
-        weights: (k,) of the rows.
-        low: (nv,) lowest step of each joint, at most 0.
-        high: (nv,) highest, at least 0.
-        cut_rates: (., nv) velocities of the joints that were cut: together with them, V is orthonormal.
-    """
-    motions, loop_sigma = free_motions(loops, rank)
-    if cut_rates is not None:
-        motions = orthonormal(motions, cut_rates)
-    width = motions.shape[1]
-    if width == 0 or len(error) == 0:
-        return Resolution(np.zeros(len(low)), np.zeros(0), loop_sigma, ())
-    u, sigma, wt = np.linalg.svd(tasks @ motions, full_matrices=True)
-    sigmas, along = np.zeros(width), np.zeros(width)  # motions that no task constrains have singular value 0
-    used, own = min(len(sigma), width), np.ones(width)
-    sigmas[:used], along[:used], own[:used] = sigma[:used], (u.T @ error)[:used], emphasis(u, weights)[:used]
-    squared = sigmas**2 + own**2 * damping(sigmas / own, float(np.linalg.norm(error / weights)))
-    squared[task_rank:] = RESTING  # these stay still, unless a limit needs them
-    scale = np.sqrt(squared)
-    wanted = sigmas / scale * along
-    joints = motions @ wt.T / scale  # (nv, width): joint step of each x
-    x, frozen = _nearest(wanted, joints, low, high)
-    step = joints @ x
-    return Resolution(step * _within(step, low, high), sigma, loop_sigma, frozen)
-
-
-def resolve_levels(
     loops: Array,
     rank: int,
     levels: Sequence[tuple[Array, Array, Array, int]],
     low: Array,
     high: Array,
     longest: Array,
-    cut_rates: Array,
+    cut_rates: Array | None = None,
+    barriers: tuple[Array, Array] | None = None,
 ) -> Array | None:
-    """Return the step (nv,) by levels of tasks: each is resolved as above in the freedom Z that those before leave,
-    whatever the bounds leave of it, and its directions are removed from Z. None where it is anyone's choice, since a
-    direction is lost, or where `_nearest` fails.
+    """Return the step (nv,) by levels of tasks, while every loop stays closed and every joint within its bounds.
+
+    In the coordinates y of the free motions V, with the SVD A = rows V = U S W^T, the step of a level minimises
+
+        |A y - error|^2 + sum_i damping_i (w_i . y)^2    subject to    low <= V y <= high,
+
+    without damping where singular values are large, and with `RESTING` for motions that no task constrains. With
+    x_i = h_i (w_i . y), h_i^2 = s_i^2 + damping_i, that is the point x of a polyhedron that is nearest to
+    b_i = (s_i / h_i) u_i . error. Each level is resolved so in the motions Z that those before leave, whatever the
+    bounds leave of them, and its directions are removed from Z. None where it is anyone's choice, since a direction is
+    lost, or where `_nearest` fails.
 
     Args:
-        loops, rank, cut_rates: as above.
+        loops: (rows, nv) Jacobian of the loops.
+        rank: its generic rank.
+        cut_rates: (., nv) velocities of the joints that were cut: together with them, V is orthonormal.
         levels: of each its rows (k, nv), the desired motion (k,), the weights of both (k,), and its generic rank in the
             freedom that is left.
         low: (nv,) lowest step of each joint by its position, at most 0.
         high: (nv,) highest, at least 0.
         longest: (nv,) by its velocity. The first level is scaled to it, for the others it is a bound.
+        barriers: rows (m, nv) of which the first level's step is to be at most such numbers (m,).
     """
-    motions = orthonormal(free_motions(loops, rank)[0], cut_rates)
+    motions = free_motions(loops, rank)[0]
+    if cut_rates is not None:
+        motions = orthonormal(motions, cut_rates)
     left, step, carry = np.eye(motions.shape[1]), np.zeros(len(low)), 0.0
     for k, (rows, error, weights, own_rank) in enumerate(levels):
         width = left.shape[1]
-        if width == 0:
-            break
+        if width == 0 or (k and own_rank == 0):
+            continue
         u, sigma, wt = np.linalg.svd(rows @ motions @ left, full_matrices=True)
-        if (k == 0 and own_rank == 0) or (own_rank and sigma[own_rank - 1] < 1e-9):
+        is_lost = bool(own_rank) and sigma[own_rank - 1] < 1e-9
+        if (k == 0 and own_rank == 0) or (is_lost and len(levels) > 1):
             return None
         sigmas, along, used = np.zeros(width), np.zeros(width), min(len(sigma), width)
         residual = error - rows @ step
@@ -160,13 +107,23 @@ def resolve_levels(
         scale = np.sqrt(squared + carry)
         wanted, joints = sigmas / scale * along, motions @ left @ wt.T / scale
         if k == 0:
-            pace = min(1.0, FULL / float((np.abs(joints @ wanted) / longest).max()))
+            pace = min(1.0, FULL / float((np.abs(joints @ wanted) / longest).max(initial=1e-9)))
             lower, upper, wanted = np.maximum(low, -longest), np.minimum(high, longest), pace * wanted
         else:
             fastest = np.maximum(SPARE_SPEED * longest, np.abs(step))
             lower, upper = np.maximum(low, -fastest) - step, np.minimum(high, fastest) - step
             lower, upper = np.minimum(lower, 0.0), np.maximum(upper, 0.0)
-        part = joints @ _nearest(wanted, joints, lower, upper)[0]
+        sides = joints, lower, upper
+        if barriers is not None and k == 0:
+            rows_of_barriers, most = barriers
+            sides = (
+                np.vstack([joints, rows_of_barriers @ joints]),
+                np.concatenate([lower, np.full(len(most), -np.inf)]),
+                np.concatenate([upper, most]),
+            )
+        part = joints @ (nearest := _nearest(wanted, *sides))
+        if is_lost and nearest is not wanted:
+            return None
         if (part > upper + 1e-9).any() or (part < lower - 1e-9).any():  # nnls is not exact
             return None
         won = float(residual @ rows @ part)
@@ -178,19 +135,18 @@ def resolve_levels(
     return step
 
 
-def _nearest(wanted: Array, joints: Array, low: Array, high: Array) -> tuple[Array, tuple[int, ...]]:
-    """Return the point x nearest to `wanted` with low <= joints x <= high, and the joints whose bounds are active.
+def _nearest(wanted: Array, joints: Array, low: Array, high: Array) -> Array:
+    """Return the point x nearest to `wanted` with low <= joints x <= high.
 
     Least distance programming by non-negative least squares (C. L. Lawson and R. J. Hanson, "Solving least squares
     problems", 1974, chapter 23).
     """
     step = joints @ wanted
     if (step <= high + _TOUCH).all() and (step >= low - _TOUCH).all():
-        return wanted, ()
+        return wanted
     size = np.linalg.norm(joints, axis=1)
     moves = size > 1e-12 * size.max(initial=0.0)  # others are moved by rounding
     upper, lower = np.flatnonzero(np.isfinite(high) & moves), np.flatnonzero(np.isfinite(low) & moves)
-    owner = np.concatenate([upper, lower])
     sides = np.concatenate([-joints[upper], joints[lower]])  # sides (x - wanted) >= least
     least = np.concatenate([step[upper] - high[upper], low[lower] - step[lower]])
     target = np.zeros(len(wanted) + 1)
@@ -199,12 +155,4 @@ def _nearest(wanted: Array, joints: Array, low: Array, high: Array) -> tuple[Arr
     active = np.flatnonzero(multipliers > 0.0)
     # the same point again, from its active bounds: to rounding
     move = np.linalg.lstsq(sides[active], least[active], rcond=1e-10)[0]
-    return wanted + move, tuple(sorted({int(j) for j in owner[active]}))
-
-
-def _within(step: Array, low: Array, high: Array) -> float:
-    """Return the largest fraction of the step, 0 to 1, that stays within all bounds (to `_TOUCH`)."""
-    up = step > high + _TOUCH
-    down = step < low - _TOUCH
-    parts = np.concatenate([high[up] / step[up], low[down] / step[down]])
-    return float(min(1.0, parts.min(initial=1.0)))
+    return wanted + move

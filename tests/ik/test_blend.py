@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from ticking import ticked
+from ticking import beside, ticked
 
 import cinegen
 from cinegen.ik.tasks.blend import eased
@@ -23,10 +23,6 @@ def delta(robot) -> cinegen.Mechanism:
 @pytest.fixture(scope="module")
 def arm(robot) -> cinegen.Mechanism:
     return robot("arm7")
-
-
-def beside(pose: pin.SE3, way: list[float], turn: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> pin.SE3:
-    return pin.SE3(pose.rotation @ pin.exp3(np.array(turn)), pose.translation + np.array(way))
 
 
 @given(st.floats(-0.5, 1.5), st.floats(1e-4, 0.1))

@@ -4,7 +4,7 @@ import bipeds
 import numpy as np
 import pinocchio as pin
 import pytest
-from ticking import ticked
+from ticking import beside, ticked
 
 import cinegen
 from cinegen import Solver, Status
@@ -12,7 +12,6 @@ from raff2urdf import to_raff
 
 DT = 1.0 / 240.0
 formats = pytest.mark.parametrize("form", ["urdf", "xml", "raff"])
-SQUAT = np.array([0.03, 0.02, -0.1])  # m
 
 
 def loaded(folder, form="urdf", **options):
@@ -33,42 +32,11 @@ def of_pinocchio(mechanism, q, node):
     return data.oMf[mechanism.model.getFrameId(node, pin.FrameType.BODY)]
 
 
-def moved(pose, by):
-    return pin.SE3(pose.rotation, pose.translation + by)
-
-
-def _poses(mechanism):
-    return {node: of_pinocchio(mechanism, mechanism.q_home, node) for node in ("trunk", *bipeds.FEET)}
-
-
-def bent(mechanism):
-    """Return a configuration (nq,) with bent knees, the feet where they are at home."""
-    lower = moved(of_pinocchio(mechanism, mechanism.q_home, "trunk"), np.array([0.0, 0.0, -0.05]))
-    found = cinegen.inverse_kinematics(mechanism, {**_poses(mechanism), "trunk": lower})
-    assert found
-    return found.q
-
-
-def test_the_trunk_is_dragged_with_the_feet_held_by_tasks(tmp_path):
-    mechanism = loaded(tmp_path)
-    start = bent(mechanism)
-    feet = {node: of_pinocchio(mechanism, start, node) for node in bipeds.FEET}
-    solver = Solver(mechanism, DT, start)
-    for node in bipeds.FEET:
-        solver.add_task(node)
-    goal = moved(of_pinocchio(mechanism, start, "trunk"), SQUAT)
-    solver.add_task("trunk", goal)
-    step = ticked(solver, 400)
-    assert step.status is Status.FOLLOWING
-    for node, pose in (*feet.items(), ("trunk", goal)):
-        assert of_pinocchio(mechanism, step.q, node).isApprox(pose, 1e-8)
-
-
 @formats
 def test_a_hand_takes_the_base_along_where_nothing_holds_it(tmp_path, form):
     mechanism = loaded(tmp_path, form)
     solver = Solver(mechanism, DT)
-    goal = moved(of_pinocchio(mechanism, mechanism.q_home, "hand"), np.array([2.0, 0.0, 1.0]))
+    goal = beside(of_pinocchio(mechanism, mechanism.q_home, "hand"), np.array([2.0, 0.0, 1.0]))
     task = solver.add_task("hand", goal)
     step = ticked(solver, 800)
     assert step.status is Status.FOLLOWING
@@ -86,10 +54,10 @@ def test_a_base_that_is_loaded_as_fixed_does_not_move(tmp_path, form):
     for node in held.nodes:
         assert held.placement(held.q_home, node).isApprox(of_pinocchio(free, free.q_home, node), 1e-12)
     solver = Solver(held, DT)
-    solver.add_task("hand", moved(held.placement(held.q_home, "hand"), np.array([2.0, 0.0, 0.0])), rotation=0)
+    solver.add_task("hand", beside(held.placement(held.q_home, "hand"), np.array([2.0, 0.0, 0.0])), rotation=0)
     step = ticked(solver, 300)
     assert step.status is not Status.FOLLOWING
-    assert held.placement(step.q, "trunk").isApprox(_poses(held)["trunk"], 1e-12)
+    assert held.placement(step.q, "trunk").isApprox(of_pinocchio(held, held.q_home, "trunk"), 1e-12)
     target = of_pinocchio(held, held.integrate(held.q_home, np.full(held.model.nv, 0.2)), "hand")
     found = cinegen.inverse_kinematics(held, {"hand": target})
     assert found

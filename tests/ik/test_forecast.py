@@ -21,10 +21,6 @@ seeds = st.integers(0, 2**32 - 1)
 ROBOTS = ["planar_3r", "arm7", "five_bar", "delta4", "hybrid", "sr400"]
 
 
-def _two_r(raff, second=60):
-    return raff(TWO_R % {"first": 20, "second": second, "a": 1000 * A, "b": 1000 * B})
-
-
 def _kinds(forecast):
     return [event.kind for event in forecast.events]
 
@@ -39,7 +35,7 @@ def _first(forecast, kind):
 @pytest.mark.parametrize(("how", "dt"), [("target", None), ("twist", DT), ("twist", 3 * DT)])
 def test_when_an_arm_is_stretched(raff, how, dt):
     """Its end goes straight out at a constant speed: the law of cosines tells the elbow, and so the singular value."""
-    arm, speed, ran = _two_r(raff), 0.05, 5
+    arm, speed, ran = raff(TWO_R % {"first": 20, "second": 60, "a": 1000 * A, "b": 1000 * B}), 0.05, 5
     solver = Solver(arm, DT)
     task = solver.add_task("tool", rotation=0, axes="world")
     begin = task.target.translation.copy()
@@ -174,9 +170,6 @@ def test_a_limit_that_holds_for_long_is_said_once(robot):
         (EventKind.TYPE_1, None),
         (EventKind.LIMIT, "joint2"),
     ]
-
-
-# --- the end of reach ------------------------------------------------------------------------------------------------
 
 
 # --- what then happens -----------------------------------------------------------------------------------------------

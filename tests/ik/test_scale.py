@@ -8,6 +8,7 @@ import pytest
 
 import cinegen
 from cinegen import Solver, Status
+from cinegen.ik import LimitMargin, Manipulability, Posture
 
 DT = 1.0 / 240.0
 
@@ -18,11 +19,6 @@ QUILL = """robot arm {{ base {{ }}
   link 4 {{ type 1 pred 3 parameters {{ r 100 }} limits {{ 0 500 }} }}
   frame 5 {{ pred 4 name "tool" parameters {{ {frame} }} }}
   coupling {{ link 4 link 3 lead {lead} offset 100 }} }}"""
-
-JACK = """<sdf version="1.7"><model name="jack">
-  <link name="base"/><link name="nut"><pose>0 0 0.1 0 0 0</pose></link>
-  <joint name="screw" type="screw"><parent>base</parent><child>nut</child>
-    <axis><xyz>0 0 1</xyz></axis><screw_thread_pitch>{pitch}</screw_thread_pitch></joint></model></sdf>"""
 
 BLOCK = re.compile(r"\blink\s+\d+\s*\{(?:[^{}]|\{[^{}]*\})*\}")
 INERTIAL = re.compile(r"\binertial\s*\{(?:[^{}]|\{[^{}]*\})*\}")
@@ -53,7 +49,8 @@ def enlarged(text, factor):
 @pytest.mark.parametrize("factor", [1e-3, 1e3])
 @pytest.mark.parametrize("name", ["scara", "gough", "hybrid"])
 @pytest.mark.filterwarnings("ignore")
-def test_micro_and_giant_robots_move_alike(root, name, factor):
+@pytest.mark.parametrize(("wishes", "to"), [((), 1e-11), ((Posture, LimitMargin, Manipulability), 1e-7)])
+def test_micro_and_giant_robots_move_alike(root, name, factor, wishes, to):
     text = (root / f"robots/{name}.raff").read_text()
     robots = []
     for one in (1.0, factor):
@@ -66,13 +63,14 @@ def test_micro_and_giant_robots_move_alike(root, name, factor):
         task = solver.add_task(robot.end, rotation=0)
         way = robot.length * np.array([0.05, -0.04, 0.03])
         task.target = pin.SE3(task.target.rotation, task.target.translation + way)
+        solver.objectives = [kind(rate=2.0) for kind in wishes]
     for _ in range(30):
         steps = [solver.step() for solver in solvers]
         assert steps[0].status is steps[1].status
         moved = [robot.scaled_difference(robot.q_home, step.q) for robot, step in zip(robots, steps, strict=True)]
-        assert np.abs(moved[0] - moved[1]).max() < 1e-11
-        assert steps[0].speed_scale == pytest.approx(steps[1].speed_scale, rel=1e-9)
-        assert np.abs(steps[0].singular_values - steps[1].singular_values).max() < 1e-11
+        assert np.abs(moved[0] - moved[1]).max() < to
+        assert steps[0].speed_scale == pytest.approx(steps[1].speed_scale, rel=max(to, 1e-9))
+        assert np.abs(steps[0].singular_values - steps[1].singular_values).max() < to
 
 
 @pytest.mark.parametrize("lead", [20.0, 0.1, 0.001])
@@ -98,15 +96,3 @@ def test_a_screw_of_any_pitch_lifts_the_tool_on_its_axis(raff, lead):
 def test_a_screw_that_swings_a_tool_around_its_axis_counts_by_its_angle(raff):
     arm = raff(QUILL.format(lead=0.1, frame="d 50"))
     assert arm.scale[arm.v_index("joint3")] == 1.0
-
-
-def test_a_screw_joint_of_sdf_with_a_pitch_of_a_tenth_of_a_millimetre():
-    jack = cinegen.load(JACK.format(pitch=1e-4))
-    solver = Solver(jack, DT)
-    task = solver.add_task("nut", rotation=0)
-    task.target = pin.SE3(task.target.rotation, task.target.translation + np.array([0.0, 0.0, 0.01]))
-    for _ in range(60):
-        step = solver.step()
-    assert step.status is Status.FOLLOWING
-    assert step.singular_values == pytest.approx([np.sqrt(0.5)])
-    assert step.q[jack.q_index("screw")] == pytest.approx(100 * 2.0 * np.pi)

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from loop_openings import Openings, pin_screws
+from loop_openings import Openings
 from planar import ROCKER, TWO_R, singular_values, two_r
 from small_robots import four_bar
 from ticking import ticked
@@ -91,21 +91,6 @@ def test_several_pulls_of_any_weight_share_one_direction(robot, seed):
 
 
 # --- type 2 ----------------------------------------------------------------------------------------------------------
-
-
-def _pins(mechanism, q):
-    """(4, 2) where a four-bar's pins are; the first is actuated."""
-    return np.array([mechanism.placement(q, node).translation[:2] for node in ("link1", "link2", "link3", "frame4")])
-
-
-def test_a_four_bar_gains_a_motion_as_its_closed_form_says(robot):
-    bar = robot("four_bar")
-    for q in bar.random_closed(20, seed=1):
-        solver = Solver(bar, DT, q=q)
-        step = solver.step()
-        expected = np.linalg.svd(pin_screws(_pins(bar, q), _pins(bar, bar.q_home))[:, 1:], compute_uv=False)
-        assert step.passive_singular_values == pytest.approx(expected, abs=1e-12)
-        assert step.uncontrolled_dof.sigma == pytest.approx(expected[2], abs=1e-12)
 
 
 def test_a_four_bar_driven_by_its_rocker_has_a_dead_point(raff):

@@ -9,17 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from ticking import ticked
 
-import cinegen
 from cinegen import CinegenError, Solver, Status, inverse_kinematics, load
-from cinegen.errors import UnknownNameError
 from cinegen.ik import LimitMargin, Manipulability, Posture
 
 DT = 0.01
-
-
-def _offset(mechanism, node, vector):
-    home = mechanism.placement(mechanism.q_home, node)
-    return pin.SE3(home.rotation, home.translation + np.array(vector))
 
 
 @pytest.mark.parametrize("name", ["delta4", "gough", "hybrid", "arm7"])
@@ -50,80 +43,6 @@ def test_a_stretched_arm_comes_to_rest_without_jitter(robot):
     assert max(np.abs(solver.step().v).max() for _ in range(50)) < 1e-4
 
 
-def test_targets_that_are_no_numbers_give_a_status_and_leave_the_rest_alone(robot):
-    delta = robot("delta4")
-    solver = Solver(delta, DT)
-    task = solver.add_task("platform")
-    bad = pin.SE3.Identity()
-    for value in (np.nan, np.inf):
-        bad.translation = np.array([0.0, value, 0.0])
-        task.target = bad
-        step = solver.step()
-        assert step.status is Status.BAD_TARGET
-        assert np.array_equal(step.q, delta.q_home)
-        assert np.isnan(step.errors[0][0])
-    for attribute, value in (
-        ("target", np.eye(4)), ("target", None), ("translation", 7), ("rotation", -1), ("rotation", "all"),
-        ("rotation", True), ("weight", "a"), ("weight", np.inf), ("weight", 0.0),
-    ):  # fmt: skip
-        task = solver.add_task("platform")
-        assert task.is_valid()
-        setattr(task, attribute, value)
-        assert not task.is_valid()
-        assert solver.step().status is Status.BAD_TARGET
-        solver.remove_task(task)
-    task.target = _offset(delta, "platform", [1e300, 0.0, 0.0])
-    assert np.isfinite(solver.step().q).all()
-
-
-@pytest.mark.parametrize("matrix", [np.zeros((3, 3)), -np.eye(3), 2.0 * np.eye(3), np.diag([1e308, 1.0, 1.0])])
-def test_targets_that_are_no_rotations_give_a_status(robot, matrix):
-    solver = Solver(robot("arm7"), DT)
-    task = solver.add_task("tool")
-    near = np.eye(4)
-    near[:3, :3] = task.target.rotation + 1e-5
-    near[:3, 3] = task.target.translation
-    solver.remove_task(task)
-    for target, known in ((pin.SE3(near), True), (pin.SE3(matrix, np.zeros(3)), False)):
-        task = solver.add_task("tool", target)
-        assert (solver.step().status is not Status.BAD_TARGET) == known
-        assert task.is_valid() == known
-        solver.remove_task(task)
-
-
-def test_wrong_calls_are_refused_before_the_loop(robot):
-    delta = robot("delta4")
-    with pytest.raises(cinegen.CinegenError, match="dt"):
-        Solver(delta, 0.0)
-    with pytest.raises(cinegen.CinegenError, match="gain"):
-        Solver(delta, DT, gain=0.0)
-    with pytest.raises(cinegen.CinegenError, match="open"):
-        Solver(delta, DT, q=delta.q_home + 0.1)
-    solver = Solver(delta, DT)
-    with pytest.raises(UnknownNameError, match="platform"):
-        solver.add_task("platfrom")
-    with pytest.raises(cinegen.CinegenError, match="0 to 3"):
-        solver.add_task("platform", translation=4)
-    with pytest.raises(cinegen.CinegenError, match="SE3"):
-        solver.add_task("platform", np.eye(4))
-
-
-def test_errors_of_a_step_keep_their_places_where_a_task_is_invalid(robot):
-    solver = Solver(robot("delta4"), DT)
-    first, second = solver.add_task("base"), solver.add_task("platform")
-    first.target = pin.SE3(np.eye(3), np.array([np.nan, 0.0, 0.0]))
-    for _ in range(20):
-        aim = second.target.copy()
-        aim.translation[2] += 1e-4
-        second.target = aim
-        step = solver.step()
-        assert np.isnan(step.errors[0]).all()
-        assert np.isfinite(step.errors[1]).all()
-    assert "nan" in step._repr_html_()
-    assert step._repr_html_().count("<tr>") == 3
-    assert len(repr(step)) < 200
-
-
 # --- attributes -------------------------------------------------------------------------------------------------------
 # Attributes that are set between two ticks: they take effect at the next one, and misspelt ones are errors.
 
@@ -141,12 +60,6 @@ def arm(robot):
     task = solver.add_task(mechanism.nodes[-1])
     ticked(solver, 3)
     return solver, task
-
-
-def _gap(solver, task, node, offset):
-    """How far (m) a frame on a node is from a task's target."""
-    here = solver.mechanism.placement(solver.q, node) * offset
-    return float(np.linalg.norm(here.translation - task.target.translation))
 
 
 @pytest.mark.parametrize("offset", [POINT, POINT.tolist(), TURNED])
@@ -175,7 +88,7 @@ def test_another_node_follows_from_the_next_tick_on(arm):
     task.target = goal
     assert ticked(solver, 300).status is Status.FOLLOWING
     assert (task.node, task.frame) == (node, mechanism.frame_id(node))
-    assert _gap(solver, task, node, pin.SE3.Identity()) < 1e-8
+    assert mechanism.placement(solver.q, node).translation == pytest.approx(goal.translation, abs=5e-9)
 
 
 def test_axes_take_effect_at_the_next_tick(arm):
@@ -193,28 +106,6 @@ def test_axes_take_effect_at_the_next_tick(arm):
         rotation = {"world": np.eye(3), "target": turned.rotation}.get(axes)
         rotation = mechanism.placement(solver.q, axes).rotation if rotation is None else rotation
         assert abs(rotation[:, 0] @ gap) < 1e-8
-
-
-@pytest.mark.parametrize(
-    ("name", "wrong"),
-    [("offset", "here"), ("offset", (1.0, 2.0)), ("offset", (0.0, np.nan, 0.0)), ("node", "nowhere"), ("node", []),
-     ("axes", "nowhere"), ("axes", np.zeros(3)), ("node", None)],
-)  # fmt: skip
-def test_a_wrong_value_is_kept_and_reported_until_it_is_corrected(arm, name, wrong):
-    solver, task = arm
-    good, q = getattr(task, name), solver.q
-    setattr(task, name, wrong)
-    step = solver.step()
-    assert step.status is Status.BAD_TARGET
-    assert np.isnan(step.errors[0]).all()
-    assert np.isnan(task.error).all()
-    assert np.array_equal(step.q, q)
-    task.target = task.target  # another value that is good does not hide it
-    assert not task.is_valid()
-    assert not task.copy().is_valid()
-    setattr(task, name, good)
-    assert task.is_valid()
-    assert solver.step().status is Status.FOLLOWING
 
 
 def test_a_twist_begins_again_where_another_frame_follows(arm):
@@ -264,13 +155,15 @@ def test_what_is_set_of_an_objective_takes_effect_at_once(robot):
 
 @pytest.mark.parametrize(
     ("thing", "name", "wrong"),
-    [(Posture(), "rate", 0.0), (Posture(), "joints", {"joint1": -1.0}), (LimitMargin(), "margin", 0.7),
-     (Manipulability(), "translation", 4), (Manipulability(), "rotation", -1)],
+    [(Posture(), "rate", 0.0), (Posture(), "rate", math.nan), (Posture(), "joints", {"joint1": -1.0}),
+     (LimitMargin(), "margin", 0.7), (Manipulability(), "translation", 4), (Manipulability(), "rotation", -1)],
 )  # fmt: skip
 def test_wrong_values_of_objectives_are_refused_as_arguments_are(thing, name, wrong):
     before = getattr(thing, name)
     with pytest.raises(CinegenError):
         setattr(thing, name, wrong)
+    with pytest.raises(CinegenError):
+        type(thing)(**{name: wrong})
     assert getattr(thing, name) == before
 
 
@@ -278,7 +171,7 @@ def test_wrong_values_of_objectives_are_refused_as_arguments_are(thing, name, wr
 # Gain, damping and period, set while a robot moves.
 
 
-ARM = load("robots/planar_3r.raff")
+ARM, FOUR_BAR = load("robots/planar_3r.raff"), load("robots/four_bar.raff")
 END = ARM.nodes[-1]
 
 
@@ -390,6 +283,12 @@ def arm7(robot):
 @pytest.mark.parametrize(
     ("mistake", "remedy"),
     [
+        (lambda solver: Solver(solver.mechanism, 0.0), "dt"),
+        (lambda solver: Solver(solver.mechanism, DT, gain=0.0), "gain"),
+        (lambda solver: Solver(FOUR_BAR, DT, q=FOUR_BAR.q_home + 0.1), "open"),
+        (lambda solver: solver.add_task("tol"), "did you mean 'tool'"),
+        (lambda solver: solver.add_task("tool", translation=4), "0 to 3"),
+        (lambda solver: solver.add_task("tool", np.eye(4)), "SE3"),
         (lambda solver: Solver(solver.mechanism, 240), "1/240"),
         (lambda solver: setattr(solver, "dt", 240.0), "1/240"),
         (lambda solver: setattr(solver, "q", DEGREES), "90 degrees, which are 1.571 rad"),

@@ -93,25 +93,29 @@ def test_every_kind_is_reached_and_changes_at_run_time():
     assert worst < 2e-4  # second order of a tick
 
 
-def test_the_centre_of_mass_stays_over_a_point():
-    text = """<robot name="r"><link name="base"/>{}</robot>"""
+def tower(count: int) -> cinegen.Mechanism:
+    """Links on each other, each heavier than the one below, which bend about x and y by turns."""
     link = (
         '<link name="l{0}"><inertial><origin xyz="0 0 0.2"/><mass value="{1}"/><inertia ixx="1" iyy="1" izz="1" ixy="0"'
         ' ixz="0" iyz="0"/></inertial></link>'
         '<joint name="j{0}" type="revolute"><parent link="{2}"/><child link="l{0}"/>'
         '<origin xyz="0 0 0.4"/><axis xyz="{3}"/><limit lower="-2" upper="2" effort="1" velocity="9"/></joint>'
     )
-    links = [link.format(i, i + 1, f"l{i - 1}" if i else "base", ("1 0 0", "0 1 0")[i % 2]) for i in range(6)]
-    tower = cinegen.load(text.format("".join(links)))
-    solver = Solver(tower, 0.01)
+    links = [link.format(i, i + 1, f"l{i - 1}" if i else "base", ("1 0 0", "0 1 0")[i % 2]) for i in range(count)]
+    return cinegen.load(f'<robot name="r"><link name="base"/>{"".join(links)}</robot>')
+
+
+def test_the_centre_of_mass_stays_over_a_point():
+    stack = tower(6)
+    solver = Solver(stack, 0.01)
     solver.add_task(CenterOfMass((0.0, 0.0, 0.0), "xy"))
     hand = solver.add_task("l5", rotation=0, priority=1)
     hand.target = pin.SE3(hand.target.rotation, hand.target.translation + np.array([0.4, 0.3, -0.4]))
     for _ in range(300):
         step = solver.step()
         assert step.errors[0][0] < 1e-9
-    data = tower.model.createData()
-    assert np.abs(pin.centerOfMass(tower.model, data, step.q)[:2]).max() < 1e-9
+    data = stack.model.createData()
+    assert np.abs(pin.centerOfMass(stack.model, data, step.q)[:2]).max() < 1e-9
     assert step.errors[1][0] < 0.3
 
 
@@ -241,6 +245,9 @@ def test_a_task_that_fails_is_left_out_of_the_tick_and_told(name, broken, says):
         assert step.status is Status.BAD_TARGET
         assert np.isnan(step.errors[0]).all()
         assert step.exceptions
+        assert step.task_statuses[0] is Status.BAD_TARGET
+        assert repr(own) in step.problems[0]
+        assert not step.problems[1]
     assert says.replace("\\", "") in str(step.exceptions[0]) or pytest.fail(str(step.exceptions[0]))
     assert len(solver.exception_log.messages) == 1
     setattr(own, name, good)
@@ -395,14 +402,7 @@ def test_units_of_joint_values_are_those_of_the_joints():
 
 
 def test_the_centre_of_mass_of_a_robot_of_more_than_a_hundred_joints():
-    link = (
-        '<link name="l{0}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
-        '</inertial></link><joint name="j{0}" type="continuous"><parent link="{1}"/><child link="l{0}"/>'
-        '<origin xyz="0 0 0.1"/>'
-        '<axis xyz="1 0 0"/></joint>'
-    )
-    links = [link.format(i, f"l{i - 1}" if i else "base") for i in range(105)]
-    snake = cinegen.load(f'<robot name="snake"><link name="base"/>{"".join(links)}</robot>')
+    snake = tower(105)
     state = State(snake, snake.q_home, 0.01)
     task = CenterOfMass((0.0, 0.0, 0.0))
     whole = pin.centerOfMass(snake.model, snake.model.createData(), snake.q_home)

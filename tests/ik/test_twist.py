@@ -1,19 +1,15 @@
-"""Tasks by a speed, and tasks that are another thing in every tick."""
+"""Tasks by a speed."""
 
 import math
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from variants import FEWER
 
-import cinegen
 from cinegen import Solver, Status
 
 DT = 1 / 240
 
-
-every_kind = pytest.mark.parametrize("name", sorted(FEWER))
 
 SIX = """robot r { base { }
   link 1 { parameters { r 500 theta 90 alpha 90 } type 1 pred 0 }
@@ -126,81 +122,3 @@ def test_a_target_and_a_twist_in_turn_end_each_other(raff):
         step = solver.step()
         gone = arm.placement(step.q, "tool").translation - begin.translation
         assert gone == pytest.approx(DT * twist[:3] if tick % 2 == 0 else np.zeros(3), abs=1e-4)
-
-
-# --- another thing in every tick ---------------------------------------------------------------------------------
-
-
-def check(mechanism: cinegen.Mechanism, step: cinegen.Step) -> None:
-    model = mechanism.model
-    assert isinstance(step.status, Status)
-    assert np.isfinite(step.q).all()
-    assert np.isfinite(step.v).all()
-    assert (step.q >= model.lowerPositionLimit).all()
-    assert (step.q <= model.upperPositionLimit).all()
-    assert (np.abs(step.v) <= model.upperVelocityLimit * (1.0 + 1e-9)).all()
-    assert step.closure <= 1e-10
-    assert mechanism.closure(step.q) <= 1e-10
-    assert 0.0 <= step.speed_scale <= 1.0
-    assert not np.isnan(step.singular_values).any()
-
-
-class Whim:
-    """Does something else to the tasks before every tick, sense or nonsense."""
-
-    def __init__(self, mechanism: cinegen.Mechanism, solver: Solver, seed: int) -> None:
-        self.mechanism, self.solver, self.rng = mechanism, solver, np.random.default_rng(seed)
-        self.poses = [mechanism.q_home, *mechanism.random_closed(6, seed)]
-
-    def pose(self, node: str) -> pin.SE3:
-        there = self.mechanism.placement(self.poses[self.rng.integers(len(self.poses))], node)
-        if self.rng.random() < 0.05:
-            there.translation = there.translation + 10.0 ** self.rng.uniform(0.0, 300.0)
-        if self.rng.random() < 0.05:
-            there.translation = np.full(3, self.rng.choice([math.nan, math.inf]))
-        return there
-
-    def act(self) -> None:
-        rng, solver, mechanism = self.rng, self.solver, self.mechanism
-        tasks = solver.tasks
-        if len(tasks) < 5 and rng.random() < 0.3:
-            node = str(rng.choice(mechanism.nodes))
-            axes = str(rng.choice(["target", "world", *mechanism.nodes]))
-            solver.add_task(node, self.pose(node), int(rng.integers(4)), int(rng.integers(4)), axes=axes)
-        if tasks and rng.random() < 0.25:
-            solver.remove_task(tasks[rng.integers(len(tasks))])
-        for task in solver.tasks:
-            match rng.integers(8):
-                case 0:
-                    task.target = self.pose(task.node)
-                case 1:
-                    task.twist = rng.normal(size=6) * 10.0 ** rng.uniform(-3.0, 2.0)
-                case 2:
-                    task.weight = 10.0 ** rng.uniform(-12.0, 12.0)
-                case 3:
-                    task.translation = int(rng.integers(4))
-                case 4:
-                    task.rotation = int(rng.integers(4))
-                case 5 if rng.random() < 0.1:
-                    task.weight = float(rng.choice([0.0, -1.0, math.nan]))
-                case 6 if rng.random() < 0.1:
-                    task.twist = [math.nan] * 6
-
-
-@every_kind
-def test_whatever_becomes_of_the_pulls_there_is_a_status_and_nothing_breaks(robot, name):
-    mechanism = robot(name)
-    solver = Solver(mechanism, 1 / 60, acceleration=10.0)
-    whim = Whim(mechanism, solver, 0)
-    statuses = set()
-    for _ in range(300):
-        whim.act()
-        before = solver.q
-        step = solver.step()
-        check(mechanism, step)
-        assert (step.status is Status.IDLE) == (not solver.tasks)
-        assert len(step.errors) == len(solver.tasks)
-        if step.status is Status.REFUSED:
-            assert np.array_equal(step.q, before)
-        statuses.add(step.status)
-    assert {Status.IDLE, Status.BAD_TARGET} < statuses

@@ -93,10 +93,8 @@ def test_a_uniform_weight_changes_nothing(robot, name, weight):
 def test_a_mechanism_without_redundancy_does_not_notice_weights(robot, name):
     """Up to rounding: the motion that tasks leave is none."""
     mechanism = robot(name)
-    translations = {"delta4": 3, "five_bar": 2, "scara": 3}[name]
     rotation = 3 if name == "scara" else 0
     solver, other = aimed(mechanism, 0.1, rotation=rotation), aimed(mechanism, 0.1, rotation=rotation)
-    assert translations <= mechanism.mobility
     solver.joint_weights = {mechanism.actuated[0]: 1e4}
     for _ in range(30):
         assert (solver.step().q == other.step().q).all()
@@ -121,16 +119,9 @@ def test_a_heavy_joint_changes_neither_singular_values_nor_statuses_nor_what_is_
             ends.append((step.status, step.errors[0][0]))
         assert ends[0][0] is ends[1][0]
         assert abs(ends[0][1] - ends[1][1]) < 1e-6 * mechanism.length
-
-
-def test_the_singular_values_at_a_configuration_do_not_depend_on_weights(robot):
-    mechanism = robot("gough")
-    q = mechanism.structure.samples[1]
-    solver, other = aimed(mechanism, 0.0, q), aimed(mechanism, 0.0, q)
-    solver.joint_weights[mechanism.actuated[0]] = 1e5
-    first, second = solver.step(), other.step()
-    assert (first.q == second.q).all()
-    assert (first.singular_values == second.singular_values).all()
+        solver, other = aimed(mechanism, 0.0, seed=seed), aimed(mechanism, 0.0, seed=seed)  # both stay
+        solver.joint_weights[heavy] = 1e5
+        assert (solver.step().singular_values == other.step().singular_values).all()
 
 
 def test_a_heavy_base_stays_nearly_still_while_a_foot_is_dragged():

@@ -6,6 +6,7 @@ import bipeds
 import numpy as np
 import pinocchio as pin
 import pytest
+import two_armed
 from ticking import ticked
 
 import cinegen
@@ -108,9 +109,6 @@ def test_weights_that_can_not_be_used(robot):
         solver.add_task("tool", translation=2, weights=np.ones(6))
     assert not solver.tasks
     task = solver.add_task("tool", weights=(1, 2, 3, 4, 5, 6))
-    for wrong in ((1, 1, 1), None, np.full(6, np.nan)):
-        task.weights = wrong
-        assert solver.step().status is Status.BAD_TARGET
     task.weights = np.zeros(6)
     assert task.rows == 0
     assert solver.step().status is Status.FOLLOWING
@@ -199,25 +197,16 @@ def test_a_conflict_ends_at_the_weighted_mean(robot):
         assert solver.mechanism.placement(q, "tool").translation == pytest.approx(mean, abs=2e-8)
 
 
-def test_a_light_task_is_as_fast_as_alone(tmp_path):
+def test_a_light_task_is_as_fast_as_alone():
     """One of two arms is stretched by a task of weight 0.2 as it is by that task alone, while the other is held."""
-    parts = [
-        f"""<joint name="{s}1" type="continuous"><parent link="base"/><child link="{s}_upper"/><origin xyz="0 {y} 0"/>
-        <axis xyz="0 1 0"/></joint><joint name="{s}2" type="continuous"><parent link="{s}_upper"/>
-        <child link="{s}_lower"/><origin xyz="0.5 0 0"/><axis xyz="0 1 0"/></joint><joint name="{s}3" type="fixed">
-        <parent link="{s}_lower"/><child link="{s}_hand"/><origin xyz="0.4 0 0"/></joint>"""
-        for s, y in (("left", 0.3), ("right", -0.3))
-    ]
-    links = ["base", *(f"{s}_{part}" for s in ("left", "right") for part in ("upper", "lower", "hand"))]
-    text = "".join(f"<link name={name!r}/>" for name in links) + "".join(parts)
-    mechanism, paths = cinegen.load(f"<robot name='arms'>{text}</robot>"), []
-    start = mechanism.configuration({"left1": 0.3, "left2": 0.8, "right1": 0.2, "right2": 0.9})
+    mechanism, paths = cinegen.load(two_armed.URDF), []
     for is_held in (True, False):
-        solver = Solver(mechanism, 0.01, q=start)
+        solver = Solver(mechanism, 0.01)
+        solver.lock("to_waist")
         hand = solver.add_task("left_hand", rotation=0, weight=0.2)
         if is_held:
             solver.add_task("right_hand", rotation=0)
         hand.target = pin.SE3(np.eye(3), np.array([2.0, 0.3, 0.5]))
         paths.append(np.array([solver.step().q for _ in range(150)]))
     assert paths[0] == pytest.approx(paths[1], abs=1e-9)
-    assert abs(paths[0][-1] - start).max() > 0.5
+    assert abs(paths[0][-1] - mechanism.q_home).max() > 0.5

@@ -1,19 +1,15 @@
 """The solver of the page does what Python's does, for tasks that change while it runs."""
 
-import json
-import subprocess
-
 import bipeds
 import numpy as np
 import pinocchio as pin
 import pytest
-from node import NODE, needs_three
+from node import needs_three, run
 from variants import slow
 
 import cinegen
 from cinegen.ik import Solver
 from cinegen.ik.singular_values import gained
-from cinegen.page.kernels_module import module
 from cinegen.page.tables import robot_tables
 from cinegen.singularities.ball_joints import CountedLoops, balls
 
@@ -28,13 +24,8 @@ ROBOTS = ["delta4", "rx90", *slow("sr400", "scara")]
 pytestmark = needs_three
 
 
-def in_javascript(tables, calls, root, folder):
-    path = folder / "kernels.mjs"
-    path.write_text(module())
-    given = {"module": str(path), "tables": tables, "dt": 1.0 / RATE, "calls": calls}
-    (folder / "calls.json").write_text(json.dumps(given))
-    command = [NODE, "--no-warnings", root / "tests" / "javascript" / "run_solver.js", folder / "calls.json"]
-    return json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout)
+def in_javascript(tables, calls, folder):
+    return run("run_solver.js", folder, tables=tables, dt=1.0 / RATE, calls=calls)
 
 
 def some_calls(mechanism, count, seed):
@@ -64,10 +55,10 @@ def python_tasks(mechanism, call):
 
 
 @pytest.mark.parametrize("name", [*ROBOTS, "biped"])
-def test_ticks_are_those_of_python(any_robot, root, tmp_path, name):
+def test_ticks_are_those_of_python(any_robot, tmp_path, name):
     mechanism = any_robot(name)
     calls = some_calls(mechanism, 12, 3)
-    for call, found in zip(calls, in_javascript(robot_tables(mechanism, RATE), calls, root, tmp_path), strict=True):
+    for call, found in zip(calls, in_javascript(robot_tables(mechanism, RATE), calls, tmp_path), strict=True):
         solver = Solver(mechanism, 1.0 / RATE, np.array(call["q"]), gain=GAIN)
         solver.damping_threshold = DAMPING
         for node, target, offset, one in python_tasks(mechanism, call):
@@ -87,12 +78,12 @@ def any_robot(robot):
 
 
 @pytest.mark.parametrize("name", [*ROBOTS, "biped"])
-def test_singular_values_are_those_of_python(any_robot, root, tmp_path, name):
+def test_singular_values_are_those_of_python(any_robot, tmp_path, name):
     mechanism = any_robot(name)
     calls = [call | {"ticks": 0} for call in some_calls(mechanism, 12, 5)]
     counted = CountedLoops(mechanism) if balls(mechanism) else mechanism.structure.own_system()
     inner = {mechanism.model.getJointId(joint) for names in balls(mechanism) for joint in names[:2]}
-    for call, found in zip(calls, in_javascript(robot_tables(mechanism, RATE), calls, root, tmp_path), strict=True):
+    for call, found in zip(calls, in_javascript(robot_tables(mechanism, RATE), calls, tmp_path), strict=True):
         q = np.array(call["q"])
         solver, loops = Solver(mechanism, 1.0 / RATE, q), counted
         for node, _, offset, one in python_tasks(mechanism, call):
@@ -105,8 +96,8 @@ def test_singular_values_are_those_of_python(any_robot, root, tmp_path, name):
         assert found["type2"] == (None if uncontrolled is None else pytest.approx(uncontrolled.values[-1], abs=1e-8))
 
 
-def test_a_name_can_not_leave_its_comment(root, tmp_path):
+def test_a_name_can_not_leave_its_comment(tmp_path):
     mechanism = cinegen.load(ONE_JOINT)
     assert "*/" in mechanism.name
-    (found,) = in_javascript(robot_tables(mechanism, RATE), some_calls(mechanism, 1, 0), root, tmp_path)
+    (found,) = in_javascript(robot_tables(mechanism, RATE), some_calls(mechanism, 1, 0), tmp_path)
     assert len(found["steps"]) == TICKS

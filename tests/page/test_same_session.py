@@ -5,17 +5,15 @@ configurations are equal where motions have ended; during motions that no task c
 """
 
 import json
-import subprocess
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from node import NODE, needs_three
+from node import needs_three, run
 from variants import slow
 
 from cinegen.mission import BasePose
 from cinegen.page.build import RATE, content_of
-from cinegen.page.kernels_module import module
 from cinegen.session import Session, Setup
 from cinegen.session.decoding import decode_command
 
@@ -53,23 +51,15 @@ def in_python(setup, script):
     return states
 
 
-def in_javascript(setup, script, root, folder):
-    """The states of a session in JavaScript."""
-    kernels = folder / "kernels.mjs"
-    kernels.write_text(module())
-    given = {"content": content_of(setup, ""), "module": str(kernels), "script": script}
-    (folder / "run.json").write_text(json.dumps(given))
-    command = [NODE, "--no-warnings", root / "tests" / "javascript" / "run_session.js", folder / "run.json"]
-    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
-    return json.loads(done.stdout)
-
-
 @pytest.fixture
-def same(root, tmp_path):
+def same(tmp_path):
     """`same(setup, script)`: the states of Python, once those of JavaScript are equal to them."""
 
     def compare(setup, script, tolerance=MOVED):
-        expected, found = in_python(setup, script), in_javascript(setup, script, root, tmp_path)
+        expected, found = (
+            in_python(setup, script),
+            run("run_session.js", tmp_path, content=content_of(setup, ""), script=script),
+        )
         for (_, command), one, other in zip(script, expected, found, strict=True):
             for name, robot in one["robots"].items():
                 mine = other["robots"][name]

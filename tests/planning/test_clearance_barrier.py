@@ -8,7 +8,7 @@ import pytest
 from clearings import among, around, at, ball, point_among, wall
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from ticking import ticked
+from ticking import away, ticked
 
 from cinegen import Solver, Status
 from cinegen.collision import PlanningError
@@ -24,12 +24,6 @@ def kept(clearance, safety, q=None, **options):
     solver = Solver(clearance.mechanism, DT, q, **options)
     solver.barriers = [ClearanceBarrier(clearance, safety)]
     return solver
-
-
-def away(mechanism, node, rng, lengths):
-    home = mechanism.placement(mechanism.q_home, node)
-    way = rng.normal(size=3)
-    return pin.SE3(home.rotation, home.translation + lengths * mechanism.length * way / np.linalg.norm(way))
 
 
 def densely(clearance, path, count=9):

@@ -4,7 +4,6 @@ import contextlib
 import itertools
 import math
 import re
-import sys
 import time
 
 import numpy as np
@@ -19,12 +18,6 @@ from cinegen.collision.clearance import Clearance
 from cinegen.planning import Planner, PlanStatus, plan
 from cinegen.planning.clear_motion import clear_motion
 from cinegen.planning.sampling.path_sampler import PathSampler
-from raff2urdf.command.extras import MissingExtraError
-
-
-def is_at_goal(scene, q):
-    there = scene.mechanism.placement(q, scene.node).translation - scene.goal.translation
-    return np.linalg.norm(there[: scene.translation]) < 1e-4
 
 
 def walls(*corners):
@@ -40,7 +33,6 @@ def walls(*corners):
 
 
 SPIRAL = walls((1, 1), (2, 1), (2, 2), (0, 2), (0, 0), (3, 0), (3, 3), (-1, 3), (-1, -1), (4, -1))
-CELL = walls((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))
 
 
 def mobile(boxes, start, goal, **more):
@@ -57,7 +49,8 @@ def test_the_scenes_of_the_figures_are_solved(root, name):
     found = plan(scene, planner=Planner.RRT_CONNECT)
     assert found.status is PlanStatus.REACHED
     assert np.array_equal(found.path[0], scene.start)
-    assert is_at_goal(scene, found.path[-1])
+    off = scene.mechanism.placement(found.path[-1], scene.node).translation - scene.goal.translation
+    assert np.linalg.norm(off[: scene.translation]) < 1e-4
     assert found.clearance >= scene.safety
     clearance = clearance_of(scene)
     assert min(clearance.least(q) for q in along(scene.mechanism, found.path, 2e-3)) >= found.clearance
@@ -169,17 +162,3 @@ def test_an_edge_never_leads_to_another_assembly_mode(root):
     clearance = Clearance(mechanism, [], [])
     assert clear_motion(clearance, home, other, 0.0) is None
     assert clear_motion(clearance, home, mechanism.close(home + 0.05), 0.0) is not None
-
-
-# --- statuses --------------------------------------------------------------------------------------------------------
-
-
-# --- what is wrong ---------------------------------------------------------------------------------------------------
-
-
-def test_without_ompl_it_is_said_how_to_get_it(monkeypatch):
-    monkeypatch.delitem(sys.modules, "cinegen.planning.sampling.ompl_trees", raising=False)
-    monkeypatch.setitem(sys.modules, "ompl", None)
-    monkeypatch.setitem(sys.modules, "ompl.base", None)
-    with pytest.raises(MissingExtraError, match=r'install "cinegen\[sampling\]"'):
-        plan(mobile(CELL, [0.0, 0.0], [3.0, 0.0]), planner=Planner.RRT_CONNECT)

@@ -2,13 +2,12 @@
 
 import itertools
 import math
-import sysconfig
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from cusp_platform import configuration, determinant, scene
+from example_robots import PANDA, load
 from paths import along
 
 import cinegen
@@ -20,20 +19,6 @@ from cinegen.planning.sampling.shortcuts import shortened
 READY = {f"panda_joint{i}": value for i, value in enumerate((0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785), 1)}
 AIM = {**READY, "panda_joint1": 1.9, "panda_joint4": -1.6}
 POST = {"name": "post", "kind": "cylinder", "radius": 0.05, "length": 0.8, "point": [0.25, 0.25, 0.4]}
-
-
-@pytest.fixture(scope="module")
-def panda():
-    robots = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
-    return cinegen.load(robots / "panda_description/urdf/panda.urdf")
-
-
-@pytest.fixture(scope="module")
-def around_post(panda):
-    """A scene whose goal are the values of seven joints; fingers are partly open."""
-    start = {**READY, "panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02}
-    values = {"node": "panda_hand", "start": {"joints": start}, "goal": {"joints": AIM}, "obstacle": [POST]}
-    return scene_of(values, mechanism=panda)
 
 
 def trap(**more):
@@ -87,8 +72,8 @@ def test_a_cell_without_a_door_ends_at_the_time_limit():
     assert np.array_equal(found.path, scene.start[None])
 
 
-def test_where_nothing_is_in_between_joints_move_straight(panda):
-    scene = scene_of({"node": "panda_hand", "start": {"joints": READY}, "goal": {"joints": AIM}}, mechanism=panda)
+def test_where_nothing_is_in_between_joints_move_straight():
+    scene = scene_of({"node": "panda_hand", "start": {"joints": READY}, "goal": {"joints": AIM}}, mechanism=load(PANDA))
     found = plan(scene)
     assert [one.strategy for one in found.attempts] == ["all joints straight to the goal"]
     assert found.field is None
@@ -117,7 +102,10 @@ def test_without_ompl_the_reason_names_what_was_not_tried(monkeypatch):
 # --- joint values -------------------------------------------------------------------------------------------------
 
 
-def test_joint_values_are_reached_exactly_around_a_post_and_fingers_do_not_move(around_post):
+def test_joint_values_are_reached_exactly_around_a_post_and_fingers_do_not_move():
+    start = {**READY, "panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02}  # fingers are partly open
+    values = {"node": "panda_hand", "start": {"joints": start}, "goal": {"joints": AIM}, "obstacle": [POST]}
+    around_post = scene_of(values, mechanism=load(PANDA))
     mechanism = around_post.mechanism
     found = plan(around_post)
     assert found.status is PlanStatus.REACHED
@@ -131,16 +119,16 @@ def test_joint_values_are_reached_exactly_around_a_post_and_fingers_do_not_move(
     assert (found.clearances >= found.clearance).all()
 
 
-def test_joints_that_do_not_move_the_node_are_locked_by_default(panda, root):
-    assert scene_of({"node": "panda_hand", "goal": {"point": [0.5, 0, 0.5]}}, mechanism=panda).locked == (
+def test_joints_that_do_not_move_the_node_are_locked_by_default():
+    assert scene_of({"node": "panda_hand", "goal": {"point": [0.5, 0, 0.5]}}, mechanism=load(PANDA)).locked == (
         "panda_finger_joint1", "panda_finger_joint2",
     )  # fmt: skip
-    tip = scene_of({"node": "panda_leftfinger", "goal": {"point": [0.5, 0, 0.5]}}, mechanism=panda)
+    tip = scene_of({"node": "panda_leftfinger", "goal": {"point": [0.5, 0, 0.5]}}, mechanism=load(PANDA))
     assert tip.locked == ()  # the fingers are coupled
-    free = scene_of({"node": "panda_hand", "locked": [], "goal": {"point": [0.5, 0, 0.5]}}, mechanism=panda)
+    free = scene_of({"node": "panda_hand", "locked": [], "goal": {"point": [0.5, 0, 0.5]}}, mechanism=load(PANDA))
     assert free.locked == ()
-    assert scene_of(free.document(), mechanism=panda).locked == ()
-    goal = scene_of({"node": "panda_hand", "goal": {"joints": {"panda_finger_joint1": 0.01}}}, mechanism=panda)
+    assert scene_of(free.document(), mechanism=load(PANDA)).locked == ()
+    goal = scene_of({"node": "panda_hand", "goal": {"joints": {"panda_finger_joint1": 0.01}}}, mechanism=load(PANDA))
     assert goal.locked == ()
 
 
@@ -176,12 +164,12 @@ def test_a_path_through_an_obstacle_is_not_shortened():
     assert shortened(clearance_of(scene), np.array([[0.0, 0.5], [1.0, 0.5]]), 0.01) is None
 
 
-def test_links_that_cannot_separate_are_no_collision(panda):
+def test_links_that_cannot_separate_are_no_collision():
     """A closed gripper: its fingers are nearer to each other than the safety distance, and stay so."""
     closed = {**READY, "panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
     values = {"node": "panda_hand", "start": {"joints": closed}, "goal": {"joints": AIM}}
-    assert clearance_of(scene_of(values, mechanism=panda)).least(panda.configuration(closed)) < 0.01
-    found = plan(scene_of(values, mechanism=panda))
+    assert clearance_of(scene_of(values, mechanism=load(PANDA))).least(load(PANDA).configuration(closed)) < 0.01
+    found = plan(scene_of(values, mechanism=load(PANDA)))
     assert found.status is PlanStatus.REACHED
 
 
@@ -211,14 +199,6 @@ def test_one_line_plans_to_a_point_a_pose_and_joint_values(arm):
     assert to_joints.path[-1][arm.q_index("joint1")] == pytest.approx(0.5)
     assert [one.name for one in to_joints.scene.obstacles] == ["ball"]
     assert to_point.path[0] == pytest.approx(arm.q_home)
-
-
-def test_a_closed_mechanism_is_planned_for_in_one_line():
-    delta = cinegen.load("delta4")
-    home = delta.placement(delta.q_home, delta.end).translation
-    found = plan(delta, home + np.array([0.2, 0.1, -0.2]))
-    assert found
-    assert max(delta.closure(q) for q in found.path) < 1e-9
 
 
 def test_other_keys_of_a_file_and_obstacles_of_a_scene_are_taken(arm):
@@ -254,13 +234,9 @@ def test_what_is_missing_or_given_twice_is_reported(arm):
 FURTHEST = 0.15  # rad and characteristic lengths: between two configurations of a motion
 
 
-@pytest.fixture(scope="module")
-def clearance(root):
-    return clearance_of(scene(root))
-
-
-def test_a_motion_ends_where_it_should_and_keeps_the_sign_of_the_determinant(clearance):
+def test_a_motion_ends_where_it_should_and_keeps_the_sign_of_the_determinant(root):
     """Also between two assembly modes: a motion never jumps from one to the other."""
+    clearance = clearance_of(scene(root))
     mechanism, rng = clearance.mechanism, np.random.default_rng(0)
     kept = 0
     for _ in range(400):

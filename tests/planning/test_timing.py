@@ -11,7 +11,8 @@ from clearings import measured
 from repository import load
 from scipy.interpolate import CubicHermiteSpline
 
-from cinegen.collision import load_scene, scene_of
+from cinegen.collision import clearance_of, load_scene, scene_of
+from cinegen.collision.mesh_check import MeshCheck
 from cinegen.dynamics import Payload
 from cinegen.ik import Solver
 from cinegen.mission import MissionRecorder, Recording, RobotSample, resampled
@@ -104,17 +105,8 @@ def test_a_path_of_a_closed_robot():
     scene = scene_of({"start": {}, "goal": {"point": [0.0, 0.0, 0.0]}}, mechanism=mechanism)
     there = mechanism.configuration({joint: mechanism.q_home[mechanism.q_index(joint)] + 0.3 for joint in ("joint1",)})
     path = np.array([mechanism.q_home, mechanism.close(there, locked=mechanism.actuated), mechanism.q_home])
-    found = made(scene, path)
-    motion = timed_path(found)
-    law_abiding(motion, scene)
-
-
-def made(scene, path):
-    """A plan with a path of our own."""
-    from cinegen.collision import clearance_of
-    from cinegen.collision.mesh_check import MeshCheck
-
-    return Plan(scene, PlanStatus.REACHED, path, (), "", clearance_of(scene), MeshCheck(scene))
+    found = Plan(scene, PlanStatus.REACHED, path, (), "", clearance_of(scene), MeshCheck(scene))
+    law_abiding(timed_path(found), scene)
 
 
 def test_rounding_of_a_recorded_motion_changes_nothing(robot, tmp_path):

@@ -18,22 +18,16 @@ LEAST = 1e-4
 
 def jacobian_of(clearance, q, pair):
     """(3, nv) how joints move a pair's first nearest point, seen from the second body, without unit of motion: by
-    differences of placements."""
-    model = clearance.mechanism.model
+    Pinocchio."""
+    model, data = clearance.mechanism.model, clearance.mechanism.model.createData()
     one, other, _ = clearance.nearest_points(pair)
+    pin.computeJointJacobians(model, data, q)
     found = np.zeros((3, model.nv))
-    here, there = model.createData(), model.createData()
-    pin.forwardKinematics(model, here, q)
-    for j in range(model.nv):
-        for body, at, sign in zip(clearance.pairs[pair], (one, other), (1.0, -1.0), strict=True):
-            joint = clearance.bodies[int(body)].joint
-            ways = []
-            for step in (1e-5, -1e-5):
-                pin.forwardKinematics(model, there, pin.integrate(model, q, step * np.eye(model.nv)[j]))
-                ways.append((there.oMi[joint] * here.oMi[joint].inverse()).act(at) / 1e-5)
-            moved = sign * (ways[0] - ways[1]) / 2.0
-            found[:, j] += moved * clearance.mechanism.scale[j]
-    return found
+    for body, at, sign in zip(clearance.pairs[pair], (one, other), (1.0, -1.0), strict=True):
+        if joint := clearance.bodies[int(body)].joint:
+            turning = pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)
+            found += sign * (turning[:3] - pin.skew(at - data.oMi[joint].translation) @ turning[3:])
+    return found * clearance.mechanism.scale
 
 
 def turned(clearance, q, motion, around_, states, reach, stop, strength):

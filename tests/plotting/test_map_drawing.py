@@ -50,11 +50,6 @@ def wrist(made):
     return made("planar_3r", ("x", -0.75, 1.15, 38), ("y", -0.9, 0.9, 36), at={"rz": 0.0})
 
 
-@pytest.fixture(scope="module")
-def drawn(five_bar):
-    return rendered(draw_map(five_bar))
-
-
 def rendered(figure):
     with warnings.catch_warnings():
         warnings.simplefilter("error", UserWarning)  # that its layout does not fit
@@ -131,8 +126,8 @@ def test_beside_what_nobody_has_looked_at_nothing_ends(wrist):
 # --- two axes ----------------------------------------------------------------------------------------------------
 
 
-def test_a_picture_has_colours_levels_curves_and_the_robot(drawn, five_bar, robot):
-    axes = drawn.axes[0]
+def test_a_picture_has_colours_levels_curves_and_the_robot(five_bar, robot):
+    axes = rendered(draw_map(five_bar)).axes[0]
     out, shades = [mesh for mesh in axes.collections if type(mesh).__name__ == "QuadMesh"]
     reached = five_bar.reachable.values
     np.testing.assert_allclose(np.ma.compressed(shades.get_array()), five_bar.sigma_1.values.T[reached.T], rtol=1e-6)

@@ -9,13 +9,13 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 import tracemalloc
 from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from browsers import becomes
 from hypothesis import given
 from hypothesis import strategies as st
 from troubled import trip, troubled
@@ -49,14 +49,6 @@ def scene(monkeypatch):
     for name in ("clock", "timing"):
         monkeypatch.setattr(f"cinegen.realtime.{name}.time", module)
     return made
-
-
-def _ended(clock):
-    """Waits for a loop that ends by itself, whatever by."""
-    deadline = time.monotonic() + 30.0
-    while clock.running:
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
 
 
 # --- deadlines -------------------------------------------------------------------------------------------------------
@@ -199,8 +191,7 @@ def test_a_thread_of_its_own_begins_at_once_and_ends_when_told():
     with clock:
         assert clock.start(lambda tick: seen.append((tick.number, threading.current_thread().name))) is clock
         assert repr(clock) == "<Clock of 1 ms, running>"
-        while len(seen) < 10:
-            time.sleep(0.005)
+        assert becomes(lambda: len(seen) > 9)
     assert not clock.running
     count = len(seen)
     assert clock.report().ticks == count
@@ -255,7 +246,7 @@ def test_what_makes_no_sense_is_refused(wrong):
 )
 def test_an_error_in_the_thread_is_raised_by_whatever_asks_first_and_once(ask):
     clock = Clock(0.001).start(trip)
-    _ended(clock)
+    assert becomes(lambda: not clock.running)
     with pytest.raises(RuntimeError, match="tripped") as caught:
         ask(clock)
     assert any(entry.name == "trip" for entry in caught.traceback)
@@ -267,7 +258,7 @@ def test_an_error_in_the_thread_is_raised_by_whatever_asks_first_and_once(ask):
 def test_an_error_of_the_block_is_not_covered_by_the_loops(caplog):
     def block():
         with Clock(0.001).start(trip) as clock:
-            _ended(clock)
+            assert becomes(lambda: not clock.running)
             raise ValueError("in the block")
 
     with pytest.raises(ValueError, match="in the block") as caught:
@@ -279,38 +270,23 @@ def test_an_error_of_the_block_is_not_covered_by_the_loops(caplog):
     assert "in trip" in caplog.text
 
 
-def test_an_error_that_nobody_asked_for_is_printed_in_the_end(root):
-    done = _program(
-        root,
-        """
-        import time
-        from cinegen.realtime import Clock
+UNASKED = """
+import time
+from cinegen.realtime import Clock
 
-        def trip(tick):
-            raise RuntimeError("tripped")
+def trip(tick):
+    raise RuntimeError("tripped")
 
-        clock = Clock(0.001).start(trip)
-        while clock.running:
-            time.sleep(0.01)
-        """,
-    )
-    assert done.returncode == 0
+clock = Clock(0.001).start(trip)
+while clock.running:
+    time.sleep(0.01)
+"""
+
+
+def test_an_error_that_nobody_asked_for_is_printed_in_the_end():
+    done = subprocess.run([sys.executable, "-c", UNASKED], capture_output=True, text=True, timeout=60, check=True)
     assert "RuntimeError: tripped" in done.stderr
     assert "was not raised before" in done.stderr
-
-
-def _program(root, text, **options):
-    """Runs a program to its end."""
-    lines = text.splitlines()
-    indent = min(len(line) - len(line.lstrip()) for line in lines if line.strip())
-    path = options.pop("path", None)
-    command = ["-c", "\n".join(line[indent:] for line in lines)]
-    if path is not None:
-        path.write_text(command[1], encoding="utf-8")
-        command = [str(path)]
-    return subprocess.run(
-        [sys.executable, *command], cwd=root, capture_output=True, text=True, timeout=60, check=False, **options
-    )
 
 
 # --- what is borrowed is given back ----------------------------------------------------------------------------------
@@ -477,24 +453,22 @@ def test_a_robot_moves_in_a_process_of_its_own_which_ignores_the_interrupt_that_
     home = delta.placement(delta.q_home, delta.end).translation
     offset = np.array([0.02, -0.01, 0.03])
     with Clock(0.002).spawn(follower, delta, 0.002) as clock:
-        while clock.state is None:
-            time.sleep(0.01)
+        assert becomes(lambda: clock.state is not None)
         assert clock.state["process"] != os.getpid()
         before = clock.state["number"]
         clock.command = offset
-        deadline = time.monotonic() + 30.0
-        while np.linalg.norm(delta.placement(clock.state["q"], delta.end).translation - home - offset) > 1e-6:
-            assert time.monotonic() < deadline
-            time.sleep(0.01)
+
+        def left():
+            return np.linalg.norm(delta.placement(clock.state["q"], delta.end).translation - home - offset)
+
+        assert becomes(lambda: left() < 1e-6)
         state = clock.state
         assert state["number"] > before
         assert state["closure"] <= 1e-10
         assert delta.closure(state["q"]) <= 1e-10
         assert clock.report().ticks > 0
         os.kill(state["process"], signal.SIGINT)  # Ctrl-C reaches all processes of a terminal; the parent decides
-        while clock.state["number"] < state["number"] + 50:
-            assert time.monotonic() < deadline
-            time.sleep(0.01)
+        assert becomes(lambda: clock.state["number"] > state["number"] + 50)
         assert clock.running
     assert not clock.running
     report = clock.report()

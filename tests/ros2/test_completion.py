@@ -22,10 +22,6 @@ def motion(robot, t):
     return here + size * (np.sin(t + phases) - np.sin(phases)), size * np.cos(t + phases), -size * np.sin(t + phases)
 
 
-def q_of(robot, names, values):
-    return robot.configuration(dict(zip(names, map(float, values), strict=True)))
-
-
 @pytest.mark.parametrize("name", ROBOTS)
 def test_states_of_all_joints(root, name):
     robot = load(root, name)
@@ -36,7 +32,7 @@ def test_states_of_all_joints(root, name):
         names = [robot.actuated[i] for i in order]
         made = completion.complete(names, values[order], rates[order])
         assert made.names == robot.joints
-        q = q_of(robot, made.names, made.positions)
+        q = robot.configuration(dict(zip(made.names, map(float, made.positions), strict=True)))
         assert robot.closure(q) < 1e-12
         assert [q[robot.q_index(joint)] for joint in robot.actuated] == pytest.approx(values, abs=1e-15)
         if tick == 0:

@@ -25,8 +25,6 @@ def test_what_ended_a_session_is_raised_also_where_the_system_says_so(robot, mon
     """An OSError of the session is none of the pipe to it."""
     ticks = threading.Event()
 
-    ticks = threading.Event()
-
     def broken(self):
         ticks.set()
         raise OSError("in a tick")

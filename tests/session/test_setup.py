@@ -1,13 +1,12 @@
 """What a session is made of: sensors by file, stands, robots side by side, and where robots start."""
 
 import re
-import sysconfig
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from example_robots import SHARE, UR5
 
 import cinegen
 from cinegen import load
@@ -36,10 +35,7 @@ def test_a_stand_is_read(text, name, stand):
     assert said.placement.isApprox(pin.SE3(pin.rpy.rpyToMatrix(*map(float, turn)), np.array(place, dtype=float)))
 
 
-NONE = ["", "arm", "arm=", "=1,2,3", "arm=1,2", "arm=delta4", "arm=a.b@", "arm=.b"]
-
-
-@pytest.mark.parametrize("text", NONE)
+@pytest.mark.parametrize("text", ["", "arm", "arm=", "=1,2,3", "arm=1,2", "arm=delta4", "arm=a.b@", "arm=.b"])
 def test_what_is_no_stand_is_told(text):
     with pytest.raises(SetupError, match="write NAME="):
         parse_base_pose(text)
@@ -112,18 +108,20 @@ def test_a_port_that_is_not_there_is_warned_of(robot):
         arrange({"delta": robot("delta4")})
 
 
+ITS_SENSOR = """robot r { base { } link 1 { parameters { d 100 } type 2 pred 0 } frame 2 { parameters { d 100 } pred 1 }
+  constraint { frame 2 sensor ( 0 1 ) } } sensor 1 { port "%s" }"""
+
+
 @pytest.mark.parametrize("host", ["0.0.0.0", "[::]", "robot.example"])
 def test_a_file_can_not_open_a_port_to_other_machines_but_the_command_line_can(raff, host):
     url = f"tcp://{host}:7070"
-    text = """robot r { base { } link 1 { parameters { d 100 } type 2 pred 0 } frame 2 { parameters { d 100 } pred 1 }
-      constraint { frame 2 sensor ( 0 1 ) } } sensor 1 { port "%s" }"""
     with pytest.raises(SetupError, match="would let other machines drive the robot"):
-        arrange({"r": raff(text % url)})
+        arrange({"r": raff(ITS_SENSOR % url)})
     with pytest.warns(cinegen.CinegenWarning, match="every machine that reaches this port can drive the robot"):
-        asked = arrange({"r": raff(text % url)}, sensors=[f"1={url}"])
+        asked = arrange({"r": raff(ITS_SENSOR % url)}, sensors=[f"1={url}"])
     assert [device.url for device in asked.devices if device.name == "1"] == [url]
     for own in ("tcp://127.0.0.1:7070", "tcp://[::1]:7070", "tcp://localhost:7070", "tcp://:7070"):
-        assert arrange({"r": raff(text % own)}).devices
+        assert arrange({"r": raff(ITS_SENSOR % own)}).devices
 
 
 @pytest.mark.parametrize(
@@ -145,13 +143,12 @@ def test_a_file_can_not_open_a_port_to_other_machines_but_the_command_line_can(r
     ],
 )
 def test_a_file_opens_no_other_file_or_connection_unless_the_command_line_allows_it(raff, url, why):
-    text = f"""robot r {{ base {{ }} link 1 {{ type 2 pred 0 }} frame 2 {{ parameters {{ d 100 }} pred 1 }}
-      constraint {{ frame 2 sensor ( 0 1 ) }} }} sensor 1 {{ port "{url}" }}"""
+    robots = {"r": raff(ITS_SENSOR % url)}
     with pytest.raises(SetupError, match=rf"the file's sensor 1, '{re.escape(url)}', {why}\. If that is wanted, give"):
-        arrange({"r": raff(text)})
+        arrange(robots)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        assert arrange({"r": raff(text)}, sensors=[f"1={url}"]).devices
+        assert arrange(robots, sensors=[f"1={url}"]).devices
 
 
 @pytest.mark.filterwarnings("ignore::cinegen.CinegenWarning")
@@ -161,21 +158,15 @@ def test_a_file_opens_no_other_file_or_connection_unless_the_command_line_allows
      r"\\.\COM12", "hwgrep://3Dconnexion", "spnav:", "path:circle", "gamepad:"],
 )  # fmt: skip
 def test_a_file_opens_the_usual_sensors(raff, url):
-    text = f"""robot r {{ base {{ }} link 1 {{ type 2 pred 0 }} frame 2 {{ parameters {{ d 100 }} pred 1 }}
-      constraint {{ frame 2 sensor ( 0 1 ) }} }} sensor 1 {{ port "{url}" }}"""
-    assert [device.url for device in arrange({"r": raff(text)}).devices if device.name == "1"] == [url]
+    assert [device.url for device in arrange({"r": raff(ITS_SENSOR % url)}).devices if device.name == "1"] == [url]
 
 
 # --- where robots start ----------------------------------------------------------------------------------------------
 
 
-DATA = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
-UR5 = DATA / "ur_description/urdf/ur5_robot.urdf"
-
-
 @pytest.fixture(scope="module")
 def ur5():
-    return load(UR5)
+    return load(SHARE / UR5)
 
 
 @pytest.mark.parametrize("name", ["rx90", "arm7", "delta4"])

@@ -107,10 +107,6 @@ def test_a_system_is_recognised_wherever_it_is_and_whatever_its_scale(name, seed
         assert system.reciprocal.type == kind or system.order == 3
 
 
-def _numbers(text):
-    return np.array([[float(x) for x in group.split(",")] for group in re.findall(r"\(([^()]*,[^()]*)\)", text)])
-
-
 def test_the_text_names_the_point_the_plane_and_the_axis():
     rng = np.random.default_rng(0)
     turn, point = varieties.rotation(rng), rng.normal(size=3)
@@ -118,7 +114,8 @@ def test_the_text_names_the_point_the_plane_and_the_axis():
     a, b, c = turn
 
     def of(*rows):
-        return _numbers(ScrewSystem(np.array(rows), frame, 1e-6).text())
+        groups = re.findall(r"\(([^()]*,[^()]*)\)", ScrewSystem(np.array(rows), frame, 1e-6).text())
+        return np.array([[float(x) for x in group.split(",")] for group in groups])
 
     assert of(*(screw(point, axis) for axis in turn))[0] == pytest.approx(point, abs=6e-4)
     found = of(screw(point, a), screw(point, b))
@@ -141,10 +138,6 @@ def test_the_text_names_the_point_the_plane_and_the_axis():
 
 
 seeds = st.integers(0, 2**32 - 1)
-
-
-def _random(rng):
-    return PlueckerLine.through(*rng.normal(size=(2, 3)))
 
 
 # --- one line ---------------------------------------------------------------------------------------------------------
@@ -195,7 +188,7 @@ def test_what_makes_no_line_says_why(make, says):
 @given(seeds, st.floats(-2.0, 2.0))
 def test_a_screw_is_the_velocity_of_its_motion(seed, pitch):
     rng = np.random.default_rng(seed)
-    axis, step, point = _random(rng), 1e-6, rng.normal(size=3)
+    axis, step, point = PlueckerLine.through(*rng.normal(size=(2, 3))), 1e-6, rng.normal(size=3)
     screw = Screw(axis, pitch)
     w, v = screw.coordinates[:3], screw.coordinates[3:]
     turn = Rotation.from_rotvec(step * axis.direction).as_matrix()

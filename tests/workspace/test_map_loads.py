@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from mapped import mapped, over
+from mapped import over
 
 import cinegen
 from cinegen.design import tolerance
@@ -16,7 +16,7 @@ from cinegen.errors import UnknownNameError
 from cinegen.workspace import QUANTITIES, GridAxis, MapError, MapSpecification, Region, make_map, open_map
 from cinegen.workspace.evaluator import ChunkEvaluator
 
-UPPER, FORE, MASSES, G = 0.5, 0.3, (2.0, 1.0), 9.81
+UPPER, FORE, MASSES, EFFORTS, G = 0.5, 0.3, (2.0, 1.0), (30.0, 15.0), 9.81
 SPRINGS = {"shoulder": 400.0, "elbow": 150.0}
 
 
@@ -26,11 +26,12 @@ def arm():
     body = """<inertial><origin xyz="{} 0 0"/><mass value="{}"/>
       <inertia ixx="1e-12" iyy="1e-12" izz="1e-12" ixy="0" ixz="0" iyz="0"/></inertial>"""
     joint = """<joint name="{}" type="revolute"><parent link="{}"/><child link="{}"/><origin xyz="{} 0 0"/>
-      <axis xyz="0 -1 0"/><limit lower="-3" upper="3" effort="30" velocity="1"/></joint>"""
+      <axis xyz="0 -1 0"/><limit lower="-3" upper="3" effort="{}" velocity="1"/></joint>"""
     return cinegen.load(f"""<robot name="upright"><link name="base"/>
       <link name="upper">{body.format(UPPER, MASSES[0])}</link>
       <link name="fore">{body.format(FORE, MASSES[1])}</link><link name="tip"/>
-      {joint.format("shoulder", "base", "upper", 0)}{joint.format("elbow", "upper", "fore", UPPER)}
+      {joint.format("shoulder", "base", "upper", 0, EFFORTS[0])}
+      {joint.format("elbow", "upper", "fore", UPPER, EFFORTS[1])}
       <joint name="end" type="fixed"><parent link="fore"/><child link="tip"/>
       <origin xyz="{FORE} 0 0"/></joint></robot>""")
 
@@ -103,6 +104,19 @@ def test_a_platform_is_as_stiff_as_the_lines_of_its_legs(robot):
             assert values[name] == pytest.approx(1.0 / np.linalg.eigvalsh(compliance[part, part])[-1], rel=1e-9)
 
 
+def test_an_upright_arm_holds_what_statics_gives_it(arm):
+    region, limits = over(("x", -0.8, 0.8, 15), ("z", -0.8, 0.8, 15)), np.array(EFFORTS)
+    for q, values in cells(MapSpecification(arm, region, ("torque", "payload"), "tip")):
+        arms, upper = G * lever(q)[1], G * UPPER * math.cos(q[0])
+        weight = MASSES[1] * arms + MASSES[0] * np.array([upper, 0.0])
+        assert values["torque"] == pytest.approx(np.abs(weight / limits).max(), rel=1e-5)
+        most = min((limits[i] - np.sign(arms[i]) * weight[i]) / abs(arms[i]) for i in range(2) if arms[i])
+        assert values["payload"] == pytest.approx(most, rel=1e-4)
+    weak = cinegen.load(re.sub('effort="[^"]*"', 'effort="0"', arm.source.urdf))
+    with pytest.raises(cinegen.CinegenError, match="no actuated joint has a limit of torque or force"):
+        MapSpecification(weak, region, ("payload",), "tip")
+
+
 @pytest.mark.parametrize("push", [0.0, 20.0])
 def test_the_payload_in_any_direction_of_gravity_is_that_of_the_worst(arm, push):
     """Against the payloads in many directions, of which none is less, and the worst hardly more."""
@@ -114,7 +128,7 @@ def test_the_payload_in_any_direction_of_gravity_is_that_of_the_worst(arm, push)
         first = UPPER * np.array([[-math.sin(q[0]), 0.0], [math.cos(q[0]), 0.0]])
         weight = (MASSES[0] * first + MASSES[1] * lever(q)).T @ down + (lever(q).T @ [push, -0.5 * push])[:, None]
         by_mass = lever(q).T @ down
-        most = np.min((30.0 - np.sign(by_mass) * weight) / np.abs(by_mass))  # both limits are 30 N m
+        most = np.min((np.array(EFFORTS)[:, None] - np.sign(by_mass) * weight) / np.abs(by_mass))
         assert most * (1.0 - 1e-4) <= values["payload_any"] <= most * (1.0 + 1e-9)
 
 
@@ -144,20 +158,6 @@ def test_a_spring_at_the_foot_of_a_scissor_lift(raff):
     alone = MapSpecification(lift, over(("joint1", 0.2, 1.3, 6)), ("stiffness",), stiffness={"joint1": 50.0})
     for _, values in cells(alone):
         assert values["stiffness"] == pytest.approx(50.0 / 0.4**2, rel=1e-9)
-
-
-def test_at_a_singularity_forces_have_no_bound_and_nothing_is_stiff(robot):
-    """A five-bar with its elbows in one point."""
-    five_bar, elbow = robot("five_bar"), math.atan2(-200.0, 150.0)
-    axes = [(name, at - 1e-3, at + 1e-3, 1) for name, at in (("joint1", elbow), ("joint3", math.pi - elbow))]
-    spec = MapSpecification(
-        five_bar, over(*axes), ("reaction_force", "stiffness", "frequency"), limits=False, reaction="joint2",
-        gravity=(0.0, -9.81, 0.0), stiffness=dict.fromkeys(five_bar.actuated, 1e3),
-    )  # fmt: skip
-    found = mapped(spec)
-    assert math.isinf(found["reaction_force"].item())
-    assert found["stiffness"].item() == 0.0
-    assert found["frequency"].item() == 0.0
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from clearings import ball, measured, obstacles_of
 from closed_forms import rx90
 from hypothesis import given
 from hypothesis import strategies as st
+from loop_openings import jacobian_by
 from mapped import mapped, middles, over
 from scipy.optimize import linprog
 
@@ -42,19 +43,8 @@ def cells(spec):
     return list(zip(found["configuration"][reached], values, strict=True))
 
 
-def by_motors(spec, q):
-    """(6, motors) how motors move the node, in its own axes: the loops solved by least squares."""
-    mechanism = spec.mechanism
-    loops = mechanism.structure.system.evaluate(q)[1] if mechanism.is_constrained else np.zeros((0, mechanism.model.nv))
-    motors = [mechanism.v_index(name) for name in mechanism.actuated]
-    moved = np.zeros((mechanism.model.nv, len(motors)))
-    for k, motor in enumerate(motors):
-        rows = np.zeros((len(motors), mechanism.model.nv))
-        rows[range(len(motors)), motors] = 1.0
-        wanted = np.zeros(len(loops) + len(motors))
-        wanted[len(loops) + k] = 1.0 / mechanism.scale[motor]
-        moved[:, k] = mechanism.scale * np.linalg.lstsq(np.vstack([loops, rows]), wanted, rcond=1e-10)[0]
-    return mechanism.jacobian(q, spec.node) @ moved
+def loop_rows(mechanism, q):
+    return mechanism.structure.system.evaluate(q)[1] if mechanism.is_constrained else np.zeros((0, mechanism.model.nv))
 
 
 ALONG = {"five_bar": (0.6, 0.8, 0.0)}
@@ -75,7 +65,8 @@ def test_quantities_are_those_of_singularities_numpy_and_linear_programmes(robot
         if mechanism.structure.passive_rank:
             assert values["sigma_2"] == pytest.approx(studied.sigma[1], rel=1e-5, abs=1e-7)
         units = np.repeat([1.0 / mechanism.length, 1.0], 3)[:, None]
-        sigma = np.linalg.svd((units * by_motors(spec, q) * scale)[: sum(spec.counted)], compute_uv=False)[: spec.rank]
+        moved = units * jacobian_by(mechanism, q, spec.node, mechanism.actuated) * scale
+        sigma = np.linalg.svd(moved[: sum(spec.counted)], compute_uv=False)[: spec.rank]
         assert values["condition"] == pytest.approx(sigma[0] / sigma[-1], rel=1e-4)
         assert values["manipulability"] == pytest.approx(np.prod(sigma), rel=1e-4, abs=1e-9)
         if not mechanism.is_constrained:
@@ -134,11 +125,7 @@ def limits_of(mechanism, given):
 def greatest_speed(mechanism, q, node, along):
     """m/s: of all joint velocities that keep the loops closed and motors within their limits."""
     limits = limits_of(mechanism, mechanism.model.upperVelocityLimit)
-    rows = (
-        mechanism.structure.system.evaluate(q)[1] / mechanism.scale
-        if mechanism.is_constrained
-        else np.zeros((0, len(limits)))
-    )
+    rows = loop_rows(mechanism, q) / mechanism.scale
     own = mechanism.placement(q, node).rotation.T @ along
     best = linprog(
         -own @ mechanism.jacobian(q, node)[:3], A_eq=rows, b_eq=np.zeros(len(rows)), bounds=np.c_[-limits, limits],
@@ -151,11 +138,7 @@ def greatest_force(mechanism, q, node, along):
     """N: of all efforts of motors and loops that balance it; joints without a motor bear nothing."""
     limits = limits_of(mechanism, mechanism.model.upperEffortLimit)
     limits[np.isinf(limits)] = 0.0
-    rows = (
-        mechanism.structure.system.evaluate(q)[1] / mechanism.scale
-        if mechanism.is_constrained
-        else np.zeros((0, len(limits)))
-    )
+    rows = loop_rows(mechanism, q) / mechanism.scale
     pushed = mechanism.jacobian(q, node)[:3].T @ (mechanism.placement(q, node).rotation.T @ along)
     bounds = [(0.0, None), *zip(-limits, limits, strict=True), *[(None, None)] * len(rows)]
     best = linprog(
@@ -181,15 +164,20 @@ def test_speeds_and_forces_through_couplings_are_those_of_linear_programmes(robo
         assert force == pytest.approx(greatest_force(mechanism, q, spec.node, along), rel=1e-4)
 
 
-def test_where_the_actuated_joints_control_nothing_there_is_no_speed_and_no_force(robot):
+def test_where_the_actuated_joints_control_nothing_there_is_no_speed_no_force_and_nothing_is_stiff(robot):
     """A five-bar with its elbows in one point: the linear programme has no bound, and rounding is no figure."""
     five_bar, elbow = robot("five_bar"), math.atan2(-200.0, 150.0)
     axes = [(name, at - 1e-3, at + 1e-3, 1) for name, at in (("joint1", elbow), ("joint3", math.pi - elbow))]
-    names = ("sigma_2", "condition", "manipulability", "velocity", "force")
-    found = mapped(MapSpecification(five_bar, over(*axes), names, limits=False))
+    names = ("sigma_2", "condition", "manipulability", "velocity", "force", "reaction_force", "stiffness", "frequency")
+    spec = MapSpecification(
+        five_bar, over(*axes), names, limits=False, reaction="joint2", gravity=(0.0, -9.81, 0.0),
+        stiffness=dict.fromkeys(five_bar.actuated, 1e3),
+    )  # fmt: skip
+    found = mapped(spec)
     assert found["reachable"].all()
     assert found["sigma_2"].item() < 1e-7
-    assert found["condition"].item() == math.inf
+    assert found["condition"].item() == found["reaction_force"].item() == math.inf
+    assert found["stiffness"].item() == found["frequency"].item() == 0.0
     for name in ("manipulability", "velocity", "force"):
         assert math.isnan(found[name].item())
 
@@ -281,30 +269,3 @@ def test_what_is_written_of_a_survey_is_read_back_to_the_last_bit(along):
     again = MapSpecification.of_attributes(one.attributes)
     assert again.text == one.text
     assert MapSpecification(again.mechanism, again.region, again.quantities, along=again.along).text == one.text
-
-
-def test_an_upright_arm_holds_what_statics_gives_it(tmp_path):
-    """Two bars of 0.5 and 0.3 m in the plane of x and z, point masses of 2 and 1 kg at their ends."""
-    path = tmp_path / "upright.urdf"
-    body = """<inertial><origin xyz="{} 0 0"/><mass value="{}"/>
-      <inertia ixx="1e-9" iyy="1e-9" izz="1e-9" ixy="0" ixz="0" iyz="0"/></inertial>"""
-    joint = """<joint name="{}" type="revolute"><parent link="{}"/><child link="{}"/><origin xyz="{} 0 0"/>
-      <axis xyz="0 -1 0"/><limit lower="-3" upper="3" effort="{}" velocity="1"/></joint>"""
-    path.write_text(f"""<robot name="upright"><link name="base"/><link name="upper">{body.format(0.5, 2.0)}</link>
-      <link name="fore">{body.format(0.3, 1.0)}</link><link name="tip"/>
-      {joint.format("shoulder", "base", "upper", 0, 30.0)}{joint.format("elbow", "upper", "fore", 0.5, 7.0)}
-      <joint name="end" type="fixed"><parent link="fore"/><child link="tip"/><origin xyz="0.3 0 0"/></joint></robot>""")
-    arm = cinegen.load(path)
-    region = over(("x", -0.8, 0.8, 15), ("z", -0.8, 0.8, 15))
-    found = list(cells(MapSpecification(arm, region, ("torque", "payload"), "tip")))
-    assert len(found) > 50
-    for q, values in found:
-        upper, fore = 0.5 * math.cos(q[0]), 0.3 * math.cos(q[0] + q[1])
-        weight = 9.81 * np.array([3.0 * upper + fore, fore])
-        arms, limits = 9.81 * np.array([upper + fore, fore]), np.array([30.0, 7.0])
-        assert values["torque"] == pytest.approx(np.abs(weight / limits).max(), rel=1e-5)
-        most = min((limits[i] - np.sign(arms[i]) * weight[i]) / abs(arms[i]) for i in range(2) if arms[i])
-        assert values["payload"] == pytest.approx(most, rel=1e-4)
-    path.write_text(path.read_text().replace('effort="30.0"', 'effort="0"').replace('effort="7.0"', 'effort="0"'))
-    with pytest.raises(cinegen.CinegenError, match="no actuated joint has a limit of torque or force"):
-        MapSpecification(cinegen.load(path), region, ("payload",), "tip")
