@@ -62,6 +62,23 @@ LIT = """(complete) => {
   return [...picture.getImageData((1 + x) / 2 * width, (1 - y) / 2 * height, 1, 1).data].slice(0, 3);
 }"""
 
+# The calls that draw a complete picture in which one leg is hidden and another lit up, and its pixels; with every part
+# drawn by itself or not, as those are that are transparent.
+TOGETHER = """async (alone) => {
+  const { view, viewer } = cockpit;
+  view.group("gough", "link9").visible = false;
+  view.group("gough", "link15").traverse(({ userData: { made } }) => made?.matt.emissive.setHex(0x304060));
+  view.root.traverse(({ userData: { made } }) => { if (made) made.matt.transparent = alone; });
+  viewer.num_messages_received += 1; // parts are looked at anew
+  await new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
+  const { width, height } = view.canvas;
+  const picture = Object.assign(document.createElement("canvas"), { width, height }).getContext("2d");
+  view.picture();
+  const { calls } = viewer.renderer.info.render;
+  picture.drawImage(view.canvas, 0, 0);
+  return [calls, [...picture.getImageData(0, 0, width, height).data]];
+}"""
+
 
 def chain(count):
     """RAFF of a chain that winds up."""
@@ -160,6 +177,15 @@ def test_a_face_in_full_light_has_the_colour_of_its_material(tmp_path, cockpit, 
     for complete in (True, False):
         seen = np.array(page.evaluate(LIT, complete)) / 255.0
         assert np.abs(seen - np.array(expected.split(), dtype=float)).max() < 0.08, complete
+
+
+def test_parts_that_are_drawn_at_once_look_as_if_each_was_drawn_alone(cockpit, tab):
+    page = tab(cockpit("gough", follow=None), drawn=True, reduced_motion="reduce")
+    page.evaluate("cockpit.view.chosen = true")  # the view is not framed again
+    (few, together), (many, apart) = (page.evaluate(TOGETHER, alone) for alone in (False, True))
+    assert few < 0.6 * many
+    differences = np.abs(np.array(together) - apart)
+    assert (differences > 3).sum() < 10  # of half a million pixels: a matrix is rounded elsewhere
 
 
 def test_nothing_is_drawn_while_nothing_changes_and_motions_leave_nothing_behind(cockpit, tab):

@@ -60,6 +60,7 @@ import { sendCamera } from "./view/camera.js";
 import { ContactShadow } from "./view/contact_shadow.js";
 import { lay } from "./view/floor.js";
 import { Highlight } from "./view/highlight.js";
+import { Instances } from "./view/instances.js";
 import { Labels } from "./view/labels.js";
 import { light } from "./view/lights.js";
 import { Skeleton } from "./view/skeleton.js";
@@ -92,6 +93,7 @@ session.on("state", (state) => { // before all that asks where things are
 
 paint(view);
 light(view);
+new Instances(view);
 new ContactShadow(view, lay(view));
 const labels = new Labels(view);
 const highlight = new Highlight(view, session);

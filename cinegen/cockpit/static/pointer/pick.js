@@ -2,6 +2,7 @@
 
 import { Mesh, Raycaster, Vector2 } from "three";
 import { nameOf } from "../base/names.js";
+import { TOGETHER } from "../view/instances.js";
 
 const NEAR = [0, 6, 12]; // pixels: the pointer trembles, and a part moves on while its picture is drawn
 const AROUND = 8;
@@ -20,6 +21,7 @@ export class Pick {
   constructor(view, session) {
     this.view = view;
     this.session = session;
+    this.#ray.layers.enable(TOGETHER);
     /** @type {((ray: import("three").Ray, away: number) => boolean) | null} */
     this.veil = null; // (ray, away) -> whether something that is no part is seen there, nearer than that
     /** @type {((event: At) => Touched | null) | null} */

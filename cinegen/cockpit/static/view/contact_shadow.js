@@ -13,7 +13,11 @@ const VERTEX = `
   varying vec2 where;
   void main() {
     where = uv;
-    gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
+    vec4 at = vec4(position, 1.0);
+    #ifdef USE_INSTANCING
+      at = instanceMatrix * at;
+    #endif
+    gl_Position = projectionMatrix * modelViewMatrix * at;
   }`;
 
 const HEIGHTS = `
@@ -66,7 +70,7 @@ export class ContactShadow {
     this.#upwards.rotation.x = Math.PI;
     floor.add(this.#shadow, this.#upwards);
     this.#flat.add(new Mesh(new PlaneGeometry(1, 1), this.#blur));
-    view.before(() => {
+    view.last(() => {
       this.#shadow.visible = view.resolution.complete;
       if (this.#shadow.visible) this.#cast();
     });

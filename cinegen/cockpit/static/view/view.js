@@ -26,7 +26,7 @@ export class View {
   #groups = new Map(); // of robots and nodes, as found in the tree
   /** @type {((drawn: boolean) => void)[]} */
   #before = [];
-  /** @type {(() => void)[]} */
+  /** @type {((drawn: boolean) => void)[]} */
   #last = [];
   /** @type {Map<string, import("three").BufferGeometry>} */
   #geometries = new Map(); // of the scene, by what the server calls them
@@ -98,7 +98,7 @@ export class View {
     this.#before.push(action);
   }
 
-  /** Calls `action` before every picture, after all of `before`. @param {() => void} action */
+  /** The same, after all of `before`. @param {(drawn: boolean) => void} action */
   last(action) {
     this.#last.push(action);
   }
@@ -346,8 +346,7 @@ export class View {
     this.stage.visible = this.whole;
     this.camera.updateWorldMatrix(true, false);
     this.viewer.camera.updateProjectionMatrix(); // meshcat does so when it renders: after its zoom came, labels would be elsewhere
-    for (const action of this.#before) action(drawn);
-    for (const action of this.#last) action();
+    for (const action of [...this.#before, ...this.#last]) action(drawn);
   }
 
   /** Whether the server has drawn something since the last call. */
