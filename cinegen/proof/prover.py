@@ -162,17 +162,17 @@ class Prover:
 
     def tree(self) -> list[Any]:
         """Return the nodes in preorder: the axis of a halved box, or a leaf as JSON values."""
-        found, stack = list[Any](), [0]
+        nodes, stack = list[Any](), [0]
         while stack:
             node = self.nodes[stack.pop()]
             assert node is not None
             if isinstance(node, Leaf):
                 tube = {"x": node.x, "y": node.y, **node.more} if node.x else {}
-                found.append({"claim": node.claim, "reason": node.reason, **tube})
+                nodes.append({"claim": node.claim, "reason": node.reason, **tube})
             else:
-                found.append(node[0])
+                nodes.append(node[0])
                 stack += [node[2], node[1]]
-        return found
+        return nodes
 
     # --- one batch ---------------------------------------------------------------------------------------------------
 
@@ -238,19 +238,19 @@ class Prover:
             radius: (boxes, unknowns) of it.
             is_sure: (boxes,) whether no motion remains with all actuated joints locked.
         """
-        e, found, low, high = self.equations, list[tuple[str, str]](), x - radius, x + radius
+        e, claims, low, high = self.equations, list[tuple[str, str]](), x - radius, x + radius
         beyond = self._limits & ((low > e.upper) | (high < e.lower))
         crossed = self._limits & ((high >= e.upper) | (low <= e.lower))
         for i, is_controlled in enumerate(is_sure.tolist()):
             if beyond[i].any():
-                found.append((LIMIT, e.names[int(beyond[i].argmax())]))
+                claims.append((LIMIT, e.names[int(beyond[i].argmax())]))
             elif crossed[i].any():
-                found.append((REGULAR, f"a limit of {e.names[int(crossed[i].argmax())]} may be crossed"))
+                claims.append((REGULAR, f"a limit of {e.names[int(crossed[i].argmax())]} may be crossed"))
             elif not is_controlled:
-                found.append((REGULAR, "a singularity of type 2 is not excluded"))
+                claims.append((REGULAR, "a singularity of type 2 is not excluded"))
             else:
-                found.append((PROVED, ""))
-        return found
+                claims.append((PROVED, ""))
+        return claims
 
     def _judged(self, least: Array, most: Array) -> tuple[str, str]:
         """Return what is claimed of a box by bounds (2,) of its singular values from below and above."""

@@ -21,9 +21,11 @@ class Bodies:
         self._data, self._n, along = tube.robot.data, len(tube.low), tube.along
         robot = Robot({**self._data, "closures": self._data["bodies"], "couplings": [], "rows": [], "virtual": []})
         point, wide, n, count = robot.point(tube.x, tube.centre), tube.wide(along, tube.near), self._n, along.ncols()
-        here = robot.parts(point, 2)
-        change = robot.change(wide, here, robot.parts(wide, 2, True))
-        jacobian, *by, bend, apart = (arb_mat(m) for m in (robot.jacobian(point, here), *change[:count], *change[-2:]))
+        centre = robot.parts(point, 2)
+        change = robot.change(wide, centre, robot.parts(wide, 2, True))
+        jacobian, *by, bend, apart = (
+            arb_mat(m) for m in (robot.jacobian(point, centre), *change[:count], *change[-2:])
+        )
         slopes, turned, unsure = jacobian * along, [m * along / 2 for m in by], absolute(bend + apart) / 2
         away = column([*tube.near, *[0] * (along.nrows() - len(tube.near))])
         rest = unsure * row_sums(along) + added_sizes([jacobian, *(m / 2 for m in by), unsure]) * away
@@ -35,7 +37,7 @@ class Bodies:
                 rest += absolute(column(bends))
             else:
                 parts[q] = [a + b for a, b in zip(parts[q], bends, strict=True)]
-        numbers = [robot.residual(point, here), *parts, rest.entries()]
+        numbers = [robot.residual(point, centre), *parts, rest.entries()]
         placed = list[Form]()
         for start in range(0, len(numbers[0]), 12):
             c, *g, r = (_placement(x[start : start + 12], robot.length) for x in numbers)

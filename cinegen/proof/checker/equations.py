@@ -239,17 +239,17 @@ class Robot:
         belongs to products of eps among eta."""
         closures, n = list[list[list[arb_mat]]](), len(values[0].g)
         products = self.products if n > len(self.over) else 0
-        for here, over in zip(at, wide, strict=True):
-            along = [_sum([values[k] for k in slot.variables]) for slot in here.slots if slot.varies]
+        for centre, over in zip(at, wide, strict=True):
+            along = [_sum([values[k] for k in slot.variables]) for slot in centre.slots if slot.varies]
             by, spread, away = (
                 arb_mat(len(along), n, [g for v in along for g in v.g]),
                 column([v.spread() for v in along]),
                 column([v.r for v in along]),
             )
             closures.append([])
-            for i, (m, unsure) in enumerate(zip(here.second, over.second, strict=True)):
+            for i, (m, unsure) in enumerate(zip(centre.second, over.second, strict=True)):
                 half = arb_mat(m.nrows(), m.ncols(), [x.rad() * _UP / 2 for x in unsure.entries()])
-                sharper = self._sharper(here, over, i, along, half * spread) if products else [half * spread]
+                sharper = self._sharper(centre, over, i, along, half * spread) if products else [half * spread]
                 closures[-1].append([m * by, *sharper, (absolute(m) + half) * away])
         bends = list[Any]()
         for coupling in self.data["couplings"]:

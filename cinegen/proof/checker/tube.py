@@ -51,15 +51,15 @@ class Tube:
             raise CertificateError("the equations are not as many as the unknowns, or a radius is none")
         self.centre, self.radius = middle(low, high)
         point = robot.point(self.x, self.centre)
-        here = robot.parts(point, 2)
-        residual, jacobian = robot.residual(point, here), robot.jacobian(point, here)
+        centre = robot.parts(point, 2)
+        residual, jacobian = robot.residual(point, centre), robot.jacobian(point, centre)
         self.inverse = c = inverse(arb_mat([jacobian[i][:k] for i in rows]))
         box = arb_mat(width, n)
         for j, r in enumerate(self.radius):
             box[k + j, j] = r
         all_columns, first = list(range(width)), pick(jacobian, rows, range(width))
         straight = arb_mat((-doubles(c * first * box)).tolist() + box.tolist()[k:])
-        change = robot.change(self.wide(straight, [arb(0)] * k), here, here)
+        change = robot.change(self.wide(straight, [arb(0)] * k), centre, centre)
         bent = [c * pick(m, rows, all_columns) * straight for m in change[:n]]
         pairs = [(a, b) for a in range(n) for b in range(a, n)]
         second = arb_mat([
@@ -68,7 +68,7 @@ class Tube:
         curved, rest = -doubles(second), arb_mat(width - k, len(pairs)).tolist()
         self.along = arb_mat([x + y for x, y in zip(straight.tolist(), curved.tolist() + rest, strict=True)])
         wide = self.wide(self.along, self.y)
-        change = robot.change(wide, here, robot.parts(wide, 2, True))
+        change = robot.change(wide, centre, robot.parts(wide, 2, True))
         third = change[n + len(pairs) : -2]
         both = [_added_rows(*m) for m in zip(change[n : n + len(pairs)], third, strict=True)]
         self.parts = [jacobian, *change[:n], *both, *change[-2:]]
