@@ -1,7 +1,7 @@
 """Proofs of workspaces: `prove`, and `load_proof`, which checks a certificate."""
 
 from cinegen.proof.checker import CertificateError, check
-from cinegen.proof.document import ProofError
+from cinegen.proof.exported_equations import ProofError
 from cinegen.proof.proof import prove
 from cinegen.proof.result import Proof, load_proof
 

@@ -18,8 +18,8 @@ from cinegen.collision.self_collision import PairReason, link_pairs
 from cinegen.collision.shapes import SIDES, rounded_hull
 from cinegen.joints import kinematic_data
 from cinegen.model import Mechanism
-from cinegen.proof.document import RADIUS, ProofError
 from cinegen.proof.equations import Equations
+from cinegen.proof.exported_equations import RADIUS, ProofError
 from cinegen.proof.matrices import Matrices
 from cinegen.proof.tubes import Tubes
 

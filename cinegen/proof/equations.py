@@ -85,7 +85,7 @@ class _Slot(NamedTuple):
 
 
 class Equations:
-    """Evaluates the equations of a document (`cinegen.proof.document`).
+    """Evaluates the equations of a document (`cinegen.proof.exported_equations`).
 
     Attributes:
         unknown: indices of the variables that are unknown.

@@ -13,13 +13,13 @@ from cinegen.arrays import Array, ArrayLike
 from cinegen.cluster import check_workers
 from cinegen.model import Mechanism
 from cinegen.proof.clearance import Clearances, bodies_of, shapes_of
-from cinegen.proof.document import Exporter, ProofError
+from cinegen.proof.distributed_checks import Checker, Report, examined
 from cinegen.proof.equations import Equations
+from cinegen.proof.exported_equations import Exporter, ProofError
 from cinegen.proof.prover import BOXES, ROUND, Prover
 from cinegen.proof.reach import ReachTest
 from cinegen.proof.result import FORMAT, Proof, leaves, proof_of
 from cinegen.proof.singular import SingularValues
-from cinegen.proof.spread import Checker, Report, examined
 from cinegen.proof.tolerances import Robots, with_tolerances
 from cinegen.proof.velocities import VelocityExporter
 from cinegen.singularities.slice import POSE, Coordinates

@@ -15,8 +15,8 @@ import numpy as np
 from cinegen.arrays import Array
 from cinegen.cluster import check_workers
 from cinegen.proof.checker import CertificateError
-from cinegen.proof.document import ProofError
-from cinegen.proof.spread import Checker, Report
+from cinegen.proof.distributed_checks import Checker, Report
+from cinegen.proof.exported_equations import ProofError
 from raff2urdf.errors import RaffError
 from raff2urdf.files import read_bytes
 

@@ -20,7 +20,7 @@ import numpy as np
 from cinegen.arrays import Array
 from cinegen.errors import CinegenError
 from cinegen.model import Mechanism
-from cinegen.proof.document import RADIUS, ProofError
+from cinegen.proof.exported_equations import RADIUS, ProofError
 
 
 class DimensionError(NamedTuple):

@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from cinegen.loops.motions import free_motions, orthonormal
-from cinegen.proof.document import Exporter
+from cinegen.proof.exported_equations import Exporter
 from cinegen.singularities.ball_joints import counted
 from cinegen.singularities.slice import POSE
 from raff2urdf.closure import rank

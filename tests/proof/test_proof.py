@@ -17,8 +17,8 @@ from scipy.spatial.transform import Rotation
 
 import cinegen
 import cinegen.proof.checker
+import cinegen.proof.distributed_checks
 import cinegen.proof.proof
-import cinegen.proof.spread
 import cinegen.proof.tubes
 from cinegen.collision.body import geometry_model
 from cinegen.collision.self_collision import PairReason, link_pairs
@@ -355,7 +355,7 @@ def test_plain_krawczyk_takes_many_times_as_many_boxes(robot, monkeypatch, size,
     ours = prove(robot("gough"), over, at)
     assert ours
     monkeypatch.setattr(cinegen.proof.tubes, "_along", along_nothing)
-    monkeypatch.setattr(cinegen.proof.spread, "check", lambda certificate, *_: {
+    monkeypatch.setattr(cinegen.proof.distributed_checks, "check", lambda certificate, *_: {
         "proved": 0.0, "refuted": 0.0, "undecided": 1.0, "witnesses": [], "boxes": 0,
         "statuses": ["undecided"] * sum(isinstance(node, dict) for node in certificate["tree"]),
     })  # fmt: skip
@@ -400,7 +400,7 @@ def test_boxes_may_be_examined_by_other_processes_in_any_order(rectangle):
 
 
 def test_an_interrupted_proof_goes_on_where_it_was(robot, tmp_path, monkeypatch):
-    monkeypatch.setattr(cinegen.proof.spread, "_WORTH", 1)
+    monkeypatch.setattr(cinegen.proof.distributed_checks, "_WORTH", 1)
     monkeypatch.setattr(cinegen.proof.checker, "_TASK", 1)
     examine, numbers = cinegen.proof.checker.examine, []
     monkeypatch.setattr(

@@ -7,7 +7,7 @@
 import { Aids } from "./aids/aids.js";
 import { Ellipsoids } from "./aids/ellipsoid.js";
 import { Forecasts } from "./aids/forecast.js";
-import { Ghosts } from "./aids/ghost.js";
+import { Targets } from "./aids/targets.js";
 import { SingularMotions } from "./aids/singular_motions.js";
 import { Marks } from "./aids/marks.js";
 import { Limits } from "./aids/limits.js";
@@ -99,7 +99,7 @@ const labels = new Labels(view);
 const highlight = new Highlight(view, session);
 const aids = new Aids(!withAids);
 const shown = { view, session, labels, aids, highlight };
-for (const Aid of [Ghosts, SingularMotions, Ellipsoids, Forecasts, Trails, Limits, Marks, Obstructions, Reactions]) new Aid(shown);
+for (const Aid of [Targets, SingularMotions, Ellipsoids, Forecasts, Trails, Limits, Marks, Obstructions, Reactions]) new Aid(shown);
 
 const pick = new Pick(view, session);
 new Skeleton({ ...shown, pick });

@@ -7,7 +7,7 @@
 import { Box3, Group, Mesh, Vector3 } from "three";
 import { byId, make, memory, sign, write } from "../base/dom.js";
 import { frames } from "../base/frames.js";
-import { copyOf } from "../aids/ghost.js";
+import { copyOf } from "../aids/targets.js";
 import { paint } from "../view/shapes.js";
 import { theme } from "../view/theme.js";
 

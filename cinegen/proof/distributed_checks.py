@@ -11,7 +11,7 @@ from typing import Any, TextIO
 
 from cinegen.cluster import connected, each, processes
 from cinegen.proof.checker import BoxResult, Spread, check, one_by_one
-from cinegen.proof.document import ProofError
+from cinegen.proof.exported_equations import ProofError
 
 _WORTH = 200  # boxes for each process, from which on processes are worth starting; boxes that are worth keeping
 _MARK = "examined boxes of cinegen prove"

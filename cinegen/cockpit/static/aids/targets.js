@@ -1,4 +1,4 @@
-// Targets of tasks: a translucent copy of the part at its target, and a thin tether to it where it is not reached.
+// Targets of tasks: a translucent copy of the part at its target, and a thin line to it where it is not reached.
 
 import { BufferGeometry, Group, Line, LineBasicMaterial, Mesh, Quaternion, Vector3 } from "three";
 import { isNear } from "../base/units.js";
@@ -14,7 +14,7 @@ import { theme } from "../view/theme.js";
  *   copy: Group }} Mark
  */
 
-export class Ghosts {
+export class Targets {
   /** @type {Map<number, Mark>} */
   #marks = new Map(); // by the task's id
   #last = ""; // the tasks of the last state
