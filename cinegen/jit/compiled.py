@@ -17,7 +17,7 @@ from numba.core.registry import cpu_target
 from numpy.typing import NDArray
 
 from cinegen.jit.memory import Memory
-from cinegen.jit.private import check_private
+from cinegen.jit.private_cache import check_private
 from cinegen.jit.whole_program import whole_program
 
 Array = NDArray[np.float64]

@@ -14,9 +14,9 @@ import pytest
 from cinegen import CinegenError, Solver
 from cinegen.ik._kernels.memory import SolverMemory
 from cinegen.ik._kernels.tick import tick
-from cinegen.jit import private
+from cinegen.jit import private_cache
 from cinegen.jit.compiled import is_cached
-from cinegen.jit.private import check_private
+from cinegen.jit.private_cache import check_private
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "geteuid"), reason="there are no such users")
 
@@ -84,9 +84,9 @@ def test_a_folder_of_somebody_else_is_refused_and_the_command_mends_it(cache):
 
 def test_a_group_of_ones_own_may_write_it(tmp_path, monkeypatch):
     tmp_path.chmod(0o770)
-    monkeypatch.setattr(private, "_is_own_group", lambda _: True)
+    monkeypatch.setattr(private_cache, "_is_own_group", lambda _: True)
     check_private(tmp_path, Path(__file__))
-    monkeypatch.setattr(private, "_is_own_group", lambda _: False)
+    monkeypatch.setattr(private_cache, "_is_own_group", lambda _: False)
     with pytest.raises(CinegenError, match="other users may write it"):
         check_private(tmp_path, Path(__file__))
 
@@ -97,4 +97,4 @@ def test_groups_with_other_members_are_not_ones_own(monkeypatch):
     monkeypatch.setattr(pwd, "getpwuid", lambda _: me)
     monkeypatch.setattr(pwd, "getpwall", lambda: [me, friend])
     monkeypatch.setattr(grp, "getgrgid", lambda gid: Entry(gr_mem=groups[gid]))
-    assert [private._is_own_group(group) for group in (7, 8, 9, 10)] == [True, False, True, False]
+    assert [private_cache._is_own_group(group) for group in (7, 8, 9, 10)] == [True, False, True, False]
