@@ -13,7 +13,7 @@ from small_robots import four_bar
 import cinegen
 import raff2urdf
 from cinegen.errors import CinegenWarning, LoadError, UnknownNameError
-from raff2urdf import RaffError, RaffWarning, readers
+from raff2urdf import RaffError, RaffWarning
 from raff2urdf.coupling import Coupling
 from raff2urdf.shipped import reference_robots
 
@@ -236,13 +236,6 @@ def test_actuated_joints_of_a_text_are_given_as_the_advice_proposes(folder):
     assert arms.uncontrolled == ("joint2", "joint3")
     assert "let joint2, joint3 be actuated too; load(..., actuated=[...]) declares that" in arms.source.notes[0]
     assert cinegen.load(passive, actuated=["joint1", "joint2", "joint3"]).uncontrolled == ()
-
-
-def test_a_urdf_is_read_from_a_text_with_its_own_loops():
-    found = readers.read(Path("arm of a program"), text=URDF)
-    assert found.urdf == URDF
-    with pytest.raises(RaffError, match="arm of a program:1: "):
-        readers.read(Path("arm of a program"), text="<robot")
 
 
 # --- load pinocchio ---------------------------------------------------------------------------------------------------

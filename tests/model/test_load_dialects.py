@@ -537,11 +537,6 @@ def test_loops_are_opened_in_every_format_all_or_by_name(format, root, tmp_path)
     assert (len(mechanism.loops), mechanism.mobility) == (0, 5)
 
 
-def test_a_robot_without_loops_is_loaded_without_a_word(root, recwarn):
-    assert cinegen.load(root / "robots" / "arm7.raff", ignore_loops=True).mobility == 7
-    assert not recwarn
-
-
 # --- commands ----------------------------------------------------------------------------------------------------
 
 SCENE = """robot = "bars.urdf"
