@@ -403,18 +403,14 @@ class Delta:
             gammas=tuple(math.radians(link(text, n).parameters.gamma) for n in FIRST),
         )
 
-    def wrists(self, position: np.ndarray) -> list[np.ndarray]:
-        """The wrists, each seen from its arm, the shoulder's axis at the origin."""
-        reach = np.array([self.platform - self.base, 0.0, 0.0])
-        return [turn("z", -gamma)[:3, :3] @ position + reach for gamma in self.gammas]
-
     def inverse(self, position: np.ndarray) -> np.ndarray | None:
         """Motors (rad) that bring the platform there, elbows outside; None: out of reach.
 
         |wrist - elbow| = forearm is w_x cos + w_z sin = k.
         """
         motors = []
-        for w in self.wrists(position):
+        for gamma in self.gammas:  # the wrist, seen from its arm, the shoulder's axis at the origin
+            w = turn("z", -gamma)[:3, :3] @ position + [self.platform - self.base, 0.0, 0.0]
             k = (w @ w + self.upper**2 - self.forearm**2) / (2.0 * self.upper)
             h = math.hypot(w[0], w[2])
             if abs(k) >= h:
