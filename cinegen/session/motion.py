@@ -107,11 +107,13 @@ class JointMotion:
         self.problem = ""
         try:
             self._q = self._forward.move(values)
-        except CinegenError as error:
-            self.problem = at_limit([error.joint]) if isinstance(error, LimitError) else str(error)
-            self.goal = {}  # the next movement of a slider tries again
-            return None if self._ends else self._q
-        return self._q
+            return self._q
+        except LimitError as error:
+            self.problem = at_limit([error.joint])
+        except CinegenError:
+            self.problem = "its loops can't follow on this branch"
+        self.goal = {}  # the next movement of a slider tries again
+        return None if self._ends else self._q
 
     def block(self, q: Array, problem: str) -> None:
         """See `RobotMotion`; the next movement of a slider tries again."""
