@@ -139,7 +139,12 @@ def test_motions_of_a_session_keep_limits_within_a_tick(robot):
     for joint, value in goal.items():
         slider.move(joint, value)
     assert np.array_equal(slider.advance(100.0), mechanism.q_home)
-    assert slider.problem == "at limit: joint3"
+    assert slider.problem == "at the limit of joint3"
+    hexapod = robot("gough")
+    slider = JointMotion(hexapod, hexapod.q_home)
+    slider.move("joint3", hexapod.limits["joint3"].upper)
+    assert np.array_equal(slider.advance(100.0), hexapod.q_home)
+    assert slider.problem == "its loops can't follow on this branch"
     motion = ConfigurationMotion(narrow, mechanism.q_home, end, "home", "moving home")
     assert np.array_equal(motion.advance(100.0), end)
     assert motion.problem == "joint3 would pass a limit in between: the robot was moved there without a path"
