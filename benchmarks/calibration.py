@@ -10,7 +10,8 @@ estimate is compared with two others: that of all readings before, and that of t
 that is wrong by an unknown amount tells nothing: the second is the best that is possible.
 
 `covariance` compares the combinations that are estimated with the truth, in the covariance that `calibrate` states.
-Their squares have a mean of 1 if it is right; the error of that mean is the one that the robots' own means have.
+Their squares have a mean of 1 if it is right; the error of that mean is the one that the robots' own means have. What
+was drawn is shown beside it: the mean square of the noise along the combinations, which no covariance changes.
 `right` has robots with one and three times the expected errors, in 12 to 40 poses, of which positions or full poses are
 read with a fifth to five times the noise. None may be refused; warnings are counted.
 """
@@ -38,14 +39,16 @@ ROBOTS = ("arm7", "five_bar", "delta4", "gough", "scara")
 
 def synthetic(
     parameters: Parameters, kinds: int, seed: int, errors: float = 1.0, noise: float = 1.0, poses: int = 40
-) -> tuple[np.ndarray, Measurements]:
-    """Return the true values of a robot that can be assembled, and its readings: the first kinds of coordinates."""
+) -> tuple[np.ndarray, Measurements, Measurements]:
+    """Return the true values of a robot that can be assembled, and its readings without and with noise: the first kinds
+    of coordinates."""
     free = ~np.isin(parameters.names, Design(parameters).evaluate().opening)
     rng = np.random.default_rng([7, seed])
     truth = parameters.values + errors * errors_of(parameters) * free * rng.normal(size=len(parameters))
     columns = [f"{parameters.mechanism.end}.{c}" for c in POSE[:kinds]]
     readings = exact(parameters, columns, truth, poses, seed)
-    return truth, noisy(replace(readings, sigmas=noise * readings.sigmas), 1000 + seed)
+    readings = replace(readings, sigmas=noise * readings.sigmas)
+    return truth, readings, noisy(readings, 1000 + seed)
 
 
 def covariance(count: int) -> None:
@@ -53,9 +56,9 @@ def covariance(count: int) -> None:
     for (name, kinds), (errors, noise) in product(
         (("five_bar", 2), ("delta4", 3), ("delta4", 6), ("gough", 6)), ((1.0, 1.0), (1.0, 0.2), (3.0, 1.0))
     ):
-        parameters, squares, largest = everything(name), list[float](), 0.0
+        parameters, squares, drawn, largest = everything(name), list[float](), list[float](), 0.0
         for seed in range(count):
-            truth, measured = synthetic(parameters, kinds, seed, errors, noise)
+            truth, clean, measured = synthetic(parameters, kinds, seed, errors, noise)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 found = calibrate(parameters, measured, folds=0)
@@ -64,10 +67,15 @@ def covariance(count: int) -> None:
             root = np.linalg.cholesky(found.combination_covariance)
             squares.append(float(np.mean(np.linalg.solve(root, off) ** 2)))
             largest = max(largest, float(np.max(np.abs(off) / np.sqrt(np.diag(found.combination_covariance)))))
+            rows = found.observation.predict(found.values).jacobian @ found.subspace.changes
+            basis = np.linalg.qr((rows / found.observation.sigmas[..., None])[found.kept])[0]
+            outputs = found.observation.outputs
+            apart = ((measured.values - clean.values)[:, outputs] / found.observation.sigmas)[found.kept]
+            drawn.append(float(np.mean((basis.T @ apart) ** 2)))
         print(
             f"{name}, {kinds} coordinates, {errors:g} expected errors, {noise:g} noise: chi-square per rank "
             f"{np.mean(squares):.3f} +- {np.std(squares, ddof=1) / count**0.5:.3f} ({count} robots, rank {len(off)}); "
-            f"largest {largest:.2g} sigma",
+            f"of the noise drawn {np.mean(drawn):.3f}; largest {largest:.2g} sigma",
             flush=True,
         )
 
@@ -81,7 +89,7 @@ def right(count: int) -> None:
         coordinates = 6 if poses and name != "five_bar" else 2 if name == "five_bar" else 3
         rng = np.random.default_rng([8, seed])
         noise, lines = 5.0 ** rng.uniform(-1.0, 1.0), int(rng.integers(12, 41))
-        _, measured = synthetic(parameters, coordinates, seed, errors, noise, lines)
+        *_, measured = synthetic(parameters, coordinates, seed, errors, noise, lines)
         with warnings.catch_warnings(record=True) as met:
             warnings.simplefilter("always")
             began = time.process_time()

@@ -62,7 +62,7 @@ def prove(
 
     Raises:
         ProofError: there is no range, or an empty one; no such shape; tolerances of another robot, or that loops can't
-            follow; sigma or the clearance is negative; a clearance is given with tolerances.
+            follow; sigma or the clearance is negative.
         SliceError: coordinates that don't exist, or that can't be given independently.
         UnknownNameError: no such node.
         ClusterError: workers can't be started.
@@ -83,25 +83,23 @@ def prove(
         raise ProofError(f"sigma is {sigma:g}: give a bound that is not negative")
     if clearance is not None and not 0.0 <= clearance < np.inf:
         raise ProofError(f"the clearance is {clearance:g} m: give one that is not negative")
-    if clearance is not None and tolerances is not None:
-        raise ProofError("distances are bounded without tolerances only: leave out the clearance or the tolerances")
     known = coordinates.coordinates(start)
     pose = np.array([(at or {}).get(name, known[name]) for name in POSE])
     constant = [name for name in POSE if name not in coordinates.independent and not _moves(coordinates, name)]
     pose[np.abs(pose) < _EXACT] = 0.0
+    bodies = [] if clearance is None else bodies_of(mechanism)
+    shapes = {} if clearance is None else shapes_of(mechanism)
 
     def export(robot: Mechanism) -> dict[str, Any]:
         kind = Exporter if sigma is None else VelocityExporter
         exporter = kind(
             robot.successive, coordinates.node, pose, over, coordinates.independent, constant,
-            limits or clearance is not None, [] if clearance is None else bodies_of(mechanism),
+            limits or clearance is not None, bodies,
         )  # fmt: skip
         bounds = {"limits": limits, "sigma": sigma, "clearance": clearance}
-        return {"format": FORMAT, **exporter.document(start), "bounds": bounds, "shape": shape}
+        return {"format": FORMAT, **exporter.document(start), "bounds": bounds, "shape": shape, **shapes}
 
-    document = export(whole)
-    if clearance is not None:
-        document |= shapes_of(mechanism)
+    document = export(mechanism)
     if tolerances is not None:
         if tolerances.mechanism.joints != mechanism.joints:
             raise ProofError(f"{mechanism.name}: the tolerances are of {tolerances.mechanism.name}: give this robot's")

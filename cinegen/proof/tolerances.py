@@ -6,7 +6,8 @@ robots within all tolerances have entries within
 
     sum_i |change by i| + A^2 (rotations),    ... + A (A l + D) (translations),    A = sum_i |e_i|, angles only,
 
-where D is the sum of the lengths' tolerances, and l that of all lengths of the robot (Taylor's theorem).
+where D is the sum of the lengths' tolerances, and l that of all lengths of the robot (Taylor's theorem). Links keep
+their shapes.
 """
 
 from __future__ import annotations
@@ -100,7 +101,7 @@ def with_tolerances(
 def _numbers(document: Mapping[str, Any]) -> tuple[list[tuple[int, int]], Array]:
     """Return the placements of all chains, in order: index and variable (-1 at an end), and numbers (., 12)."""
     used = list[tuple[int, int]]()
-    for closure in document["closures"]:
+    for closure in [*document["closures"], *document.get("bodies", [])]:
         for side in ("first", "second"):
             used += [(index, k) for index, k in closure[side]] + [(closure[f"{side}_end"], -1)]
     for cluster in (document.get("second") or {"clusters": []})["clusters"]:

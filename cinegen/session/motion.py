@@ -36,6 +36,11 @@ _LINE_PATIENCE = 0.4  # s that it waits in all
 _SPATIAL = 6  # DoF: with fewer, the node's orientation follows from its position
 
 
+def at_limit(joints: Sequence[str]) -> str:
+    """Return the text on joints at their limits, of which the first two are named."""
+    return f"at the limit of {' and '.join(joints[:2])}"
+
+
 class RobotMotion(Protocol):
     """A motion of a robot.
 
@@ -102,11 +107,13 @@ class JointMotion:
         self.problem = ""
         try:
             self._q = self._forward.move(values)
-        except CinegenError as error:
-            self.problem = f"at limit: {error.joint}" if isinstance(error, LimitError) else str(error)
-            self.goal = {}  # the next movement of a slider tries again
-            return None if self._ends else self._q
-        return self._q
+            return self._q
+        except LimitError as error:
+            self.problem = at_limit([error.joint])
+        except CinegenError:
+            self.problem = "its loops can't follow on this branch"
+        self.goal = {}  # the next movement of a slider tries again
+        return None if self._ends else self._q
 
     def block(self, q: Array, problem: str) -> None:
         """See `RobotMotion`; the next movement of a slider tries again."""

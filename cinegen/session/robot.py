@@ -21,7 +21,7 @@ from cinegen.mission import RecordedTask, RobotSample
 from cinegen.model import Mechanism
 from cinegen.session.carried import carried_over, joint_values
 from cinegen.session.holding import Holding
-from cinegen.session.motion import Retrace, RobotMotion
+from cinegen.session.motion import Retrace, RobotMotion, at_limit
 from cinegen.session.state import CarriedMass, DescribedState, Obstruction, RobotState, RobotStatus, TaskState
 
 POINTER, PIN, SENSOR = "pointer", "pin", "sensor"
@@ -339,7 +339,7 @@ class DrivenRobot:
         status = step.status
         label = status.name.lower().replace("_", " ")
         if status is Status.AT_LIMIT and step.saturated:
-            label += f": {', '.join(step.saturated[:3])}"
+            label = at_limit(step.saturated)
         elif status is Status.OUT_OF_REACH:
             metres, angle = (max(parts) for parts in zip(*step.errors, strict=True))
             far = metres > self.mechanism.length * min(1e-3, angle)  # not 0 degrees

@@ -49,6 +49,7 @@ class Waypoints:
         self._robots, self._new_id, self._record = robots, new_id, record
         self._all: list[Waypoint] = []
         self._target: Waypoint | None = None
+        self._last = ""  # name of the waypoint that was reached before
         self._next: deque[Waypoint] = deque()
         self._motions: dict[str, ConfigurationMotion] = {}
         self._goals: dict[str, Array] = {}  # of the robots on the way to the target
@@ -157,7 +158,9 @@ class Waypoints:
         for name, motion in self._motions.items():
             robot = self._robots[name]
             if motion.jumps:
-                return self._fail(f"{name} can't reach '{self._target.name}' on a path")
+                again = f"drag it there from '{self._last}' and save it again, or remove it"
+                reason = f"{name} can't reach '{self._target.name}' on a path"
+                return self._fail(f"{reason}: {again if self._last else 'play again'}")
             if robot.motion is not None and robot.motion is not motion:
                 return self._fail(f"another motion moves {name}")
         if any(self._robots[name].motion is not None for name in self._motions):
@@ -173,6 +176,7 @@ class Waypoints:
             return self._fail(str(error))
         if self._next:
             try:
+                self._last = self._target.name
                 self._begin(self._next.popleft())
             except WaypointError as error:
                 return self._fail(str(error))
@@ -182,6 +186,7 @@ class Waypoints:
 
     def _start(self, waypoints: Sequence[Waypoint]) -> None:
         self.stop()
+        self._last = ""
         self._next = deque(waypoints)
         self._begin(self._next.popleft())
 

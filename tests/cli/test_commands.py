@@ -27,14 +27,14 @@ from raff2urdf.cli import main as main_of_raff2urdf
 
 
 @pytest.fixture
-def here(tmp_path, monkeypatch, capsys):
-    """`here("info", ...)`: exit code, standard output and standard error, without a process of its own."""
+def run(capsys, monkeypatch, tmp_path):
+    """Runs a command in an empty folder; what it returns, and what it prints on both streams."""
     monkeypatch.chdir(tmp_path)
-    return lambda *arguments: (main(list(map(str, arguments))), *capsys.readouterr())
+    return lambda *words, command=main: (command(list(map(str, words))), *capsys.readouterr())
 
 
-def test_info_says_what_a_mechanism_is(root, here):
-    code, said, _ = here("info", root / "robots/delta4.raff")
+def test_info_says_what_a_mechanism_is(root, run):
+    code, said, _ = run("info", root / "robots/delta4.raff")
     assert code == 0
     for words in (
         "mobility 3",
@@ -47,8 +47,8 @@ def test_info_says_what_a_mechanism_is(root, here):
     assert re.search(r"joint6 +revolute +\S+ +-85 +80 .*actuated", said)
 
 
-def test_info_as_json_agrees_with_the_mechanism(root, robot, here):
-    _, said, _ = here("info", root / "robots/two_arms.raff", root / "robots/delta4.raff", "--json")
+def test_info_as_json_agrees_with_the_mechanism(root, robot, run):
+    _, said, _ = run("info", root / "robots/two_arms.raff", root / "robots/delta4.raff", "--json")
     reports = json.loads(said)
     assert [report["name"] for report in reports] == ["two_arms.left", "two_arms.right", "delta4"]
     delta = robot("delta4")
@@ -61,9 +61,9 @@ def test_info_as_json_agrees_with_the_mechanism(root, robot, here):
 
 
 @pytest.mark.usefixtures("session_in_a_thread")
-def test_several_robots_follow_a_shape_for_as_long_as_said(root, tmp_path, here):
+def test_several_robots_follow_a_shape_for_as_long_as_said(root, tmp_path, run):
     files = [root / "robots/two_arms.raff", root / "robots/four_bar.raff"]
-    code, said, _ = here("drive", *files, "--follow", "figure8", "--seconds", "0.5", "--no-browser")
+    code, said, _ = run("drive", *files, "--follow", "figure8", "--seconds", "0.5", "--no-browser")
     assert code == 0
     for name in ("two_arms.left", "two_arms.right", "four_bar"):
         assert f"{name}: tool follows a" in said
@@ -72,10 +72,10 @@ def test_several_robots_follow_a_shape_for_as_long_as_said(root, tmp_path, here)
 
 
 @pytest.mark.usefixtures("session_in_a_thread")
-def test_where_nobody_can_press_ctrl_c_it_moves_for_a_while_and_leaves_a_page(root, tmp_path, here, monkeypatch):
+def test_where_nobody_can_press_ctrl_c_it_moves_for_a_while_and_leaves_a_page(root, tmp_path, run, monkeypatch):
     monkeypatch.setattr(served_page, "_UNATTENDED", 0.2)
     monkeypatch.setattr(sys, "stdin", io.StringIO())
-    code, said, _ = here("drive", root / "robots/four_bar.raff")
+    code, said, _ = run("drive", root / "robots/four_bar.raff")
     assert code == 0
     assert "page: http://127.0.0.1:" in said
     assert str(tmp_path / "four_bar.html") in said
@@ -153,19 +153,6 @@ def test_pairs_are_printed(typed):
 
 # --- demo command -----------------------------------------------------------------------------------------------------
 # `cinegen demo`, and the names of shipped robots and scenes in other commands, from a folder without any file.
-
-
-@pytest.fixture
-def run(capsys, monkeypatch, tmp_path):
-    """Runs a command in an empty folder; what it returns, and what it prints on both streams."""
-    monkeypatch.chdir(tmp_path)
-
-    def call(*words, command=main):
-        code = command(list(words))
-        said = capsys.readouterr()
-        return code, said.out, said.err
-
-    return call
 
 
 def test_the_list_has_a_line_for_everything(run, root):

@@ -14,11 +14,8 @@ from typing import get_args
 import pytest
 import typer
 from anything import Anything, library_of_anything
+from test_wrong_arguments import command_of
 from variants import slow
-
-import cinegen.cli
-import raff2urdf.cli
-import raff2urdf.urdf2raff.cli
 
 # The calls that pairs are added to: one for each thing that a command can do.
 CALLS = {
@@ -77,17 +74,10 @@ REPLACED = (
     "cinegen.cli.motion.plan_recording.replace", "cinegen.cli.served_page.replace", "cinegen.cli.robots.heal.signed",
 )  # fmt: skip
 """What is called in no library, or needs more than anything."""
-PROGRAMS = {"cinegen": cinegen.cli, "raff2urdf": raff2urdf.cli, "urdf2raff": raff2urdf.urdf2raff.cli}
 MODULES = ("cinegen.cli", "raff2urdf.cli", "raff2urdf.urdf2raff.cli", "raff2urdf.command.read_flags")
 BY_INPUT = {"cinegen singular": ["--units"], "cinegen compare": ["--units"], "cinegen map": ["--yes", "--units"]}
 """Options whose effect is in the library's texts, or in a question about large maps."""
 LEFT_OUT = {"--help", "--version", "--install-completion", "--show-completion", "--grammar"}
-
-
-def command_of(command):
-    program, *names = command.split()
-    found = typer.main.get_command(PROGRAMS[program].app)
-    return found.commands[names[0]] if names else found
 
 
 def type_of(option):

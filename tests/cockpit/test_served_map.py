@@ -178,41 +178,33 @@ def where(mechanism, dataset, numbers):
     return np.array([mechanism.placement(one, mechanism.end).translation for one in q])
 
 
-def test_all_reached_cells_are_shown_where_the_robot_is_in_them(made, robot):
+@pytest.mark.parametrize("most", [MOST, 60, 3])
+def test_reached_cells_are_shown_where_the_robot_is_in_them_and_of_a_large_map_some(made, robot, most):
     path, dataset = made("delta4", Region(BOX), "sigma_1", "margin")
-    shown = serve(path)
-    cloud = shown.cells()
-    assert cloud.arrays["numbers"].tolist() == np.flatnonzero(dataset["reachable"].values).tolist()
-    assert 0 < len(cloud.arrays["numbers"]) < cloud.description.cells == cloud.description.done == 6 * 5 * 6
-    assert cloud.arrays["points"] == pytest.approx(where(robot("delta4"), dataset, cloud.arrays["numbers"]), abs=1e-8)
+    shown = serve(path, most)
+    cloud, reached = shown.cells(), dataset["reachable"].values.ravel()
+    numbers, points = cloud.arrays["numbers"], cloud.arrays["points"]
+    assert 0 < len(numbers) <= min(most, cloud.description.cells - 1)
+    assert cloud.description.cells == cloud.description.done == 6 * 5 * 6
+    assert reached[numbers].all()
+    assert (len(numbers) == reached.sum()) == (most == MOST)
+    assert (max(axis.every for axis in cloud.description.axes) == 1) == (most == MOST)
+    assert points == pytest.approx(where(robot("delta4"), dataset, numbers), abs=1e-8)
     assert "edges" not in cloud.arrays
-    assert cloud.description.size == pytest.approx(0.25)  # to the next cell, along z
-    for axis, index in zip(cloud.description.axes, cloud.arrays["indices"].T, strict=True):
-        assert axis.low + axis.step * index == pytest.approx(cloud.arrays["points"][:, "xyz".index(axis.name)])
-    for quantity in cloud.description.quantities:
-        values = dataset[quantity.name].values.ravel()[cloud.arrays["numbers"]]
-        assert cloud.arrays[f"value {quantity.name}"].tolist() == values.tolist()
-        assert quantity.least == values.min() <= quantity.low < quantity.high <= values.max() == quantity.most
-        assert quantity.text == dataset[quantity.name].attrs["long_name"]
-    some = int(cloud.arrays["numbers"][len(cloud.arrays["numbers"]) // 2])
-    assert json.loads(shown.cell(some))["q"] == dataset["configuration"].values.reshape(-1, 15)[some].tolist()
-    missed = int(np.flatnonzero(~dataset["reachable"].values)[0])
-    assert shown.cell(missed) is None
-    assert shown.cell(cloud.description.cells) is None
-
-
-@pytest.mark.parametrize("most", [60, 3])
-def test_of_a_large_map_fewer_cells_are_shown_each_still_where_it_is(made, robot, most):
-    path, dataset = made("delta4", Region(BOX), "sigma_1", "margin")
-    cloud = serve(path, most).cells()
-    assert 0 < len(cloud.arrays["numbers"]) <= most
-    assert max(axis.every for axis in cloud.description.axes) > 1
-    assert dataset["reachable"].values.ravel()[cloud.arrays["numbers"]].all()
-    assert cloud.arrays["points"] == pytest.approx(where(robot("delta4"), dataset, cloud.arrays["numbers"]), abs=1e-8)
-    assert cloud.arrays["value margin"].tolist() == dataset["margin"].values.ravel()[cloud.arrays["numbers"]].tolist()
     for axis, index in zip(cloud.description.axes, cloud.arrays["indices"].T, strict=True):
         assert index.max() < axis.count
-        assert axis.low + axis.step * index == pytest.approx(cloud.arrays["points"][:, "xyz".index(axis.name)])
+        assert axis.low + axis.step * index == pytest.approx(points[:, "xyz".index(axis.name)])
+    for quantity in cloud.description.quantities:
+        values = dataset[quantity.name].values.ravel()[numbers]
+        assert cloud.arrays[f"value {quantity.name}"].tolist() == values.tolist()
+        assert quantity.text == dataset[quantity.name].attrs["long_name"]
+        if most == MOST:
+            assert cloud.description.size == pytest.approx(0.25)  # to the next cell, along z
+            assert quantity.least == values.min() <= quantity.low < quantity.high <= values.max() == quantity.most
+    some = int(numbers[len(numbers) // 2])
+    assert json.loads(shown.cell(some))["q"] == dataset["configuration"].values.reshape(-1, 15)[some].tolist()
+    assert shown.cell(int(np.flatnonzero(~reached)[0])) is None
+    assert shown.cell(cloud.description.cells) is None
 
 
 def test_all_of_a_sphere_is_shown_with_every_second_cell(made):

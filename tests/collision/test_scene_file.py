@@ -11,6 +11,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes_of_tables import refused
+from small_robots import four_bar
 
 import cinegen
 from cinegen.collision import PlanningError, SceneError, load_scene, scene_of
@@ -292,22 +293,14 @@ def test_a_long_way_from_home_keeps_the_way_of_assembling(robot):
     assert np.abs(_begins(linkage, motors).start - q).max() < 1e-9
 
 
-@pytest.fixture
-def four_bar(root, raff):
-    """The four-bar linkage of the repository, its rocker without limits, with a crank of another length (mm)."""
-    body = (root / "robots" / "four_bar.raff").read_text(encoding="utf-8").split("\n", 1)[1]
-    assert "limits { 80.0 152.0 }" in body
-    body = body.replace("limits { 80.0 152.0 }", "")
-
-    def made(crank: float) -> cinegen.Mechanism:
-        assert "d 120.0 }" in body
-        return raff(body.replace("d 120.0 }", f"d {crank} }}"), name="linkage")
-
-    return made
+def crank_rocker(crank: float) -> cinegen.Mechanism:
+    """A four-bar with a crank of a length (mm)."""
+    tool = 'frame 6 { name "tool" parameters { d 220 gamma 40 } pred 2 }'
+    return cinegen.load(four_bar(lengths=(crank, 400, 360, 240), words=("actuated 1", "", ""), more=tool))
 
 
-def test_passive_joints_choose_between_ways_of_assembling(four_bar):
-    linkage = four_bar(120.0)
+def test_passive_joints_choose_between_ways_of_assembling():
+    linkage = crank_rocker(120.0)
     rng = np.random.default_rng(3)
     tools = set()
     for guess in rng.uniform(-2.5, 2.5, (20, 2)):
@@ -334,11 +327,11 @@ def _of_home_mode(linkage, crank):
     return np.array([crank, coupler - crank, rocker])
 
 
-def test_a_start_that_can_not_be_closed_is_refused(four_bar):
-    linkage = four_bar(300.0)
+def test_a_start_that_can_not_be_closed_is_refused():
+    linkage = crank_rocker(300.0)
     # At pi the crank's end is 700 mm from the rocker's pivot: coupler and rocker reach 600.
     said = _message(linkage, {"joint1": math.pi})
-    assert said.startswith("scene: start: joints do not allow closed loops: linkage can't be closed")
+    assert said.startswith("scene: start: joints do not allow closed loops: bars can't be closed")
     within = math.acos((0.4**2 + 0.3**2 - 0.59**2) / (2 * 0.4 * 0.3))
     assert linkage.closure(_begins(linkage, {"joint1": within}).start) < 1e-12
 

@@ -6,25 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_robots import four_bar
+from small_robots import four_bar, two_bars
 
 from cinegen.design import DesignError, Parameters, Tolerances, tolerance
 from cinegen.errors import ClosureError
 
-TWO_R = """RAFF Arm
-units mm
-robot arm {
-  link 1 { parameters { theta 30 } type 2 pred 0 }
-  link 2 { parameters { theta 50 d 400 } type 2 pred 1 }
-  frame 3 { name "tool" parameters { d 300 } pred 2 }
-}
-"""
 FOUR_BAR = four_bar(words=("actuated 1", "", ""), more='frame 6 { name "tool" parameters { gamma 20 d 150 } pred 2 }')
 
 
 @pytest.fixture
 def two_r(tmp_path):
-    (tmp_path / "arm.raff").write_text(TWO_R)
+    (tmp_path / "arm.raff").write_text(two_bars())
     return tmp_path / "arm.raff"
 
 
@@ -102,8 +94,7 @@ def test_covariance_and_worst_case_hold_for_samples_of_a_spatial_loop():
 
 def test_what_the_linear_bound_misses_is_of_second_order(two_r):
     """The end of an arm that is stretched along x moves against x whichever way its joint errs."""
-    text = TWO_R.replace("theta 30", "theta 0").replace("theta 50", "theta 0")
-    two_r.write_text(text)
+    two_r.write_text(two_bars((0, 0)))
     found = tolerance(two_r, encoder={"joint1": "1deg"}, samples=20_000)
     assert found.linear[0] < 1e-15
     np.testing.assert_allclose(found.second_order[0], 0.5 * 0.7 * math.radians(3) ** 2, rtol=1e-3)

@@ -1,4 +1,4 @@
-"""Torques of actuated joints against Pinocchio's and MuJoCo's dynamics, the plain form, and each other."""
+"""Torques of actuated joints against Pinocchio's dynamics, the plain form, and each other."""
 
 from functools import cache
 
@@ -87,47 +87,6 @@ def test_pinocchios_constraint_dynamics(heavy, name):
         v, a = dynamics.motion(q, wanted, wanted)
         got = accelerate(q, v, dynamics.torques(q, v, a))
         assert got == pytest.approx(a, abs=1e-8 * max(1.0, np.abs(a).max()))
-
-
-@pytest.mark.parametrize("name", ["delta4", "arm7"])
-def test_mujocos_inverse_dynamics(heavy, name):
-    """MuJoCo's torques for the tree do the same work on the motions that keep loops closed."""
-    mujoco = pytest.importorskip("mujoco")
-    mechanism, rng = heavy(name), np.random.default_rng(5)
-    model, spec = mechanism.model, mujoco.MjSpec()
-    spec.option.gravity = [0.0, 0.0, -9.81]
-    spec.compiler.balanceinertia = False
-    bodies = [spec.worldbody]
-    for j in range(1, model.njoints):
-        placement, joint, body = model.jointPlacements[j], model.joints[j], model.inertias[j]
-        x, y, z, w = pin.Quaternion(placement.rotation).coeffs()
-        full = body.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-        made = bodies[model.parents[j]].add_body(
-            name=f"b{j}", pos=placement.translation, quat=[w, x, y, z], mass=body.mass, ipos=body.lever,
-            fullinertia=full, explicitinertial=True,
-        )  # fmt: skip
-        kind = "HINGE" if not mechanism.is_prismatic(model.names[j]) else "SLIDE"
-        motion = joint.createData()
-        joint.calc(motion, np.zeros(model.nq))
-        axis = np.array(motion.S).ravel()[:3] if kind == "SLIDE" else np.array(motion.S).ravel()[3:]
-        made.add_joint(name=f"j{j}", type=getattr(mujoco.mjtJoint, f"mjJNT_{kind}"), axis=axis)
-        bodies.append(made)
-    theirs = spec.compile()
-    state, dynamics = mujoco.MjData(theirs), InverseDynamics(mechanism)
-    columns = [mechanism.v_index(joint) for joint in mechanism.actuated]
-    for q in mechanism.random_closed(2):
-        v, a = random_motion(mechanism, q, rng)
-        for j in range(1, model.njoints):
-            at, dof = theirs.joint(f"j{j}").qposadr[0], theirs.joint(f"j{j}").dofadr[0]
-            k, joint = model.joints[j].idx_v, model.joints[j]
-            state.qpos[at], state.qvel[dof], state.qacc[dof] = q[joint.idx_q], v[k], a[k]
-        mujoco.mj_inverse(theirs, state)
-        needed, given = np.zeros(model.nv), np.zeros(model.nv)
-        for j in range(1, model.njoints):
-            needed[model.joints[j].idx_v] = state.qfrc_inverse[theirs.joint(f"j{j}").dofadr[0]]
-        given[columns] = dynamics.torques(q, v, a)
-        free = free_motions(mechanism, q)
-        assert free.T @ given == pytest.approx(free.T @ needed, abs=1e-9 * np.abs(needed).max())
 
 
 @pytest.mark.parametrize("name", FEW)

@@ -6,6 +6,27 @@ FLOATING = "constraint { base sensor ( 0 1 ) }", 'sensor 1 { port "/dev/ttyS0" }
 """Statements within and after a robot whose base floats."""
 
 
+def two_bars(
+    angles: Sequence[float] = (30, 50), lengths: Sequence[float] = (400, 300), words: Sequence[str] = ("", "")
+) -> str:
+    """Two bars in a plane as RAFF, with a tool at their end.
+
+    Args:
+        angles: of the links as written, degrees.
+        lengths: of the bars, mm.
+        words: more words of the links.
+    """
+    return f"""RAFF Arm
+units mm
+robot arm {{
+  base {{ }}
+  link 1 {{ parameters {{ theta {angles[0]} }} type 2 pred 0 {words[0]} }}
+  link 2 {{ parameters {{ theta {angles[1]} d {lengths[0]} }} type 2 pred 1 {words[1]} }}
+  frame 3 {{ name "tool" parameters {{ d {lengths[1]} }} pred 2 }}
+}}
+"""
+
+
 def four_bar(
     angles: Sequence[float] = (50, -26, 89),
     lengths: Sequence[float] = (120, 400, 360, 240),

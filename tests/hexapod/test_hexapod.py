@@ -309,9 +309,6 @@ def test_geometry_that_is_degenerate_is_named(base, platform, said):
 # Platforms on six legs of special geometry: what is called complete leaves nothing to Newton's method.
 
 
-STARTS = 80
-
-
 def poses(rng: Generator, count: int) -> np.ndarray:
     """(count, 4, 4) at random."""
     found = np.tile(np.eye(4), (count, 1, 1))
@@ -341,13 +338,46 @@ def special_pose(rng: Generator) -> np.ndarray:
     return pose
 
 
-def missed(base, platform, lengths, placements, rng) -> int:
+def missed(base, platform, lengths, placements, rng, starts=80) -> int:
     """How many placements Newton's method finds that are not among these."""
-    found, last = refine(base, platform, lengths, poses(rng, STARTS), np.zeros(STARTS))
+    found, last = refine(base, platform, lengths, poses(rng, starts), np.zeros(starts))
     off = np.abs(leg_lengths(base, platform, found) - lengths).max(axis=1)
     found = found[(off < 1e-9) & (last < 1e-6)]
     far = np.abs(found[:, None] - placements).max(axis=(2, 3)).min(axis=1, initial=np.inf)
     return int((far > 1e-3).sum())
+
+
+def regular(rng):
+    """Three symmetries, and equal lengths."""
+    base, platform = circle([70, 110, 190, 230, 310, 350], 2.0), circle([90, 210, 330], rng.uniform(0.5, 1.5))
+    return TSSM(base, platform), np.full(6, rng.uniform(1.0, 3.0))
+
+
+def parallel(rng):
+    """Circles in parallel planes: some solutions are at infinity."""
+    base = rng.normal(size=(6, 3)) * [1.0, 1.0, rng.choice([0.0, 1.0])]
+    base[1::2] = base[::2] + rng.uniform(0.5, 1.5, (3, 1)) * [1.0, 0.0, 0.0]
+    tssm = TSSM(base, rng.normal(size=(3, 3)))
+    return tssm, tssm.lengths(pose(rng, 1.0))
+
+
+def general(rng):
+    """Base points in a plane or not, the legs in any order."""
+    base = rng.normal(size=(6, 3)) * [1.0, 1.0, rng.choice([0.0, 0.7])]
+    tssm = TSSM(base, rng.normal(size=(3, 3)), rng.permutation([0, 0, 1, 1, 2, 2]))
+    return tssm, tssm.lengths(pose(rng, 1.0))
+
+
+@pytest.mark.parametrize("kind", [general, regular, parallel])
+@pytest.mark.parametrize("seed", range(12))
+def test_newtons_method_finds_no_other_mode_of_pairs_of_legs(seed, kind):
+    rng = np.random.default_rng(seed)
+    tssm, lengths = kind(rng)
+    modes = tssm.modes(lengths)
+    assert modes.complete, modes.method
+    assert modes.counts.total == 16
+    assert (modes.counts.infinite > 0) == (kind is parallel)
+    assert not missed(tssm.base, tssm.platform[tssm.legs], lengths, modes.placements, rng, starts=1000)
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -3,22 +3,9 @@
 import math
 
 import numpy as np
+from small_robots import four_bar
 
-TWO_R = """
-  robot r { base { }
-    link 1 { parameters { theta %(first)s } type 2 pred 0 }
-    link 2 { parameters { theta %(second)s d %(a)s } type 2 pred 1 }
-    frame 3 { parameters { d %(b)s } pred 2 name "tool" } }"""
-"""Two links of lengths a and b (mm), joints at first and second (degrees)."""
-
-ROCKER = """
-  robot r { base { }
-    link 1 { parameters { theta 20 } type 2 pred 0 }
-    link 2 { parameters { theta 10 d 120 } type 2 pred 1 }
-    link 3 { parameters { theta 100 d 400 } type 2 pred 0 actuated 1 }
-    frame 4 { parameters { d 360 } pred 2 }
-    frame 5 { parameters { d 240 } pred 3 }
-    constraint { frame 4 frame 5 type 2 } }"""
+ROCKER = four_bar((20, 10, 100), words=("", "", "actuated 1"))
 """The four-bar of robots/, its actuator on the rocker: at a dead point its crank and its coupler lie in one line."""
 
 

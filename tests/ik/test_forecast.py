@@ -8,9 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from loop_openings import pin_screws
-from planar import ROCKER, TWO_R, root, singular_values, two_r
+from planar import ROCKER, root, singular_values, two_r
+from small_robots import two_bars
 from ticking import ticked
 
+import cinegen
 from cinegen import CinegenError, Solver, forecast_motion
 from cinegen.ik import EventKind, LimitMargin, LookAhead, Posture
 from cinegen.tolerances import NEAR_SINGULAR
@@ -33,9 +35,9 @@ def _first(forecast, kind):
 
 
 @pytest.mark.parametrize(("how", "dt"), [("target", None), ("twist", DT), ("twist", 3 * DT)])
-def test_when_an_arm_is_stretched(raff, how, dt):
+def test_when_an_arm_is_stretched(how, dt):
     """Its end goes straight out at a constant speed: the law of cosines tells the elbow, and so the singular value."""
-    arm, speed, ran = raff(TWO_R % {"first": 20, "second": 60, "a": 1000 * A, "b": 1000 * B}), 0.05, 5
+    arm, speed, ran = cinegen.load(two_bars((20, 60), (1000 * A, 1000 * B))), 0.05, 5
     solver = Solver(arm, DT)
     task = solver.add_task("tool", rotation=0, axes="world")
     begin = task.target.translation.copy()
@@ -87,10 +89,10 @@ def _pins(crank, side):
 
 
 @pytest.mark.parametrize("dt", [DT, 0.05])
-def test_when_a_four_bar_meets_its_dead_point(raff, dt):
+def test_when_a_four_bar_meets_its_dead_point(dt):
     """The rocker is actuated, and the crank rotates evenly. A dead point is passed, not only approached: it is found
     however low the threshold."""
-    bar = raff(ROCKER)
+    bar = cinegen.load(ROCKER)
     solver = Solver(bar, DT)
     task = solver.add_task("link1", translation=0, rotation=1)
     task.twist = [0.0, 0.0, 0.0, 0.0, 0.0, 1.0]  # rad/s
@@ -122,13 +124,13 @@ def test_when_a_four_bar_meets_its_dead_point(raff, dt):
 
 SWING = """
   robot r { base { }
-    link 1 { parameters { theta 10 } type 2 pred 0 limits { -20 70 } %(velocity)s }
+    link 1 { parameters { theta 10 } type 2 pred 0 limits { -20 70 } }
     frame 2 { parameters { d 300 } pred 1 name "tool" } }"""
 
 
 @pytest.mark.parametrize(("speed", "bound", "dt"), [(0.5, 70, None), (-0.3, -20, DT), (1.4, 70, 0.07)])
 def test_when_a_joint_meets_its_limit(raff, speed, bound, dt):
-    arm = raff(SWING % {"velocity": ""})
+    arm = raff(SWING)
     solver = Solver(arm, DT)
     task = solver.add_task("tool", translation=0, rotation=1)
     task.twist = [0.0, 0.0, 0.0, 0.0, 0.0, speed]
@@ -145,7 +147,7 @@ def test_when_a_joint_meets_its_limit(raff, speed, bound, dt):
 
 
 def test_a_joint_that_is_held_by_its_limit_is_said_at_once(raff):
-    arm = raff(SWING % {"velocity": ""})
+    arm = raff(SWING)
     solver = Solver(arm, DT, q=[math.radians(70)])
     task = solver.add_task("tool", translation=0, rotation=1)
     task.twist = [0.0, 0.0, 0.0, 0.0, 0.0, 0.5]
@@ -269,7 +271,7 @@ def test_singular_values_are_those_of_the_path(robot, seed, name):
 
 
 def test_a_coarser_tick_makes_good_as_much_in_the_same_time(raff):
-    arm = raff(SWING % {"velocity": ""})
+    arm = raff(SWING)
     solver = Solver(arm, DT, gain=-np.log(0.95) / DT)
     task = solver.add_task("tool", translation=0, rotation=1)
     task.target.rotation = task.target.rotation @ pin.exp3(np.array([0.0, 0.0, 0.1]))
@@ -322,7 +324,7 @@ def test_its_ticks_are_bounded_and_end_where_asked(robot):
 
 
 def test_it_reads_well(raff):
-    arm = raff(SWING % {"velocity": ""})
+    arm = raff(SWING)
     solver = Solver(arm, DT)
     assert repr(forecast_motion(solver, 1.0)) == "<Forecast of 1 s: no events>"
     solver.add_task("tool", translation=0, rotation=1).twist = [0.0, 0.0, 0.0, 0.0, 0.0, 0.5]

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from loop_openings import Openings
-from planar import ROCKER, TWO_R, singular_values, two_r
-from small_robots import four_bar
+from planar import ROCKER, singular_values, two_r
+from small_robots import four_bar, two_bars
 from ticking import ticked
 
 import cinegen
@@ -39,9 +39,9 @@ def _random(mechanism, seed):
 # --- type 1 ----------------------------------------------------------------------------------------------------------
 
 
-def test_a_two_r_arm_loses_what_its_closed_form_says(raff):
+def test_a_two_r_arm_loses_what_its_closed_form_says():
     a, b = 0.4, 0.3
-    arm = raff(TWO_R % {"first": 30, "second": 40, "a": 1000 * a, "b": 1000 * b})
+    arm = cinegen.load(two_bars((30, 40), (400, 300)))
     for second in (0.6, 0.1, 1e-3, 1e-6, -0.4, math.pi - 0.2):
         q = arm.configuration({"joint1": 0.7, "joint2": second})
         solver = Solver(arm, DT, q=q)
@@ -93,8 +93,8 @@ def test_several_pulls_of_any_weight_share_one_direction(robot, seed):
 # --- type 2 ----------------------------------------------------------------------------------------------------------
 
 
-def test_a_four_bar_driven_by_its_rocker_has_a_dead_point(raff):
-    bar = raff(ROCKER)
+def test_a_four_bar_driven_by_its_rocker_has_a_dead_point():
+    bar = cinegen.load(ROCKER)
     a, b, c, d = 0.12, 0.36, 0.24, 0.4
     crank = math.acos(((a + b) ** 2 + d**2 - c**2) / (2 * (a + b) * d))  # stretched: the law of cosines
     rocker = math.pi - math.acos((c**2 + d**2 - (a + b) ** 2) / (2 * c * d))
@@ -137,10 +137,10 @@ def test_along_the_gained_motion_loops_open_by_sigma(robot, seed, name):
     assert np.linalg.norm(of_joints @ joints + of_cut @ follow) == pytest.approx(gained.sigma, abs=1e-7)
 
 
-def test_a_joint_that_no_motor_determines_is_no_singularity(raff):
+def test_a_joint_that_no_motor_determines_is_no_singularity():
     """A coupler's end with a link hanging from it, without a motor: idle everywhere, so nothing is gained there."""
-    idle = raff(ROCKER.replace("frame 4 {", "link 6 { parameters { d 100 } type 2 pred 2 actuated 0 }\n    frame 4 {"))
-    bar = raff(ROCKER, name="plain")
+    hanging = "link 6 { parameters { d 100 } type 2 pred 2 actuated 0 }\n"
+    idle, bar = cinegen.load(ROCKER.replace("frame 4 {", f"{hanging}frame 4 {{")), cinegen.load(ROCKER)
     assert len(idle.structure.passive_columns) == 3
     assert idle.structure.passive_rank == 2
     q = Solver(idle, DT).step()
@@ -342,10 +342,7 @@ def independent(matrix):
 # A dead end whose way out is known: a planar arm whose first joint is limited, and the other of its two postures.
 
 
-ARM = """robot r { base { }
-  link 1 { parameters { theta 20 } type 2 pred 0 limits { -30 30 } }
-  link 2 { parameters { d 400 theta 60 } type 2 pred 1 }
-  frame 3 { parameters { d 300 } pred 2 name "tool" } }"""
+ARM = two_bars((20, 60), words=("limits { -30 30 }", ""))
 A, B = 0.4, 0.3
 THERE = np.radians([10.0, -60.0])
 """The tool is reached with the elbow on the other side only: by the law of cosines the posture with the elbow as it is
@@ -362,8 +359,8 @@ def dead_end(solver_of, arm):
     return solver, task
 
 
-def test_a_solver_stays_at_the_limit_and_a_persistent_one_goes_round(raff):
-    arm = raff(ARM)
+def test_a_solver_stays_at_the_limit_and_a_persistent_one_goes_round():
+    arm = cinegen.load(ARM)
     solver, _ = dead_end(Solver, arm)
     step = ticked(solver, 400)
     assert step.status is Status.AT_LIMIT
@@ -379,16 +376,16 @@ def test_a_solver_stays_at_the_limit_and_a_persistent_one_goes_round(raff):
     assert Status.DETOUR in seen
 
 
-def test_beside_a_task_that_follows_a_twist_nothing_is_looked_for(raff):
-    persistent, _ = dead_end(PersistentSolver, raff(ARM))
+def test_beside_a_task_that_follows_a_twist_nothing_is_looked_for():
+    persistent, _ = dead_end(PersistentSolver, cinegen.load(ARM))
     persistent.add_task("link1", translation=0, rotation=1, weight=1e-6).twist = np.zeros(6)
     statuses = {persistent.step().status for _ in range(400)}
     assert Status.DETOUR not in statuses
 
 
-def test_a_target_that_is_moved_ends_the_detour(raff):
+def test_a_target_that_is_moved_ends_the_detour():
     """The tasks take over at once, and lead to a target that the arm reaches as it is."""
-    arm = raff(ARM)
+    arm = cinegen.load(ARM)
     persistent, task = dead_end(PersistentSolver, arm)
     near = arm.placement(arm.q_home, "tool")
     while persistent.step().status is not Status.DETOUR:

@@ -35,16 +35,16 @@ test("reached, at a limit, singular", (t) => {
   pass(1000, FOLLOWING);
   assert.deepEqual(said, []);
   pass(3000, { name: "IDLE", label: "idle", driven: true });
-  pass(3000, { name: "AT_LIMIT", label: "at limit: joint12", driven: true });
-  pass(3000, { name: "AT_LIMIT", label: "at limit: joint6", driven: true });
+  pass(3000, { name: "AT_LIMIT", label: "at the limit of joint12", driven: true });
+  pass(3000, { name: "AT_LIMIT", label: "at the limit of joint6", driven: true });
   pass(3000, { name: "SINGULAR", label: "near a singularity: lost DoF", driven: true });
   pass(3000, IDLE);
-  assert.deepEqual(said, ["target reached", "at limit: joint12", "at limit: joint6", "near a singularity: lost DoF", "idle"]);
+  assert.deepEqual(said, ["target reached", "at the limit of joint12", "at the limit of joint6", "near a singularity: lost DoF", "idle"]);
 });
 
 test("a status that changes all the time does not flood", (t) => {
   const { said, pass } = begin(t);
-  const limit = (i) => ({ name: "AT_LIMIT", label: `at limit: joint${i}`, driven: true });
+  const limit = (i) => ({ name: "AT_LIMIT", label: `at the limit of joint${i}`, driven: true });
   pass(20_000, (i) => limit(i % 2)); // never the same for 400 ms
   assert.equal(said.length, 0);
   pass(20_000, (i) => limit(Math.floor(i / 5))); // each for half a second

@@ -23,8 +23,8 @@ test("a pull that doesn't meet the lost direction is followed", () => {
   assert.equal(inWords(SINGULAR, lost(0, 0, 1, 0, 0, 0), FRONT, [0.1, 0, 0], 1).name, "FOLLOWING");
 });
 
-test("a limit is told by its joints, and what has no better words stays", () => {
-  assert.equal(inWords({ name: "AT_LIMIT", label: "at limit: a, b, c" }, { saturated: ["a", "b", "c"] }, FRONT, [0, 0, 0], 1).label, "at the limit of a and b");
+test("what has no better words stays", () => {
+  assert.equal(inWords({ name: "AT_LIMIT", label: "at the limit of a and b, near a singularity" }, undefined, FRONT, [0, 0, 0], 1).label, "at the limit of a and b");
   assert.equal(inWords({ name: "OUT_OF_REACH", label: "out of reach by 12 mm" }, undefined, FRONT, [0, 0, 0], 1).label, "out of reach by 12 mm");
 });
 
@@ -39,7 +39,7 @@ test("a robot that stands near a singularity before anyone drives is quiet", () 
 test("a limit that keeps nothing from its target is none to a person", () => {
   const name = (...errors) => {
     const tasks = errors.map((error) => ({ robot: "arm", source: "path", target: [0, 0, 0], error }));
-    const status = { name: "AT_LIMIT", label: "at limit: a", description: "" };
+    const status = { name: "AT_LIMIT", label: "at the limit of a", description: "" };
     return statusesInWords({ state: { statuses: { arm: status } }, report: {}, control: "free", tasks, robot: () => ({ length: 2 }) }, FRONT).arm.name;
   };
   assert.equal(name([0.023, 0.05]), "FOLLOWING");

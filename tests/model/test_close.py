@@ -39,18 +39,22 @@ def test_it_is_the_configuration_that_gauss_newton_reaches(robot, name, seed, aw
     locked = some_locked(mechanism, rng)
     for q in mechanism.random_closed(2, seed=seed % 1000):
         start = pin.integrate(mechanism.model, q, away * rng.normal(size=mechanism.model.nv) * mechanism.scale)
-        expected = by_numpy(mechanism, start, locked)
-        if not expected.closed:
-            with pytest.raises(cinegen.ClosureError):
-                mechanism.close(start, locked)
-            continue
-        before = start.copy()
-        found = mechanism.close(start, locked)
-        assert np.array_equal(start, before)
-        assert mechanism.closure(found) <= 1e-12
-        assert found == pytest.approx(expected.q, abs=1e-9)
-        held = [mechanism.q_index(joint) for joint in locked]
-        assert found[held].tobytes() == start[held].tobytes()
+        assert_closed_as_by_numpy(mechanism, start, locked)
+
+
+def assert_closed_as_by_numpy(mechanism, start, locked=("joint1",), within=1e-9):
+    expected = by_numpy(mechanism, start, locked)
+    if not expected.closed:
+        with pytest.raises(cinegen.ClosureError):
+            mechanism.close(start, locked)
+        return
+    before = start.copy()
+    found = mechanism.close(start, locked)
+    assert np.array_equal(start, before)
+    assert mechanism.closure(found) <= 1e-12
+    assert found == pytest.approx(expected.q, abs=within)
+    held = [mechanism.q_index(joint) for joint in locked]
+    assert found[held].tobytes() == start[held].tobytes()
 
 
 @pytest.mark.parametrize("off", [0.0, 1e-9, 1e-3])
@@ -61,14 +65,7 @@ def test_where_loops_lose_a_rank_too(off):
     for locked in ((), ("joint1",), ("joint1", "joint3")):
         for _ in range(10):
             start = mechanism.configuration({"joint1": off, "joint2": -off, "joint3": off}) + 1e-4 * rng.normal(size=3)
-            expected = by_numpy(mechanism, start, locked)
-            if not expected.closed:
-                with pytest.raises(cinegen.ClosureError):
-                    mechanism.close(start, locked)
-                continue
-            found = mechanism.close(start, locked)
-            assert mechanism.closure(found) <= 1e-12
-            assert found == pytest.approx(expected.q, abs=1e-9)
+            assert_closed_as_by_numpy(mechanism, start, locked)
 
 
 @pytest.mark.parametrize("name", CLOSED)
@@ -127,10 +124,8 @@ def test_a_base_that_can_move_stays_where_it_is():
         away = np.concatenate([rng.normal(size=6), np.zeros(3)])
         q = pin.integrate(mechanism.model, mechanism.q_home, away)
         q[-3:] += rng.uniform(-0.05, 0.05, 3)
-        found = mechanism.close(q, ("joint1",))
-        assert np.array_equal(found[:7], q[:7])
-        assert mechanism.closure(found) <= 1e-12
-        assert found == pytest.approx(by_numpy(mechanism, q, ("joint1",)).q, abs=1e-12)
+        assert np.array_equal(mechanism.close(q, ("joint1",))[:7], q[:7])
+        assert_closed_as_by_numpy(mechanism, q, within=1e-12)
 
 
 def test_threads_and_copies_have_scratch_of_their_own(robot):
@@ -170,8 +165,6 @@ def test_ball_joints_are_closed_as_well():
     rng = np.random.default_rng(0)
     assert (mechanism.model.nq, mechanism.model.nv, mechanism.loop_rank) == (6, 5, 3)
     for _ in range(20):
-        start = pin.integrate(mechanism.model, mechanism.q_home, 0.05 * rng.normal(size=5))
-        found = mechanism.close(start, ("joint1",))
-        assert mechanism.closure(found) <= 1e-12
-        assert found == pytest.approx(by_numpy(mechanism, start, ("joint1",)).q, abs=1e-9)
-        assert found[mechanism.q_index("joint1")] == start[mechanism.q_index("joint1")]
+        assert_closed_as_by_numpy(
+            mechanism, pin.integrate(mechanism.model, mechanism.q_home, 0.05 * rng.normal(size=5))
+        )

@@ -8,25 +8,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
+from small_robots import four_bar
 
 import cinegen
 import raff2urdf
 from cinegen.errors import CinegenWarning, LoadError, UnknownNameError
-from raff2urdf import RaffError, RaffWarning, readers
+from raff2urdf import RaffError, RaffWarning
 from raff2urdf.coupling import Coupling
 from raff2urdf.shipped import reference_robots
-
-FOUR_BAR = """
-robot linkage {
-  base { }
-  link 1 { parameters { theta 70 } type 2 pred 0 }
-  link 2 { parameters { theta -60 d 100 } type 2 pred 1 }
-  link 3 { parameters { theta 95 d 200 } type 2 pred 0 }
-  frame 4 { parameters { d 250 } pred 2 name "tool" }
-  frame 5 { parameters { d 180 } pred 3 }
-  constraint { frame 4 frame 5 type 3 }
-}
-"""
 
 # Bennett's linkage, with one length a millimetre off: a rigid or revolute closure contradicts itself, a ball doesn't.
 BENT = """
@@ -71,37 +60,22 @@ def test_a_loop_can_be_closed_otherwise_without_touching_the_file(raff):
         raff(BENT, loops={"base-end": "hinge"})
 
 
-ARM = """<robot name="arm">
-  <link name="base"/>
-  <link name="tool"/>
-  <joint name="turn" type="revolute">
-    <parent link="base"/>
-    <child link="tool"/>
-    <axis xyz="0 0 1"/>
-    <limit lower="-1" upper="2" effort="1" velocity="3"/>
-  </joint>
-</robot>"""
-
-
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
 @pytest.mark.parametrize("limit", ["", '<limit effort="1" velocity="3"/>'])
-def test_a_joint_whose_limits_are_left_out_has_none_and_one_warning_says_so(kind, limit, tmp_path):
-    path = tmp_path / "arm.urdf"
-    told = ARM.replace('<limit lower="-1" upper="2" effort="1" velocity="3"/>', limit).replace("revolute", kind)
-    path.write_text(told)
-    with pytest.warns(cinegen.CinegenWarning, match="'turn': no lower and upper limit") as seen:
-        mechanism = cinegen.load(path)
+def test_a_joint_whose_limits_are_left_out_has_none_and_one_warning_says_so(kind, limit):
+    text = URDF.replace('<limit lower="-1" upper="2" velocity="3" effort="4"/>', limit).replace("revolute", kind)
+    with pytest.warns(cinegen.CinegenWarning, match="'j': no lower and upper limit") as seen:
+        mechanism = cinegen.load(text)
     assert len(seen) == 1
     assert mechanism.model.lowerPositionLimit[0] == -np.inf
     assert mechanism.model.upperPositionLimit[0] == np.inf
-    assert mechanism.is_prismatic("turn") == (kind == "prismatic")
+    assert mechanism.is_prismatic("j") == (kind == "prismatic")
 
 
 def test_a_warning_of_a_home_outside_the_limits_is_of_the_line_that_loads(tmp_path):
     path = tmp_path / "stuck.raff"
-    held = FOUR_BAR.replace("type 2 pred 0", "type 2 pred 0 limits { 170 171 }", 1)
-    held = held.replace("type 2 pred 0 }", "type 2 pred 0 limits { 94 96 } }")  # while the other one stays
-    path.write_text(f"RAFF stuck\n{held}")
+    held = "limits { 170 171 }", "", "limits { 94 96 }"  # while the other one stays
+    path.write_text(four_bar((70, -60, 95), (100, 200, 250, 180), words=held))
     with pytest.warns(cinegen.CinegenWarning, match="home is outside those of joint1") as caught:
         cinegen.load(path)
     assert {warning.filename for warning in caught} == {__file__}
@@ -262,13 +236,6 @@ def test_actuated_joints_of_a_text_are_given_as_the_advice_proposes(folder):
     assert arms.uncontrolled == ("joint2", "joint3")
     assert "let joint2, joint3 be actuated too; load(..., actuated=[...]) declares that" in arms.source.notes[0]
     assert cinegen.load(passive, actuated=["joint1", "joint2", "joint3"]).uncontrolled == ()
-
-
-def test_a_urdf_is_read_from_a_text_with_its_own_loops():
-    found = readers.read(Path("arm of a program"), text=URDF)
-    assert found.urdf == URDF
-    with pytest.raises(RaffError, match="arm of a program:1: "):
-        readers.read(Path("arm of a program"), text="<robot")
 
 
 # --- load pinocchio ---------------------------------------------------------------------------------------------------

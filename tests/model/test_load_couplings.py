@@ -44,16 +44,6 @@ def train(reference="ground", carrier="ground", in_axis="1 0 0", axis=None, reve
     )  # fmt: skip
 
 
-@pytest.fixture
-def write(tmp_path):
-    def write(text, name="robot.sdf"):
-        path = tmp_path / name
-        path.write_text(text)
-        return path
-
-    return write
-
-
 def angle(mechanism, q, reference, link, axis):
     """The angle by which a link is rotated about an axis of the model, as seen from another link, since all are 0."""
     zero = mechanism.configuration(dict.fromkeys(mechanism.joints, 0.0))
@@ -77,8 +67,8 @@ def sample(mechanism, count=6, size=0.4):
 
 @pytest.mark.parametrize("reverse", [False, True])
 @pytest.mark.parametrize("axis", ["1 0 0", "-1 0 0"])
-def test_a_gearbox_rotates_its_child_by_minus_its_ratio(write, reverse, axis):
-    mechanism = cinegen.load(write(train(axis=axis, reverse=reverse)))
+def test_a_gearbox_rotates_its_child_by_minus_its_ratio(reverse, axis):
+    mechanism = cinegen.load(train(axis=axis, reverse=reverse))
     assert mechanism.mobility == 2
     first = [float(x) for x in axis.split()]
     moved = 0.0
@@ -89,8 +79,8 @@ def test_a_gearbox_rotates_its_child_by_minus_its_ratio(write, reverse, axis):
     assert moved > 0.05
 
 
-def test_a_planetary_gearbox_counts_from_its_carrier(write):
-    mechanism = cinegen.load(write(train(reference="carrier", carrier="carrier", in_axis="0 0 1")))
+def test_a_planetary_gearbox_counts_from_its_carrier():
+    mechanism = cinegen.load(train(reference="carrier", carrier="carrier", in_axis="0 0 1"))
     assert mechanism.mobility == 2
     (coupling,) = mechanism.couplings
     assert {name: c for name, (c,) in coupling.terms.items()} == {"out": -1.0, "in": 2.5, "arm": -2.5}
@@ -99,9 +89,9 @@ def test_a_planetary_gearbox_counts_from_its_carrier(write):
         assert angle(mechanism, q, "carrier", "output", (0, 0, 1)) == pytest.approx(-2.5 * driving, abs=1e-10)
 
 
-def test_an_axis_that_mimics_follows_its_leader(write):
+def test_an_axis_that_mimics_follows_its_leader():
     mimic = '<mimic joint="in"><multiplier>-3</multiplier><offset>0.2</offset><reference>0.1</reference></mimic>'
-    mechanism = cinegen.load(write(train(gear="", more=mimic)))
+    mechanism = cinegen.load(train(gear="", more=mimic))
     assert mechanism.mobility == 2
     (coupling,) = mechanism.couplings
     assert coupling.name == "out-in"
@@ -136,11 +126,11 @@ def linkage(drive, slide="prismatic", mimic="", more=""):
     ("<thread_pitch>314.1592653589793</thread_pitch><screw_thread_pitch>-0.03</screw_thread_pitch>", -0.03, False),
     ("", 1.0, False),
 ], ids=["screw_thread_pitch", "thread_pitch", "both", "default"])  # fmt: skip
-def test_a_screw_advances_by_its_pitch(write, pitch, travel, reverse):
+def test_a_screw_advances_by_its_pitch(pitch, travel, reverse):
     text = linkage("screw").replace("</child>\n      <axis>", f"</child>{pitch}<axis>", 1)
     if reverse:
         text = text.replace("<parent>ground</parent><child>rod</child>", "<parent>rod</parent><child>ground</child>")
-    mechanism = cinegen.load(write(text))
+    mechanism = cinegen.load(text)
     assert ({*mechanism.joints}, mechanism.mobility) == ({"drive", "drive_T", "slide"}, 2)
     for q in sample(mechanism):
         turned = angle(mechanism, q, "ground", "rod", (1, 0, 0))
@@ -165,8 +155,8 @@ CUT = """<joint name="cut" type="{}"><pose>0.3 0.5 0.2 0 0 0</pose><parent>slide
         ("ball", "universal", "fixed", 0),
     ],
 )
-def test_a_joint_of_any_kind_closes_a_loop(write, drive, slide, kind, mobility):
-    mechanism = cinegen.load(write(linkage(drive, slide, more=CUT.format(kind))))
+def test_a_joint_of_any_kind_closes_a_loop(drive, slide, kind, mobility):
+    mechanism = cinegen.load(linkage(drive, slide, more=CUT.format(kind)))
     assert [loop.name for loop in mechanism.loops] == ["cut"]
     assert mechanism.gap_as_written < 1e-15
     assert mechanism.mobility == mobility
@@ -186,9 +176,9 @@ def test_a_joint_of_any_kind_closes_a_loop(write, drive, slide, kind, mobility):
     (linkage("screw").replace("</child>\n      <axis>", "</child><thread_pitch>0</thread_pitch><axis>", 1),
      "the thread_pitch of joint 'drive' must be a number other than 0"),
 ])  # fmt: skip
-def test_a_coupling_that_has_no_meaning_is_an_error_with_its_line(write, text, says):
+def test_a_coupling_that_has_no_meaning_is_an_error_with_its_line(text, says):
     with pytest.raises(cinegen.CinegenError, match=says):
-        cinegen.load(write(text))
+        cinegen.load(text)
 
 
 ENDS = "<parent>input</parent><child>output</child>"
@@ -225,17 +215,17 @@ def test_no_element_that_sounds_like_a_loop_is_dropped_in_silence(tmp_path_facto
 
 
 @pytest.mark.parametrize(("hinge", "kind", "mobility"), [(False, "ball", 0), (True, "revolute", 0)])
-def test_frames_that_coincide_close_a_loop(write, hinge, kind, mobility):
+def test_frames_that_coincide_close_a_loop(hinge, kind, mobility):
     frame = '<frame name="closing_pin_{}" attached_to="{}"><pose relative_to="input">0.1 0 {} 0 0 0</pose></frame>'
     frames = frame.format(1, "input", 0) + frame.format(2, "output", 0)
     if hinge:
         frames += frame.format("1_z", "input", 0.1) + frame.format("2_z", "output", 0.1)
-    mechanism = cinegen.load(write(train(gear=frames)))
+    mechanism = cinegen.load(train(gear=frames))
     assert [(loop.name, loop.kind.name.lower()) for loop in mechanism.loops] == [("closing_pin", kind)]
     assert mechanism.mobility == 1 + mobility
-    assert cinegen.load(write(train(gear=frames)), ignore=["closing_pin"]).mobility == 3
+    assert cinegen.load(train(gear=frames), ignore=["closing_pin"]).mobility == 3
     joint = f'<joint name="pin" type="ball">{ENDS}</joint>'
-    assert [loop.name for loop in cinegen.load(write(train(gear=frames + joint))).loops] == ["pin"]
+    assert [loop.name for loop in cinegen.load(train(gear=frames + joint)).loops] == ["pin"]
 
 
 # --- MJCF --------------------------------------------------------------------------------------------------------
@@ -273,10 +263,10 @@ EQUALITIES = {
 
 
 @pytest.mark.parametrize("name", EQUALITIES)
-def test_couplings_are_mujocos(write, name):
-    path = write(ROW.format(EQUALITIES[name]), "row.xml")
-    mechanism = cinegen.load(path)
-    model = mujoco.MjModel.from_xml_path(str(path))
+def test_couplings_are_mujocos(name):
+    text = ROW.format(EQUALITIES[name])
+    mechanism = cinegen.load(text)
+    model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
     ranks = []
     for q in [mechanism.q_home, *mechanism.random_closed(5)]:
@@ -292,8 +282,17 @@ def test_couplings_are_mujocos(write, name):
     assert mechanism.mobility == model.nv - max(ranks)
 
 
+@pytest.fixture
+def write(tmp_path):
+    def write(text):
+        (tmp_path / "row.xml").write_text(text)
+        return tmp_path / "row.xml"
+
+    return write
+
+
 def test_what_is_not_read_of_an_mjcf_is_listed(write):
-    path = write(ROW.format(EQUALITIES["several"]), "row.xml")
+    path = write(ROW.format(EQUALITIES["several"]))
     assert mjcf.read(path).ignored == ["equality constraint 'g' (not active)", "limits of tendon 'two'"]
     notes = cinegen.load(path).source.notes
     assert notes == ("not read: equality constraint 'g' (not active)", "not read: limits of tendon 'two'")
@@ -308,7 +307,7 @@ def test_what_is_not_read_of_an_mjcf_is_listed(write):
     ('<joint name="e" joint1="ball"/>', r"row.xml:\d+: MuJoCo can't read it: .*(?:'e'|ball)"),
 ])  # fmt: skip
 def test_an_equality_without_counterpart_is_an_error_that_names_it(write, equality, says):
-    path = write(ROW.format(equality), "row.xml")
+    path = write(ROW.format(equality))
     with pytest.raises(cinegen.CinegenError, match=says) as failed:
         cinegen.load(path)
     if "MuJoCo" not in str(failed.value):
@@ -319,7 +318,7 @@ def test_an_equality_without_counterpart_is_an_error_that_names_it(write, equali
 def test_a_flex_is_left_out_with_its_constraints_only_on_request(write):
     grid = """<flexcomp name="cloth" type="grid" count="3 3 1" spacing="0.1 0.1 0.1" radius="0.01" mass="1">
       <edge equality="true"/></flexcomp><body><joint name="j"/><geom size="0.1"/></body>"""
-    path = write(f"<mujoco><worldbody>{grid}</worldbody></mujoco>", "cloth.xml")
+    path = write(f"<mujoco><worldbody>{grid}</worldbody></mujoco>")
     with pytest.raises(
         cinegen.CinegenError, match=r"constrains the flex 'cloth', and only rigid bodies .*--ignore cloth"
     ):

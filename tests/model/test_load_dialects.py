@@ -487,20 +487,6 @@ def test_all_are_opened_by_ignore_loops_and_each_loop_by_its_dialect_or_its_name
 # Loops that are opened on purpose, in every format and command; numbers that a constraints file states.
 
 
-# Four bars in the plane, drawn stretched out.
-PLUS = """<robot name="four_bar">
-  <link name="base"/> <link name="link1"/> <link name="link2"/> <link name="link3"/>
-  <joint name="joint1" type="continuous"><parent link="base"/><child link="link1"/><axis xyz="0 0 1"/></joint>
-  <joint name="joint2" type="continuous" independent="false"><parent link="link1"/><child link="link2"/>
-    <origin xyz="0.3 0 0"/><axis xyz="0 0 1"/></joint>
-  <joint name="joint3" type="continuous" independent="false"><parent link="base"/><child link="link3"/>
-    <origin xyz="0.9 0 0"/><axis xyz="0 0 1"/></joint>
-  <loop name="loop1" type="revolute"><predecessor link="link2"><origin xyz="1 0 0"/></predecessor>
-    <successor link="link3"><origin xyz="0.4 0 0"/></successor><axis xyz="0 0 1"/></loop>
-</robot>
-"""
-
-
 # --- numbers that a constraints file states ----------------------------------------------------------------------
 
 
@@ -551,41 +537,35 @@ def test_loops_are_opened_in_every_format_all_or_by_name(format, root, tmp_path)
     assert (len(mechanism.loops), mechanism.mobility) == (0, 5)
 
 
-def test_a_robot_without_loops_is_loaded_without_a_word(root, recwarn):
-    assert cinegen.load(root / "robots" / "arm7.raff", ignore_loops=True).mobility == 7
-    assert not recwarn
-
-
 # --- commands ----------------------------------------------------------------------------------------------------
 
-SCENE = """robot = "four_bar.urdf"
-node = "link2"
+SCENE = """robot = "bars.urdf"
+node = "coupler"
 safety = 0.01
 goal = { point = [1.5, 0, 0] }
 """
 
 COMMANDS = {
-    "info": ["info", "four_bar.urdf"],
-    "map": ["map", "four_bar.urdf"],
-    "drive": ["drive", "four_bar.urdf", "--snapshot", "page.html"],
+    "info": ["info", "bars.urdf"],
+    "map": ["map", "bars.urdf"],
+    "drive": ["drive", "bars.urdf", "--snapshot", "page.html"],
     "drive --scene": ["drive", "--scene", "scene.toml", "--snapshot", "page.html"],
     "plan": ["plan", "scene.toml"],
 }
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_refuses_and_opens_on_demand(command, tmp_path, monkeypatch, typed, capsys):
-    (tmp_path / "four_bar.urdf").write_text(PLUS.replace("<loop ", "<closure ").replace("</loop>", "</closure>"))
+def test_every_command_refuses_and_opens_on_demand(command, write, tmp_path, monkeypatch, typed, capsys):
+    write(LOOPS["URDF+"][0].replace("<loop ", "<closure ").replace("</loop>", "</closure>"))
     (tmp_path / "scene.toml").write_text(SCENE)
-
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO()))
     refused = typed(*COMMANDS[command], code=1).err
-    assert "four_bar.urdf:8: <closure> 'loop1' ('link2', 'link3') declares a loop" in refused
+    assert "bars.urdf:6: <closure> 'pin' ('coupler', 'rocker') declares a loop" in refused
     for option in (["--ignore-loops"], ["--ignore", "closure"]):
         main([*COMMANDS[command], *option])
         opened = capsys.readouterr().err
-        assert "four_bar.urdf: left out, as requested" in opened
-        assert ": <closure> 'loop1' (line 8)" in opened
+        assert "bars.urdf: left out, as requested" in opened
+        assert ": <closure> 'pin' (line 6)" in opened
         assert "Traceback" not in opened
         assert "declares a loop" not in opened

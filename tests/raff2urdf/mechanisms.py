@@ -298,3 +298,18 @@ def cluster_of(text: str) -> Cluster:
     """The only cluster of loops in a RAFF text."""
     (cluster,) = clusters_of(loads(text))
     return cluster
+
+
+class Circles:
+    """Two circles of radius 1, as equations: a point of one is on the other. They count how often they are asked."""
+
+    def __init__(self, apart: float) -> None:
+        self.apart, self.evaluations = apart, 0
+
+    def evaluate(self, q: Matrix) -> tuple[Matrix, Matrix]:
+        self.evaluations += 1
+        (a, b), (c, d) = np.cos(q), np.sin(q)
+        return np.array([a + b - self.apart, c - d]), np.array([[-c, -d], [a, -b]])
+
+    def integrate(self, q: Matrix, step: Matrix) -> Matrix:
+        return q + step

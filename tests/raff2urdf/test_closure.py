@@ -13,6 +13,7 @@ from mechanisms import (
     CLOSED_CHAINS,
     FOUR_BAR_AXES,
     KNOWN,
+    Circles,
     Part,
     axis_at,
     cluster_of,
@@ -125,18 +126,7 @@ def test_what_is_closed_stays_where_it_is(name: str, seed: int) -> None:
 def test_closing_ends_where_no_step_can_lower_the_gap() -> None:
     """Two circles of radius 1, whose centres are 2.001 apart, are nearest on the line between these."""
 
-    class Circles:
-        evaluations = 0
-
-        def evaluate(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            self.evaluations += 1
-            (a, b), (c, d) = np.cos(q), np.sin(q)
-            return np.array([a + b - 2.001, c - d]), np.array([[-c, -d], [a, -b]])
-
-        def integrate(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
-            return q + step
-
-    circles = Circles()
+    circles = Circles(2.001)
     closing = close(circles, np.array([0.3, -0.2]))
     assert closing.gap == pytest.approx(1e-3, rel=1e-6)
     circles.evaluations = 0

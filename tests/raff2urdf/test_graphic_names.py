@@ -160,24 +160,6 @@ def test_packages_of_the_environment_may_be_made_of_links(
         find("package://arm/../../../src/arm/meshes/a.stl", folder)
 
 
-def test_a_pointer_of_git_lfs_is_told(write: Write) -> None:
-    folder = write("arm/a.stl", "arm/arm.urdf")
-    (folder / "a.stl").write_text("version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 1\n")
-    with pytest.raises(RaffError, match=f"mesh 'a.stl' is a Git LFS pointer: run `git lfs pull` in {folder}"):
-        find("a.stl", folder)
-
-
-def test_a_recording_names_no_folder_but_those_near_it(
-    write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    robot = write("a.stl", "arm.urdf", below="home/robots/arm")
-    with pytest.raises(RaffError, match=f"leads out of .*RAFF2URDF_MESH_PATH={robot}$"):
-        find("a.stl", robot, owner=write("run.jsonl"))
-    assert find("a.stl", robot, owner=write("run.jsonl", below="home/robots/runs"))
-    monkeypatch.setenv("RAFF2URDF_MESH_PATH", str(robot))
-    assert find("a.stl", robot, owner=tmp_path / "home/work")
-
-
 def test_a_name_that_no_file_can_have_is_not_found(write: Write) -> None:
     folder = write("arm/arm.urdf")
     for name in ("file://a%00b.stl", 300 * "x" + ".stl"):

@@ -181,22 +181,9 @@ def test_loops_that_no_joint_can_open_are_not_nearly_redundant():
     assert near_redundancy(Rigid(), np.zeros(2)) is None
 
 
-class Circles:
-    """Two circles of radius 1 whose centres are 2.1 apart; no point of one is on the other."""
-
-    evaluations = 0
-
-    def evaluate(self, q):
-        self.evaluations += 1
-        (a, b), (c, d) = np.cos(q), np.sin(q)
-        return np.array([a + b - 2.1, c - d]), np.array([[-c, -d], [a, -b]])
-
-    def integrate(self, q, step):
-        return q + step
-
-
 def test_equations_that_can_not_be_solved_are_given_up_soon():
-    circles = Circles()
+    """No point of one of these circles is on the other."""
+    circles = mechanisms.Circles(2.1)
     assert settle(circles, np.array([0.3, -0.2]), 1e-6) is None
     assert circles.evaluations < 25
 

@@ -236,7 +236,7 @@ def test_a_joint_that_its_limit_stops_is_named(raff):
         frame 2 { parameters { d 500 } pred 1 name "tool" } constraint { frame 2 sensor ( 0 1 ) } }""")
     one = Session(arrange({"arm": arm}))
     state = run(one, 2.0, c.StartDrag("arm", "tool", (0, 0, 0)), c.MoveDrag((0.0, 0.5, 0.0)))
-    assert state.robots["arm"].status.label == "at limit: joint1"
+    assert state.robots["arm"].status.label == "at the limit of joint1"
     assert state.robots["arm"].q == pytest.approx([np.pi / 6.0], abs=1e-6)
     one.close()
 

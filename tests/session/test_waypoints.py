@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+import cinegen
 from cinegen.mission import Recording, export
 from cinegen.session import Session, Setup
 from cinegen.session import commands as c
@@ -106,6 +107,34 @@ def test_all_robots_move_to_a_waypoint_and_back_by_undo(session):
     run(session, c.Undo())
     assert differs(configurations(session), home) < 1e-9
     assert session.state().notices == ()
+
+
+def test_waypoints_of_two_assembly_modes_are_mended_as_the_message_says(session):
+    place(session, 0.1, "a")
+    bars = session.robots["five_bar"]
+    actuated = [bars.q[bars.mechanism.q_index(joint)] for joint in bars.mechanism.actuated]
+    other = max(cinegen.assembly_modes(bars.mechanism, actuated), key=lambda q: np.abs(q - bars.q).max())
+    run(session, c.MoveTo("five_bar", "tool", tuple(other)))
+    session.obey(c.SaveWaypoint("b"))
+
+    def played():
+        before = len(session.state().notices)
+        return "".join(notice.text for notice in run(session, c.PlayWaypoints(on=True)).notices[before:])
+
+    failed = "waypoints are no longer played: five_bar can't reach '{}' on a path: {}"
+    assert failed.format("a", "play again") in played()
+    assert failed.format("b", "drag it there from 'a' and save it again, or remove it") in played()
+    first, second = session.state().waypoints
+    run(session, c.MoveToWaypoint(first.id))
+    session.obey(c.RemoveWaypoint(second.id))
+    point = bars.mechanism.placement(bars.q, bars.mechanism.end).translation
+    session.obey(c.StartDrag("five_bar", bars.mechanism.end, (0, 0, 0)))
+    session.obey(c.MoveDrag(tuple(point + np.array([0.02, 0.01, 0.0]))))
+    for _ in range(500):
+        session.tick()
+    session.obey(c.EndDrag())
+    session.obey(c.SaveWaypoint("b"))
+    assert "played" not in played()
 
 
 def test_waypoints_that_are_played_with_a_recording_are_a_mission(session, tmp_path):

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from loop_openings import jacobian_by
 from mapped import mapped, middles, over
 from scipy.optimize import linprog
+from small_robots import two_bars
 
 import cinegen
 from cinegen.collision.clearance import Clearance, links_of
@@ -80,21 +81,9 @@ def test_quantities_are_those_of_singularities_numpy_and_linear_programmes(robot
         assert -1e-6 <= values["margin"] <= 1.0
 
 
-TWO_BARS = """
-robot arm {
-  base { }
-  link 1 { parameters { theta 30.0 } type 2 pred 0 velocity 90.0 }
-  link 2 { parameters { theta 40.0 d 500.0 } type 2 pred 1 velocity 180.0 }
-  frame 20 { name "tool" parameters { d 300.0 } pred 2 }
-  constraint { frame 20 sensor ( 0 1 ) }
-}
-sensor 1 { port "/dev/null" translation 3 rotation 3 }
-"""
-
-
-def test_two_bars_have_the_manipulability_and_the_speeds_that_textbooks_give_them(raff):
+def test_two_bars_have_the_manipulability_and_the_speeds_that_textbooks_give_them():
     """|l1 l2 sin q2|; and speeds and forces by the Jacobian, written down."""
-    arm = raff(TWO_BARS)
+    arm = cinegen.load(two_bars((30, 40), (500, 300), ("velocity 90", "velocity 180")))
     region = over(("x", -0.8, 0.8, 12), ("y", -0.8, 0.8, 12))
     spec = MapSpecification(
         arm, region, ("manipulability", "velocity", "force", "sigma_1", "margin"), along=(0.6, 0.8, 0.0)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from small_robots import four_bar, two_bars
 
 import cinegen
 import raff2urdf
@@ -19,34 +20,17 @@ from cinegen.workspace.sweep import SweptParameter, Variation, WantedBox, sweep,
 from cinegen.workspace.sweep.box import BoxConfigurations, dexterity, regularity
 from cinegen.workspace.sweep.variants import KLEINFINGER
 
-ARM = """RAFF Arm
-robot arm {{
-  base {{ }}
-  link 1 {{ parameters {{ theta 20 }} type 2 pred 0 limits {{ {limits} }} }}
-  link 2 {{ parameters {{ theta 60 d 400 }} type 2 pred 1 velocity 90 }}
-  frame 20 {{ name "tool" parameters {{ d 250 }} pred 2 }}
-}}
-"""
 
-FOUR_BAR = """RAFF Bars
-units cm
-robot bars {
-  base { }
-  link 1 { parameters { theta 70 } type 2 pred 0 actuated 1 }
-  link 2 { parameters { theta -60 d 10 } type 2 pred 1 }
-  link 3 { parameters { theta 70 d 30 } type 2 pred 0 }
-  frame 4 { parameters { d 10 } pred 3 }
-  frame 5 { name "coupler" parameters { d 30 } pred 2 }
-  constraint { frame 4 frame 5 type 2 }
-}
-"""
+def arm_within(limit: int) -> str:
+    """A planar arm with links of 400 and 250 mm."""
+    return two_bars((20, 60), (400, 250), (f"limits {{ -{limit} {limit} }}", "velocity 90"))
 
 
 @pytest.fixture
 def arm(tmp_path):
-    """The path of a planar arm with links of 400 and 250 mm."""
+    """The path of an arm."""
     path = tmp_path / "arm.raff"
-    path.write_text(ARM.format(limits="-180 180"), encoding="utf-8")
+    path.write_text(arm_within(180), encoding="utf-8")
     return path
 
 
@@ -120,15 +104,15 @@ def test_a_variant_is_a_raff_file_that_says_the_values_and_else_the_same(robot, 
 
 
 def test_parameters_that_are_joined_vary_together_and_others_in_all_combinations(arm):
-    found = variants(raff2urdf.load(arm), parse("link2.d+tool.d+-frame20.r=100..200:2", "link1.limits.high=90..170:3"))
+    found = variants(raff2urdf.load(arm), parse("link2.d+tool.d+-frame3.r=100..200:2", "link1.limits.high=90..170:3"))
     assert len(found) == 6
     for variant in found:
         nodes = variant.document.robot().nodes
         length, limit = variant.values.values()
-        assert [nodes[2].parameters.d, nodes[20].parameters.d, nodes[20].parameters.r] == [length, length, -length]
+        assert [nodes[2].parameters.d, nodes[3].parameters.d, nodes[3].parameters.r] == [length, length, -length]
         assert nodes[1].limits == (-180.0, limit)
         assert nodes[2].velocity == 90.0
-    assert found[1].name == "link2.d+tool.d+-frame20.r=100,link1.limits.high=130"
+    assert found[1].name == "link2.d+tool.d+-frame3.r=100,link1.limits.high=130"
 
 
 # --- figures ----------------------------------------------------------------------------------------------------------
@@ -169,7 +153,7 @@ def test_a_wanted_box_is_wholly_reached_or_not(arm, tmp_path):
 def coarse(tmp_path_factory):
     """A specification of the planar arm in few cells, and the configurations of its map."""
     folder = tmp_path_factory.mktemp("coarse")
-    (folder / "arm.raff").write_text(ARM.format(limits="-180 180"), encoding="utf-8")
+    (folder / "arm.raff").write_text(arm_within(180), encoding="utf-8")
     region = Region((GridAxis("x", 0.2, 0.7, 5), GridAxis("y", -0.4, 0.4, 6)))
     spec = MapSpecification(cinegen.load(folder / "arm.raff"), region, ("sigma_1",))
     return spec, make_map(spec, folder / "map.zarr", workers=1).configuration.values
@@ -226,19 +210,19 @@ def test_motors_lose_hold_of_a_five_bar_where_its_outer_bars_are_in_line(robot, 
 
 def test_variants_whose_loops_can_not_be_closed_are_told_and_passed_over(tmp_path):
     path = tmp_path / "bars.raff"
-    path.write_text(FOUR_BAR, encoding="utf-8")
+    path.write_text(four_bar((70, -60, 70), (100, 300, 300, 100), ("actuated 1", "", "")), encoding="utf-8")
     said = []
     region = Region((GridAxis("joint1", math.radians(60), math.radians(80), 8),))
     table = sweep(
-        path, parse("link3.d=20..80:4"), region, tmp_path / "out", workers=1, report=lambda *done: said.append(done)
+        path, parse("link3.d=200..800:4"), region, tmp_path / "out", workers=1, report=lambda *done: said.append(done)
     )
-    closed = [d <= 50.0 for d in (20.0, 40.0, 60.0, 80.0)]  # the longest bar against the others: 30 + 10 + 10
+    closed = [d <= 500.0 for d in (200.0, 400.0, 600.0, 800.0)]  # the longest bar against the others
     assert [row.dexterity is not None for row in table.rows] == closed
-    assert "the mechanism can't be closed: these loops remain open: 'frame4-coupler'" in table.rows[-1].remark
+    assert "the mechanism can't be closed: these loops remain open: 'frame4-frame5'" in table.rows[-1].remark
     assert "\n" not in table.rows[-1].remark
     assert not table.rows[-1].suitable
     assert said[-1] == (32, 32)
-    assert "'frame4-coupler'" in table.text().splitlines()[-1]
+    assert "'frame4-frame5'" in table.text().splitlines()[-1]
     rows = list(csv.DictReader(io.StringIO((tmp_path / "out" / "table.csv").read_text())))
     assert [bool(row["extent"]) for row in rows] == closed
     assert json.loads(json.dumps(table.as_dict()))["rows"][-1]["extent"] is None
@@ -258,7 +242,7 @@ def test_a_sweep_goes_on_and_its_variants_can_be_loaded(arm, tmp_path):
     assert len(written) >= 4
     for row in first.rows:
         there = raff2urdf.load(out / row.name / "robot.raff").robot().nodes
-        assert (there[2].parameters.d, there[20].parameters.d) == tuple(row.values.values())
+        assert (there[2].parameters.d, there[3].parameters.d) == tuple(row.values.values())
     text = (out / "table.csv").read_bytes()
     for path in (out / first.rows[2].name / "map.zarr" / "status").glob("c.*"):
         path.unlink()  # as if it had been stopped there
@@ -283,7 +267,7 @@ def test_a_folder_of_something_else_is_refused_and_left_alone(arm, tmp_path):
     ):
         with pytest.raises(MapError, match=words):
             call()
-    arm.write_text(ARM.format(limits="-90 90"), encoding="utf-8")
+    arm.write_text(arm_within(90), encoding="utf-8")
     with pytest.raises(MapError, match="differs in the RAFF file"):
         sweep(arm, over, square(0.7, 6), out)
     assert before == {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}

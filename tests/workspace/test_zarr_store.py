@@ -243,47 +243,34 @@ def test_a_damaged_chunk_is_said_when_read_and_made_again_when_gone_on(spec, who
     assert digest(copied) == digest(whole)
 
 
-def edit(path, change):
-    document = json.loads(path.read_text())
-    change(document)
-    path.write_text(json.dumps(document))
+def edited(name, change):
+    def spoil(path):
+        document = json.loads((path / name).read_text())
+        change(document)
+        (path / name).write_text(json.dumps(document))
+
+    return spoil
+
+
+def attribute(name, change):
+    return edited("zarr.json", lambda d: d["attributes"].update({name: change(d["attributes"][name])}))
 
 
 WRONG = {
     "an array is missing": (lambda p: shutil.rmtree(p / "sigma_1"), "sigma_1 is missing"),
-    "an array has another shape": (
-        lambda p: edit(p / "margin/zarr.json", lambda d: d.update(shape=[1, 2, 3])),
-        "margin is missing, or its description is wrong",
-    ),
+    "an array has another shape": (edited("margin/zarr.json", lambda d: d.update(shape=[1, 2, 3])),
+        "margin is missing, or its description is wrong"),
     "the description is gone": (lambda p: (p / "zarr.json").unlink(), "is not a zarr group"),
-    "the specification is a number": (
-        lambda p: edit(p / "zarr.json", lambda d: d["attributes"].update(specification="7")),
-        "map.zarr: the map is damaged: its description is invalid",
-    ),
-    "the robot's URDF lacks a joint": (
-        lambda p: edit(
-            p / "zarr.json",
-            lambda d: d["attributes"].update(
-                source=d["attributes"]["source"].replace('joint name=\\"joint1', 'joint name=\\"oint1')
-            ),
-        ),
-        r"map\.zarr: the map is damaged: its description is invalid \(.*joint1",
-    ),
+    "the specification is a number": (attribute("specification", lambda _: "7"),
+        "map.zarr: the map is damaged: its description is invalid"),
+    "the URDF lacks a joint": (attribute("source", lambda s: s.replace('joint name=\\"joint1', 'joint name=\\"oint1')),
+        r"map\.zarr: the map is damaged: its description is invalid \(.*joint1"),
     "a coordinate's description is empty": (lambda p: (p / "joint1/zarr.json").write_bytes(b""), "joint1 is missing"),
     "a coordinate is cut": (lambda p: cut(p / "joint1/c.0"), "the values of joint1 are missing or wrong"),
-    "it is another's group": (
-        lambda p: edit(p / "zarr.json", lambda d: d.update(attributes={})),
-        "not a map of cinegen",
-    ),
-    "it is of another version": (
-        lambda p: edit(p / "zarr.json", lambda d: _version(d["attributes"])),
-        "has version 0; this program reads version 8",
-    ),
-}
-
-
-def _version(attributes):
-    attributes["specification"] = json.dumps({**json.loads(attributes["specification"]), "version": 0})
+    "it is another's group": (edited("zarr.json", lambda d: d.update(attributes={})), "not a map of cinegen"),
+    "it is of another version": (attribute("specification", lambda s: json.dumps({**json.loads(s), "version": 0})),
+        "has version 0; this program reads version 8"),
+}  # fmt: skip
 
 
 @pytest.mark.filterwarnings("error")

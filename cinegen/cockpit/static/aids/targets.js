@@ -5,7 +5,6 @@ import { isNear } from "../base/units.js";
 import { ball, paint } from "../view/shapes.js";
 import { theme } from "../view/theme.js";
 
-
 /** @typedef {import("../base/messages").TaskMessage} Task */
 /** @typedef {import("three").MeshBasicMaterial} Material */
 /**

@@ -21,7 +21,6 @@ const WAYS = [["to the right", "to the left"], ["upwards", "downwards"], ["towar
  */
 export function inWords(status, report, axes, pull, length) {
   const { name = "", label = "" } = status;
-  if (name === "AT_LIMIT" && report?.saturated?.length) return { ...status, label: `at the limit of ${report.saturated.slice(0, 2).join(" and ")}` };
   const [twist, pulled] = [report?.type1?.twist ?? [], Math.hypot(...pull)];
   if (name !== "SINGULAR" || twist.length !== 6 || pulled < PULLED * length) return { ...status, label: label.replace(/: (lost|uncontrolled) DoF$|, near a singularity$/, "") };
   const [straight, turns] = [twist.slice(0, 3), twist.slice(3)];

@@ -160,11 +160,7 @@ export class View {
     return group;
   }
 
-  /**
-   * Move robots, or obstacles, to where a state has them.
-   * @param {KnownRobot[]} robots
-   * @param {Record<string, number[]> | undefined} poses
-   */
+  /** Move robots, or obstacles, to where a state has them. @param {KnownRobot[]} robots @param {Record<string, number[]> | undefined} poses */
   apply(robots, poses) {
     for (const robot of robots) {
       const numbers = valueOf(poses, robot.name);
@@ -185,10 +181,6 @@ export class View {
   /** Find the groups of all parts again, which may have been drawn anew, and move them. */
   #find() {
     this.#groups.clear();
-    this.#apply();
-  }
-
-  #apply() {
     for (const { robot, numbers } of this.#applied.values()) this.#place(robot, numbers);
   }
 
@@ -231,10 +223,7 @@ export class View {
     return [position.x, position.y, position.z, middle.x, middle.y, middle.z];
   }
 
-  /**
-   * Set the camera, by numbers as `cameraNumbers` returns them.
-   * @param {import("../base/fragment.js").Camera} camera
-   */
+  /** Set the camera, by numbers as `cameraNumbers` returns them. @param {import("../base/fragment.js").Camera} camera */
   setCamera([x, y, z, ...middle]) {
     const { root } = this;
     root.updateWorldMatrix(true, false);
@@ -245,11 +234,7 @@ export class View {
     this.changed();
   }
 
-  /**
-   * A point of the world in pixels of the pane; null behind the camera.
-   * @param {Vector3} point
-   * @param {Vector3} where
-   */
+  /** A point of the world in pixels of the pane; null behind the camera. @param {Vector3} point @param {Vector3} where */
   pixels(point, where = new Vector3()) {
     where.copy(point).applyMatrix4(this.stage.matrix);
     const behind = where.clone().applyMatrix4(this.camera.matrixWorldInverse).z > 0;

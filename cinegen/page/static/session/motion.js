@@ -17,6 +17,11 @@ const RETRACED = 1.5; // s: longest duration of an undo
  * @typedef {{ name: string, label: string, problem: string, advance: (dt: number) => Configuration | null }} Motion
  */
 
+/** Return the text on joints at their limits, of which the first two are named. @param {string[]} joints */
+export function atLimit(joints) {
+  return `at the limit of ${joints.slice(0, 2).join(" and ")}`;
+}
+
 /**
  * The minimum-jerk profile, 0 to 1 (T. Flash and N. Hogan, "The coordination of arm movements", 1985).
  * @param {number} part
@@ -76,7 +81,7 @@ export class JointMotion {
     if (values.size === 0) return this.#ends ? null : this.q;
     const q = kinematics.follow(this.q, values);
     const passed = q === null ? "" : kinematics.passedLimit(q, this.q);
-    this.problem = q === null ? "its loops can't follow on this branch" : passed && `at limit: ${passed}`;
+    this.problem = q === null ? "its loops can't follow on this branch" : passed && atLimit([passed]);
     if (q === null || passed) {
       this.#goal.clear(); // the next movement of a slider tries again
       return this.#ends ? null : this.q;

@@ -1,5 +1,6 @@
 // One robot of the session, with its base pose, its tasks, and its motion in a tick; as cinegen/session/robot.py has it.
 
+import { atLimit } from "./motion.js";
 import { Placement } from "./placement.js";
 
 /** Sources of tasks. */
@@ -131,7 +132,7 @@ export class DrivenRobot {
       return { name: motion.name.toUpperCase(), label: motion.problem || motion.label, description: `${this.name}: ${motion.label}` };
     }
     let label = step.status.toLowerCase().replaceAll("_", " ");
-    if (step.status === "AT_LIMIT" && step.saturated.length > 0) label += `: ${step.saturated.slice(0, 3).join(", ")}`;
+    if (step.status === "AT_LIMIT" && step.saturated.length > 0) label = atLimit(step.saturated);
     if (step.status === "OUT_OF_REACH") {
       const [metres, angle] = [0, 1].map((i) => Math.max(...step.errors.map((error) => error[i])));
       const far = metres > this.kinematics.length * Math.min(FAR, angle); // not 0 degrees

@@ -22,6 +22,7 @@ export class Waypoints {
   #next = [];
   /** @type {Map<string, ConfigurationMotion>} */
   #motions = new Map();
+  #last = ""; // name of the waypoint that was reached before
   #plays = false; // whether the motion goes through several waypoints
 
   /** @param {Map<string, DrivenRobot>} robots @param {() => number} newId returns the id of the next waypoint */
@@ -103,7 +104,10 @@ export class Waypoints {
     if (this.#target === null) return "";
     for (const [name, motion] of this.#motions) {
       const robot = this.#robot(name);
-      if (motion.problem !== "") return this.#fail(`${name} can't reach '${this.#target.name}' on a path`);
+      if (motion.problem !== "") {
+        const again = this.#last ? `drag it there from '${this.#last}' and save it again, or remove it` : "play again";
+        return this.#fail(`${name} can't reach '${this.#target.name}' on a path: ${again}`);
+      }
       if (robot.motion !== null && robot.motion !== motion) return this.#fail(`another motion moves ${name}`);
     }
     if ([...this.#motions.keys()].some((name) => this.#robot(name).motion !== null)) return "";
@@ -111,6 +115,7 @@ export class Waypoints {
       const { kinematics, q } = this.#robot(name);
       if (kinematics.distance(q, goal) > THERE) return this.#fail(`${name} did not reach '${this.#target.name}'`);
     }
+    this.#last = this.#target.name;
     const next = this.#next.shift();
     if (next === undefined) this.stop();
     else this.#begin(next);
@@ -120,6 +125,7 @@ export class Waypoints {
   /** @param {Waypoint[]} waypoints */
   #start(waypoints) {
     this.stop();
+    this.#last = "";
     const [first, ...others] = waypoints;
     this.#next = others;
     this.#begin(first);
