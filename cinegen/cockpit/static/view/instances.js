@@ -24,6 +24,7 @@ export class Instances {
   #gather() {
     for (const { all } of this.#sets) {
       all.removeFromParent();
+      for (const look of Object.values(all.userData.made)) look.dispose();
       all.dispose();
     }
     /** @type {Map<string, Mesh[]>} */
