@@ -226,6 +226,12 @@ class LookAhead:
         return forecast_of(rollout, threshold, passive_threshold)
 
     def _roll_out(self, ticks: int) -> Rollout:
+        """Step the solver `ticks` times, and once more for the Jacobians at the end; return the motion.
+
+        A target that moves with the twist (w, v), rad/s and m/s in the world's axes, is at time t rotated to
+        exp(t [w]) R and translated to p + t v. The Jacobian J of the tasks is projected to motions N that keep the
+        loops closed, J N^T N, so that it is the same in each basis (orthonormal rows) of these.
+        """
         solver, mechanism = self.solver, self.solver.mechanism
         solver.keeps_linearisation = True
         moving = [
@@ -235,7 +241,7 @@ class LookAhead:
         ]
         q, v = [solver.q], [solver.v]
         steps, jacobians = [], []
-        for tick in range(1, ticks + 2):  # one more, for the Jacobians at the end
+        for tick in range(1, ticks + 2):
             for task, start, velocity in moving:
                 time = tick * solver.dt
                 rotation = pin.exp3(velocity.angular * time) @ start.rotation
