@@ -17,7 +17,6 @@ from scipy.spatial.transform import Rotation
 
 import cinegen
 import cinegen.proof.checker
-import cinegen.proof.proof
 import cinegen.proof.spread
 import cinegen.proof.tubes
 from cinegen.collision.body import geometry_model
