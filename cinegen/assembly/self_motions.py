@@ -160,7 +160,12 @@ class SelfMotions:
         return tuple(n for n, s in zip(self._linkage.passive, sizes, strict=True) if s > _MOVES * sizes.max())
 
     def _tangents(self, solution: Complex) -> tuple[int, Array]:
-        """Return the loops' rank at a real solution, and directions (k, dimension) that move features."""
+        """Return the loops' rank at a real solution (k + 1,), and directions (k, dimension) that move features.
+
+        These are the directions in the null space Z of the loops' Jacobian that change the features F to first order:
+        the right singular vectors of (dF/dx) Z. Derivatives are complex steps, Im F(x + i h z) / h, which have no
+        cancellation (J. N. Lyness and C. B. Moler, "Numerical differentiation of analytic functions", 1967).
+        """
         linkage = self._linkage
         _, sigma, vh = np.linalg.svd(linkage.jacobian(solution, self._locked).real)
         rank = int((sigma > _WEAK * sigma[0]).sum())

@@ -229,8 +229,9 @@ class LookAhead:
         """Step the solver `ticks` times, and once more for the Jacobians at the end; return the motion.
 
         A target that moves with the twist (w, v), rad/s and m/s in the world's axes, is at time t rotated to
-        exp(t [w]) R and translated to p + t v. The Jacobian J of the tasks is projected to motions N that keep the
-        loops closed, J N^T N, so that it is the same in each basis (orthonormal rows) of these.
+        exp(t [w]) R and translated to p + t v. The Jacobian J (rows, n) of the tasks becomes J N_n^T N, with the
+        orthonormal rows N (k, n + .) of the motions that all loops allow, and N_n, their first n columns: this does not
+        depend on the choice of the basis.
         """
         solver, mechanism = self.solver, self.solver.mechanism
         solver.keeps_linearisation = True

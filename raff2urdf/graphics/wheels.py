@@ -283,8 +283,8 @@ class CouplingDrawing:
         """Draw a pinion, and the rack on what slides or a belt to the other end of its stroke, if they can touch.
 
         All in the world at home, m. The pinion turns about z. At `contact`, where its pitch circle touches the rack, it
-        moves along `feed`, as the link of the prismatic joint does. They can touch if these two directions are
-        perpendicular, and the joints are on one body. The rack covers the stroke, and three teeth more on both sides.
+        moves along `feed`, as the link of the prismatic joint does. They can touch if z and `feed` are perpendicular,
+        and the joints are on one body. The rack covers the stroke, and three teeth more on both sides.
 
         Args:
             slide: link of the prismatic joint, along the z axis of its frame.
