@@ -450,7 +450,7 @@ class Runner:
         import msgspec  # noqa: F401
         import numba  # noqa: F401
         import pinocchio  # noqa: F401
-        import scipy.optimize
+        import scipy.optimize  # noqa: F401
         import scipy.spatial  # noqa: F401
 
     def run(self, tests: list[str], mode: str, limit: float, *more: str) -> tuple[str, str]:

@@ -198,7 +198,10 @@ def edges(
 
 
 class Cluster:
-    """Loops and couplings that share joints, and those joints: a `LoopSystem` (q: the joints in file order)."""
+    """Loops and couplings (by indices in the robot) that share joints, and those joints: a `LoopSystem`.
+
+    q is of the joints in file order, `scale` the m or rad of a dimensionless step of each; `length` is the
+    characteristic length, m, and `steps` has placements by which both ends of a loop are moved, by its index."""
 
     def __init__(
         self,
@@ -332,9 +335,11 @@ def clusters(document: Document, robot: RaffRobot, kinds: Mapping[int, LoopKind]
 
 
 def coupling_of(document: Document, robot: RaffRobot, index: int) -> Coupling:
-    """Return a coupling as an equation in rad and m."""
+    """Return a coupling as an equation in rad and m: follower - sum of the drives' terms = offset. One unit of the file
+    is u rad or m (degrees, mm), so a polynomial's c_k x^k becomes c_k u_follower / u_drive^k x^k."""
 
     def unit(number: int) -> tuple[str, bool, float]:
+        """Return the name of a link's joint, whether it is prismatic, and its u."""
         link = robot.nodes[number]
         assert isinstance(link, RaffLink)
         return link.joint, link.type is JointType.PRISMATIC, joint_units(document, link, 1.0)

@@ -251,17 +251,21 @@ class LinkageBodies:
 
     @cached_property
     def telescopes(self) -> list[LinkageJoint]:
-        """The passive prismatic joints that lengthen a rod: along the line between its two centres."""
+        """The passive prismatic joints that lengthen a rod.
+
+        Each half of such a rod has one centre and, except for the prismatic joint, no joint that is not of this centre;
+        the joint is along the line between the centres c1 and c2: (c2 - c1) x axis = 0.
+        """
         telescopes = []
-        for joint in self.passive:
-            halves = [self._on(self.group_of[side]) for side in joint.sides]
-            if joint.kind is not LoopKind.PRISMATIC or any(len(centres) != 1 for _, centres in halves):
+        for slide in (joint for joint in self.passive if joint.kind is LoopKind.PRISMATIC):
+            halves = [self._on(self.group_of[side]) for side in slide.sides]
+            if any(len(centres) != 1 for _, centres in halves):
                 continue
-            (first,), (second,) = (centres for _, centres in halves)
-            others = [other for on, _ in halves for other in on if other is not joint]
-            alone = all(other in first.joints or other in second.joints for other in others)
-            if alone and np.abs(np.cross(second.at - first.at, joint.along)).max() < _MEET:
-                telescopes.append(joint)
+            first, second = (centres[0] for _, centres in halves)
+            others = [joint for joints, _ in halves for joint in joints if joint is not slide]
+            is_rod = all(joint in first.joints or joint in second.joints for joint in others)
+            if is_rod and np.abs(np.cross(second.at - first.at, slide.along)).max() < _MEET:
+                telescopes.append(slide)
         return telescopes
 
     def _of_centre(self, centre: JointCentre) -> tuple[set[int], list[Feature]]:

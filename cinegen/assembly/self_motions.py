@@ -111,26 +111,34 @@ class SelfMotions:
     # --- one point ----------------------------------------------------------------------------------------------------
 
     def _point(self, solution: Complex) -> _Point | None:
-        """Return a general point of the component that a real solution lies on; None if it is isolated."""
-        at = solution
+        """Return a general point of the component that a real solution (k + 1,) lies on; None if it is isolated.
+
+        The rank r of the loops' Jacobian is largest, on a component, at its general points. There its null space has
+        the dimension of the component, and Newton's method stays on it after a step in any direction of the null space.
+
+        - All of some random steps stay, and none leads to a larger rank: the point is general.
+        - A step leads to a larger rank: the point is special, as where components meet; go on from there.
+        - Steps stay only with the linkage's general rank, and r is the same where they lead: the null space is larger
+          than the component, as r is smaller all over it. Its dimension follows from terms of higher order.
+        """
         for _ in range(_TRIES):
-            rank, tangents = self._tangents(at)
+            rank, tangents = self._tangents(solution)
             dimension = tangents.shape[1]
             if not dimension:
                 return None
             steps = (tangents @ self._rng.normal(size=(dimension, dimension + 1))).T
-            moved = [point for step in steps if (point := self._moved(at, step, rank)) is not None]
+            moved = [point for step in steps if (point := self._moved(solution, step, rank)) is not None]
             if len(moved) == len(steps) and max(self._tangents(point)[0] for point in moved) == rank:
-                return _Point(at, dimension, rank, self._moving(tangents.T))
-            full = self._linkage.tables.rank - 1
+                return _Point(solution, dimension, rank, self._moving(tangents.T))
+            general_rank = self._linkage.tables.rank - 1
             steps = np.vstack([tangents.T, -tangents.T, (tangents @ self._rng.normal(size=(dimension, _TRIES))).T])
-            moved += [point for step in steps if (point := self._moved(at, step, full)) is not None]
+            moved += [point for step in steps if (point := self._moved(solution, step, general_rank)) is not None]
             if not moved:
                 return None
-            general = max(moved, key=lambda point: self._tangents(point)[0])
-            if self._tangents(general)[0] == rank:  # also off the component loops hold to first order
-                return self._of_higher_order(at, tangents)
-            at = general  # several components meet where it was
+            most_general = max(moved, key=lambda point: self._tangents(point)[0])
+            if self._tangents(most_general)[0] == rank:
+                return self._of_higher_order(solution, tangents)
+            solution = most_general
         return None
 
     def _of_higher_order(self, at: Complex, tangents: Array) -> _Point | None:
@@ -152,7 +160,12 @@ class SelfMotions:
         return tuple(n for n, s in zip(self._linkage.passive, sizes, strict=True) if s > _MOVES * sizes.max())
 
     def _tangents(self, solution: Complex) -> tuple[int, Array]:
-        """Return the loops' rank at a real solution, and directions (k, dimension) that move features."""
+        """Return the loops' rank at a real solution (k + 1,), and directions (k, dimension) that move features.
+
+        These are the directions in the null space Z of the loops' Jacobian that change the features F to first order:
+        the right singular vectors of (dF/dx) Z. Derivatives are complex steps, Im F(x + i h z) / h, which have no
+        cancellation (J. N. Lyness and C. B. Moler, "Numerical differentiation of analytic functions", 1967).
+        """
         linkage = self._linkage
         _, sigma, vh = np.linalg.svd(linkage.jacobian(solution, self._locked).real)
         rank = int((sigma > _WEAK * sigma[0]).sum())

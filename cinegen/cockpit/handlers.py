@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
-import tornado.httpserver
 import tornado.web
 import tornado.websocket
 from tornado.iostream import IOStream

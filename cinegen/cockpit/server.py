@@ -18,8 +18,6 @@ from typing import Any
 from urllib.parse import urlencode
 
 import tornado.httpserver
-import tornado.web
-import tornado.websocket
 from tornado.iostream import IOStream
 
 from cinegen.cockpit.certificate import PageCertificate

@@ -68,8 +68,13 @@ def find(memory: InverseMemory) -> int:
 
 @compiled
 def _measure_starts(memory: InverseMemory) -> None:
-    """Compute the squared distance of each start from the targets."""
-    apart, frame = memory.vectors[0], memory.ends[0]
+    """Compute the squared distance of each start from the targets.
+
+    A frame (4, 3) has the rows x, y, z (axes) and its origin, m. With F that of a task's node at the start, T its
+    target and the weights w (4,), the square is the sum over the tasks of sum_c w_c |T_c - F_c|^2, dimensionless; see
+    `cinegen.ik.global_ik.placement_weights`.
+    """
+    difference, frame = memory.vectors[0], memory.ends[0]
     for s in range(memory.starts):
         total = 0.0
         evaluate(memory, memory.start_q[s])
@@ -78,8 +83,8 @@ def _measure_starts(memory: InverseMemory) -> None:
             compose(memory.frames[task.joint], task.offset, frame)
             for c in range(4):
                 for k in range(3):
-                    apart[k] = task.own_target[c, k] - frame[c, k]
-                total += memory.start_weights[i, c] * dot(apart, apart)
+                    difference[k] = task.own_target[c, k] - frame[c, k]
+                total += memory.start_weights[i, c] * dot(difference, difference)
         memory.start_distances[s] = total
 
 

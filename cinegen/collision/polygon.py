@@ -35,21 +35,27 @@ def polygon_error(points: Array) -> str | None:
 
 
 def _first_intersection(start: Array, end: Array) -> tuple[int, int] | None:
-    """Return two sides that have a point in common, except for the common corner of neighbours; None without any."""
-    count = len(start)
+    """Return the numbers of two sides of a polygon that have a point in common, except for the common corner of
+    neighbours; None if there are none.
+
+    Sides i and j meet if neither lies wholly on one side of the other's line, by the signs of the cross products
+    e_i x (p_j - p_i) at the two ends of j, and their bounding boxes overlap (which decides for sides on one line).
+
+    Args:
+        start: (n, 2) first points of the sides p, m, in order.
+        end: (n, 2) their second points; e = end - start.
+    """
     side = end - start
-    # on which side of line i the start and the end of side j are
-    before = _cross(side[:, None], start[None] - start[:, None])
-    after = _cross(side[:, None], end[None] - start[:, None])
+    of_start = _cross(side[:, None], start[None] - start[:, None])  # [i, j]: of the start of side j and line i
+    of_end = _cross(side[:, None], end[None] - start[:, None])
     slack = 1e-12 * np.linalg.norm(side, axis=1)[:, None] * (np.ptp(start, axis=0).max() or 1.0)
-    parted = (np.minimum(before, after) > slack) | (np.maximum(before, after) < -slack)
-    meet = ~parted & ~parted.T
-    # sides on one line meet only if their boxes overlap
+    on_one_side = (np.minimum(of_start, of_end) > slack) | (np.maximum(of_start, of_end) < -slack)
     low, high = np.minimum(start, end), np.maximum(start, end)
+    meet = ~on_one_side & ~on_one_side.T
     meet &= ((low[:, None] <= high[None]) & (low[None] <= high[:, None])).all(axis=2)
-    i = np.arange(count)
+    i = np.arange(len(start))
     meet[i, i] = False
-    following = (i + 1) % count
+    following = np.roll(i, -1)
     back = (np.abs(_cross(side, side[following])) <= slack[:, 0]) & ((side * side[following]).sum(axis=1) < 0.0)
     meet[i, following] = meet[following, i] = back  # neighbours share a corner, and must not run back
     pairs = np.argwhere(np.triu(meet))

@@ -202,14 +202,23 @@ def _balls(mechanism: Mechanism) -> dict[str, list[str]]:
 
 
 def _slots(parameters: Parameters, links: RaffRobot) -> dict[tuple[int, str], int]:
-    """Return the indices of the parameters, by the part of the expanded robot that has it, and the word there."""
+    """Return where a chain takes its values from: the index of a parameter, by number of a part and word of a column.
+
+    A universal, cylindrical or ball joint is one row of RAFF, but several successive links of the expanded robot, of
+    which the last has the row's number. A parameter of such a row belongs to the link that has its joint, else to the
+    first.
+
+    Args:
+        parameters: of a robot as its file has it.
+        links: the same robot, `expanded`: each link has one joint.
+    """
     slots: dict[tuple[int, str], int] = {}
     parts: dict[int, RaffPart] = {part.number: part for part in links.parts}
     for i, parameter in enumerate(parameters.all):
         node, number = parameters.robot.nodes[parameter.node], parameter.node
         if isinstance(node, RaffLink) and node.compound is not None:
             while parts[number].pred != node.pred and parts[number].joint != parameter.joint:
-                number = parts[number].pred  # the first of the successive links, or the one with that joint
+                number = parts[number].pred
         slots[number, parameter.word] = i
     return slots
 

@@ -183,8 +183,16 @@ class Tolerances:
         return ToleranceReport(**{**vars(report), "monte_carlo": drawn})
 
     def accuracy(self, q: Array, node: str) -> Array:
-        """Return the root mean square deviation (count,) of a node's position, m, at closed configurations
-        (count, nq); NaN where it is singular or open."""
+        """Return the root mean square deviation of a node's position, sqrt(trace S) with the rows x, y, z of the
+        module's S: sqrt(sum_kx (sigma_k dx/dp_k)^2).
+
+        Args:
+            q: (count, nq) closed configurations.
+            node: its name.
+
+        Returns:
+            (count,) m; NaN where the mechanism is singular or open.
+        """
         design = self.design
         evaluation = design.evaluate(q=q, near=True)
         deviations = np.zeros(len(design.names))

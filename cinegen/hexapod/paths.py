@@ -165,12 +165,13 @@ def follow_surely(path: Path, x: Complex, real: bool) -> TrackedPaths:
     all are on a detour.
 
     Args:
-        path: the family; on a detour other paths have other ends.
-        x: (n, 8) solutions at its beginning.
+        path: the family: None gives the direct path, a generator a random detour. Which start leads to which end
+            depends on the detour; the set of the ends does not.
+        x: (n, 8) solutions at its beginning, in Study's coordinates.
         real: whether the equations at its end are real, so that the conjugate of an end is one too.
 
     Returns:
-        the ends; FAILED is all that is still in doubt, except one of several that coincide.
+        the ends; FAILED is all that is still in doubt. Of ends that coincide the first stays, as it is a solution.
     """
     paths = follow(path(None), x, TOLERANCE)
     for attempt in range(_ATTEMPTS):
@@ -184,7 +185,8 @@ def follow_surely(path: Path, x: Complex, real: bool) -> TrackedPaths:
         other.steps += paths.steps
         paths = other if _doubts(other, real).sum() < doubts.sum() else paths
     same = _coincide(paths)
-    paths.end[_doubts(paths, real) & ~(same.any(axis=1) & ~np.triu(same, 1).any(axis=0))] = PathEnd.FAILED
+    is_first_of_several = same.any(axis=1) & ~np.triu(same, 1).any(axis=0)
+    paths.end[_doubts(paths, real) & ~is_first_of_several] = PathEnd.FAILED
     return paths
 
 

@@ -226,6 +226,13 @@ class LookAhead:
         return forecast_of(rollout, threshold, passive_threshold)
 
     def _roll_out(self, ticks: int) -> Rollout:
+        """Step the solver `ticks` times, and once more for the Jacobians at the end; return the motion.
+
+        A target that moves with the twist (w, v), rad/s and m/s in the world's axes, is at time t rotated to
+        exp(t [w]) R and translated to p + t v. The Jacobian J (rows, n) of the tasks becomes J N_n^T N, with the
+        orthonormal rows N (k, n + .) of the motions that all loops allow, and N_n, their first n columns: this does not
+        depend on the choice of the basis.
+        """
         solver, mechanism = self.solver, self.solver.mechanism
         solver.keeps_linearisation = True
         moving = [
@@ -235,7 +242,7 @@ class LookAhead:
         ]
         q, v = [solver.q], [solver.v]
         steps, jacobians = [], []
-        for tick in range(1, ticks + 2):  # one more, for the Jacobians at the end
+        for tick in range(1, ticks + 2):
             for task, start, velocity in moving:
                 time = tick * solver.dt
                 rotation = pin.exp3(velocity.angular * time) @ start.rotation

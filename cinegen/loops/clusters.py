@@ -55,27 +55,31 @@ def subsystems(system: ClosedLoops) -> list[tuple[ClosedLoops, Indices]]:
 
 
 def _subsystem(system: ClosedLoops, cluster: LoopCluster) -> tuple[ClosedLoops, Indices]:
-    """Return a cluster as a mechanism of its own joints; placements are those at zero, in the system's data."""
-    model, at, part = system.model, system.data.oMi, pin.Model()
+    """Return a cluster as a mechanism of its own joints, and the indices of their numbers in q. Joints between them are
+    fixed at zero: the system's data has the placements there."""
+    model, placements, part = system.model, system.data.oMi, pin.Model()
     joints = np.unique(np.repeat(np.arange(model.njoints), model.nvs)[cluster.columns]).tolist()
-    inner = {0: 0}  # joints by their indices in both models
+    index_in_part = {0: 0}  # of the cluster's joints, by their index in the whole model
 
     def carrier(joint: int) -> tuple[int, pin.SE3]:
-        """Return the joint of the cluster that carries another, and the placement of that on it."""
-        on = joint
-        while on not in inner:
-            on = model.parents[on]
-        return inner[on], pin.SE3.Identity() if on == joint else at[on].actInv(at[joint])
+        """Return the index in the part of the nearest of its joints from a joint to the base, and the placement of the
+        joint on it."""
+        nearest = joint
+        while nearest not in index_in_part:
+            nearest = model.parents[nearest]
+        if nearest == joint:
+            return index_in_part[joint], pin.SE3.Identity()
+        return index_in_part[nearest], placements[nearest].actInv(placements[joint])
 
     for joint in joints:
         parent, placement = carrier(model.parents[joint])
         placement = placement * model.jointPlacements[joint]
-        inner[joint] = part.addJoint(parent, model.joints[joint], placement, model.names[joint])
+        index_in_part[joint] = part.addJoint(parent, model.joints[joint], placement, model.names[joint])
     loops = [system.loops[i] for i in cluster.loops]
     for node in {node for loop in loops for node in (loop.first, loop.second)}:
         frame = model.frames[model.getFrameId(node, pin.FrameType.BODY)]
         parent, placement = carrier(frame.parentJoint)
         part.addFrame(pin.Frame(node, parent, 0, placement * frame.placement, pin.FrameType.BODY))
-    numbers = [np.arange(model.idx_qs[j], model.idx_qs[j] + model.nqs[j]) for j in joints]
+    indices_in_q = [np.arange(model.idx_qs[j], model.idx_qs[j] + model.nqs[j]) for j in joints]
     couplings = [system.couplings[i] for i in cluster.couplings]
-    return ClosedLoops(part, loops, system.length, couplings), np.concatenate([np.zeros(0, np.intp), *numbers])
+    return ClosedLoops(part, loops, system.length, couplings), np.concatenate([np.zeros(0, np.intp), *indices_in_q])

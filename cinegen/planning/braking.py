@@ -57,7 +57,13 @@ class BrakingBarrier(ClearanceBarrier):
     # --- bounds --------------------------------------------------------------------------------------------------
 
     def bounds(self, state: State) -> Bounds:
-        """Return the bounds of the next tick's velocities."""
+        """Return the bounds rows @ v <= most of the next tick's velocity v (nv,), rad/s and m/s.
+
+        A pair at the distance d, with the gradient -row by q, comes nearer at row @ v, m/s. This is bounded by the
+        speed from which the pair can still brake before the stop distance (`_allowed`). Pairs that no velocity within
+        the joints' limits, low <= v <= high, brings beyond their bound have none. Each bound admits the velocity by
+        which the mechanism brakes and retreats (`_retreat`), so that the bounds never contradict each other.
+        """
         if self.is_released:
             self.pairs = np.zeros(0, dtype=np.int64)
             return Bounds(np.zeros((0, len(self.v))), np.zeros(0))
@@ -172,13 +178,20 @@ class BrakingBarrier(ClearanceBarrier):
         return _REFUSED if self.is_met else 1.0
 
     def _is_clear(self, path: list[Array]) -> bool:
-        """Return whether a path on which no joint reverses keeps the safety distance everywhere; pairs that are nearer
-        at its beginning must not be nearer at its configurations."""
+        """Return whether a path of straight segments, on which no joint reverses, keeps the safety distance.
+
+        All configurations between two of the path are in the box between these, as no joint reverses. A pair that keeps
+        its distance in the whole box (`Clearance.uncertain`) is done; for the others the part of the path is halved,
+        and single segments are tested as straight motions and halved `_HALVINGS` times.
+
+        Args:
+            path: configurations (nq,). Pairs that are too near at the first must not be nearer at the second and the
+                last.
+        """
         clearance, first = self.clearance, self._distances
         pairs, near = np.flatnonzero(first >= self.safety), np.flatnonzero(first < self.safety)
         if len(near) and any((clearance.distances(q)[near] < first[near] - 1e-9).any() for q in (path[1], path[-1])):
             return False
-        # no joint reverses: all of a part is between its ends, but need not pass their middle
         parts = [(0, len(path) - 1, pairs)] if len(pairs) else []
         segments = []
         while parts:

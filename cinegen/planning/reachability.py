@@ -113,6 +113,13 @@ class _Limits(LinearConstraint):  # type: ignore[misc]
         return self._dof
 
     def compute_constraint_params(self, path: Any, gridpoints: Array, *_: Any) -> tuple[Any, ...]:
+        """Return toppra's a, b, c, F, g, no bounds of u, and bounds of x: F (a u + b x + c) <= g at each of n points,
+        for the growth u and the square x of the rate.
+
+        a, b and c are (n, k): the quantities at the beginning, in the middle and at the end of the interval behind a
+        point, side by side (the last interval again for the last point). F is [1; -1] (2 k, k), for limits on both
+        sides; with viscous friction, a, b and c have other columns for each side, and F is diag(1, -1).
+        """
         terms = [np.hstack(sides) for sides in zip(*self._sides, strict=True)]
         terms = [np.vstack([term, term[-1:]]) for term in terms]
         width = self._room.shape[1]

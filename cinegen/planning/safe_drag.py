@@ -332,7 +332,8 @@ class AvoidingSolver(Solver):
         return self.mechanism.difference(q, configuration) * min(self.tick_gain, _STRIDE / max(largest, 1e-300))
 
     def _check_progress(self, tasks: Sequence[FrameTask], configuration: Array | None) -> None:
-        """Suspend the tasks, or try the next strategy, where there is no progress."""
+        """Suspend the tasks, or try the next strategy, where there is no progress: for some time, no tick has made the
+        remaining distance (of the tasks, or from a configuration (nq,)) clearly smaller than it was before."""
         if configuration is None:
             remaining = self._remaining(tasks)
         else:

@@ -99,8 +99,13 @@ def timed_path(
 
 
 def _evenly(mechanism: Mechanism, path: Array, step: float) -> Array:
-    """Return configurations (k, nq) on a path (n, nq), joints straight between its configurations, at most a step (rad
-    or characteristic lengths) apart, and about as much."""
+    """Return configurations (k, nq) at equal distances along a path, at most `step` apart, from its first to its last.
+
+    Args:
+        mechanism: measures distances (`Mechanism.distance`).
+        path: (n, nq) configurations, between which the joints move straight.
+        step: rad or characteristic lengths.
+    """
     lengths = np.array([mechanism.distance(a, b) for a, b in pairwise(path)])
     along = np.concatenate([[0.0], np.cumsum(lengths)])
     configurations = []

@@ -174,7 +174,14 @@ def _fastest_rates(
 
 
 def _velocity_bound(tangents: Array, velocity: Array, fastest: float) -> Array:
-    """Return the largest rate (n,) that the limits of velocity allow at each parameter and in its intervals."""
+    """Return the largest rate ds/dt (n,) at each parameter s, and in the intervals on both sides of it, within the
+    limits of velocity, |dq/ds| ds/dt <= velocity.
+
+    Args:
+        tangents: (3, n - 1, nv) dq/ds at the beginning, in the middle and at the end of each interval.
+        velocity: (nv,) limits, rad/s and m/s.
+        fastest: largest rate where nothing moves.
+    """
     at_knots = np.abs(np.vstack([tangents[0], tangents[2][-1:]]))
     with np.errstate(divide="ignore", invalid="ignore"):
         most = np.where(at_knots > 0.0, velocity / at_knots, np.inf).min(axis=1, initial=fastest)

@@ -63,11 +63,11 @@ def draw_residuals(calibration: Calibration, name: str | None = None) -> Figure:
     calibration with the outliers marked.
 
     Args:
-        found: the calibration.
+        calibration: whose residuals they are.
         name: of the robot in the title; its own by default.
 
     Returns:
-        a matplotlib figure: `draw_residuals(found).savefig("residuals.png")`.
+        a matplotlib figure: `draw_residuals(calibration).savefig("residuals.png")`.
     """
     name = name or calibration.parameters.robot.name
     held = ", ".join(

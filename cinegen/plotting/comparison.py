@@ -71,6 +71,14 @@ def _extents(compared: Comparison) -> str:
 
 
 def _over_one(compared: Comparison, spec: MapSpecification, name: str | None, size: float) -> Figure:
+    """Draw maps over one axis: cells as coloured bands, and the difference of a quantity, if any, as a curve on them.
+
+    Args:
+        compared: the maps.
+        spec: of the first one: its axis is shown where both are.
+        name: of the quantity.
+        size: width of a figure over two axes, inches; this one is narrower.
+    """
     line, tall, text = Line(replace(spec, region=compared.region)), 0.3 * size, ""
     figure, body = sheet(0.6 * size, tall, " and ".join(compared.names), _extents(compared))
     axes = body.add_subplot()

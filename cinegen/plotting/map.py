@@ -91,6 +91,8 @@ class _Picture:
     robot: bool
 
     def over_one(self, size: float, *titles: str) -> Figure:
+        """Draw a map over one axis as a curve, in steps if its values have names, on the bands that are out of reach;
+        `size` is the width, inches."""
         tall, look, line = _HEIGHT * size, self.look, Line(self.spec)
         figure, body = sheet(size, tall, *titles)
         axes = body.add_subplot()

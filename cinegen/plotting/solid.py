@@ -51,7 +51,10 @@ class Net(NamedTuple):
 
 
 def net(cells: Bools, rounds: int = _ROUNDS) -> Net:
-    """Return the surface of cells.
+    """Return the surface of cells, see this module.
+
+    A face between a cell within and a neighbour outside, along an axis, is a quad. Its corners are in the order of
+    `ring`: counterclockwise as seen from outside, so reversed where the neighbour is before the cell.
 
     Args:
         cells: (l, m, n) bool, the cells within it.

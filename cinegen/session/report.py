@@ -376,7 +376,12 @@ class Reporter:
         return path, events
 
     def _is_gimbal_lock(self, event: Event) -> bool:
-        """Return whether only the joints that stand for ball joints are singular at an event."""
+        """Return whether only the joints that stand for ball joints are singular at an event.
+
+        Three revolute joints that stand for a ball joint are singular where their axes are in a plane, which the ball
+        joint is not: the mechanism is regular there if the smallest singular value with ball joints counted as one
+        (`CountedLoops`, dimensionless) is clearly above the threshold of events.
+        """
         if not isinstance(self._loops, CountedLoops) or event.kind not in (EventKind.TYPE_1, EventKind.TYPE_2):
             return False
         if event.kind is EventKind.TYPE_1:

@@ -160,7 +160,14 @@ class SingularityGrid:
     def _singular(
         self, kind: SingularityType, line: tuple[Array, Array], ends: tuple[Array, Array]
     ) -> Iterator[tuple[float, SingularPoint]]:
-        """Return the singular points of one type on a line between two points, and the part of the line there."""
+        """Yield the singular points of one type on a straight line between two points: the part of the line, from 0 to
+        1, and the point.
+
+        Args:
+            kind: the type.
+            line: (2,) coordinates of both points, m or rad.
+            ends: (nq,) configurations there.
+        """
         rows = self._rows[kind]
         for crossing in self.on.crossings(rows, *line, ends):
             if self.on.is_singular(rows, crossing, ends):
@@ -212,30 +219,40 @@ class SingularityGrid:
 
 
 def _chains(crossings: dict[Edge, list[SingularPoint]], rows: int, columns: int) -> list[list[SingularPoint]]:
-    """Return points on edges, joined across the cells that they bound into lines as long as possible."""
+    """Return points on edges of the grid, joined across the cells that they bound into lines as long as possible.
+
+    In each cell, points on its four edges are joined in pairs, to the one whose configuration is nearest: so each point
+    has at most two links, by the cells on both sides of its edge. Lines then follow the links; a line that returns to
+    its first point has it at the end again.
+
+    Args:
+        crossings: points on each edge; point (i, k) of the grid has the number i columns + k.
+        rows: number of the grid's points along the first axis.
+        columns: along the second.
+    """
     links: dict[tuple[Edge, int], list[tuple[Edge, int]]] = {
-        (edge, k): [] for edge, points in crossings.items() for k in range(len(points))
+        (edge, n): [] for edge, points in crossings.items() for n in range(len(points))
     }
     for i, k in np.ndindex(rows - 1, columns - 1):
-        a = i * columns + k
-        b = a + columns
-        around = ((a, b), (b, b + 1), (a + 1, b + 1), (a, a + 1))
-        open_ends = [(edge, n) for edge in around for n in range(len(crossings.get(edge, ())))]
-        while len(open_ends) > 1:
-            end = open_ends.pop(0)
-            q = crossings[end[0]][end[1]].q
-            away = [float(np.abs(crossings[edge][n].q - q).max()) for edge, n in open_ends]
-            nearest = open_ends.pop(int(np.argmin(away)))
-            links[end].append(nearest)
-            links[nearest].append(end)
-    chains, left = [], set(links)
-    for first in sorted(links, key=lambda name: len(links[name])):  # ends of lines first, then rings
-        if first not in left:
+        corner = i * columns + k
+        opposite = corner + columns + 1
+        edges = ((corner, opposite - 1), (opposite - 1, opposite), (corner + 1, opposite), (corner, corner + 1))
+        unpaired = [(edge, n) for edge in edges for n in range(len(crossings.get(edge, ())))]
+        while len(unpaired) > 1:
+            point = unpaired.pop(0)
+            q = crossings[point[0]][point[1]].q
+            away = [float(np.abs(crossings[edge][n].q - q).max()) for edge, n in unpaired]
+            nearest = unpaired.pop(int(np.argmin(away)))
+            links[point].append(nearest)
+            links[nearest].append(point)
+    chains, unused = [], set(links)
+    for first in sorted(links, key=lambda point: len(links[point])):  # ends of lines first, then rings
+        if first not in unused:
             continue
-        left.discard(first)
+        unused.discard(first)
         chain = [first]
-        while onward := [name for name in links[chain[-1]] if name in left]:
-            left.discard(onward[0])
+        while onward := [point for point in links[chain[-1]] if point in unused]:
+            unused.discard(onward[0])
             chain.append(onward[0])
         if len(chain) > 2 and first in links[chain[-1]]:
             chain.append(first)

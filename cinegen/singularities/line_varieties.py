@@ -125,7 +125,17 @@ def class_of_wrenches(wrenches: ScrewSystem) -> GrassmannClass | None:
 
 
 def class_of_span(spanned: KleinSpan, accuracy: float) -> GrassmannClass:
-    """Return the class of a span of rank 1 to 5 of lines that are known to `accuracy`, by the Klein form."""
+    """Return the class of a span of rank 1 to 5 of lines.
+
+    A Pluecker vector x is a line if x^T K x = 0, with the Klein form K. In the span B^T y this is y^T (B K B^T) y = 0:
+    the zero eigenvalues of B K B^T distinguish classes of one rank. Of rank 4, the number of lines that meet all lines
+    of the span does; of rank 5, whether the one screw that is reciprocal to it is a line. The classes are those
+    of Merlet's paper, see `cinegen.singularities.grassmann`.
+
+    Args:
+        spanned: the span, B its basis (rank, 6).
+        accuracy: of the lines, rad.
+    """
     rank = len(spanned.basis)
     values = np.linalg.eigvalsh(spanned.basis @ KLEIN @ spanned.basis.T)
     zeros = int((np.abs(values) <= 2.0 * spanned.known(accuracy)).sum())

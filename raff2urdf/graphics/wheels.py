@@ -280,34 +280,45 @@ class CouplingDrawing:
     # --- racks and screws -------------------------------------------------------------------------------------------
 
     def _rack(self, slide: RaffLink, turning: RaffLink, radius: float, is_belt: bool) -> None:
-        """Draw a pinion, and the rack on what slides or a belt to the other end of its stroke, if they can touch."""
+        """Draw a pinion, and the rack on what slides or a belt to the other end of its stroke, if they can touch.
+
+        All in the world at home, m. The pinion turns about z. At `contact`, where its pitch circle touches the rack, it
+        moves along `feed`, as the link of the prismatic joint does. They can touch if z and `feed` are perpendicular,
+        and the joints are on one body. The rack covers the stroke, and three teeth more on both sides.
+
+        Args:
+            slide: link of the prismatic joint, along the z axis of its frame.
+            turning: link of the pinion's joint.
+            radius: pitch radius, m; negative if the link moves against its axis as the pinion's angle increases.
+            is_belt: draw a belt over an idler instead of a rack.
+        """
         u, axis, rail = self.unit, self.world[turning.number], self.world[slide.number]
-        z, way, bodies = axis[:3, 2], rail[:3, 2] * math.copysign(1.0, radius), self.bodies.bodies
+        z, feed, bodies = axis[:3, 2], rail[:3, 2] * math.copysign(1.0, radius), self.bodies.bodies
         radius = abs(radius)
         if not 0.1 * u < radius < _LARGEST * u:
             return
         teeth = min(max(round(math.tau * radius / (1.2 * u)), 12), 80)
         level = float(z @ (rail[:3, 3] - axis[:3, 3]))
         centre = axis[:3, 3] + z * (level if abs(level) > _ABOVE * u else math.copysign(_ABOVE * u, level))
-        aside = np.cross(way, z)  # from the axis to where the pinion drives along `way`
-        touches = abs(z @ way) < 1e-6 and bodies[slide.pred] is bodies[turning.pred]
+        aside = np.cross(feed, z)  # from the axis to where the pinion drives along `feed`
+        touches = abs(z @ feed) < 1e-6 and bodies[slide.pred] is bodies[turning.pred]
         tooth = aside if touches else axis[:3, 0]
         self._place(bodies[turning.number], recipe("wheel", teeth, _HALF * u / radius), (radius,) * 3, centre, z, tooth)
         self._cylinder(bodies[turning.number], min(0.8 * u, 0.6 * radius), axis[:3, 3], centre + 0.8 * u * z)
         if not touches:
             return
         now, (low, high) = home(self.bodies.document, slide), self.bodies.skeleton.stroke(slide)
-        low, high = sorted(float(way @ rail[:3, 2]) * (value - now) for value in (low, high))  # from here along `way`
-        ahead = float(way @ (centre - rail[:3, 3]))  # from what slides to the pinion
+        low, high = sorted(float(feed @ rail[:3, 2]) * (value - now) for value in (low, high))  # from home along `feed`
+        ahead = float(feed @ (centre - rail[:3, 3]))  # from what slides to the pinion
         contact = centre + radius * aside
         if is_belt:
             end = max((low - ahead, high - ahead), key=abs)
             if abs(end) > _LARGEST * u:
                 return
-            idler = centre + math.copysign(abs(end) + radius + 4.0 * u, end) * way
+            idler = centre + math.copysign(abs(end) + radius + 4.0 * u, end) * feed
             self._belt(bodies[slide.pred], (centre, idler), (radius, radius), (teeth, teeth), z)
             self._cylinder(bodies[slide.pred], 0.95 * radius, idler - 0.8 * _HALF * u * z, idler + 0.8 * _HALF * u * z)
-            self._bracket(bodies[slide.number], rail[:3, 3], contact - ahead * way)
+            self._bracket(bodies[slide.number], rail[:3, 3], contact - ahead * feed)
             return
         pitch = math.tau * radius / teeth
         reach = (low / pitch - 3.0, high / pitch + 3.0)  # of the contact on the rack, backwards, in pitches
@@ -315,8 +326,8 @@ class CouplingDrawing:
         if count > MOST_TEETH:
             return
         text = recipe("rack", count, pitch / u, _HALF, 0.9)
-        self._place(bodies[slide.number], text, (u, u, u), contact + middle * way, np.cross(way, aside), -way)
-        self._bracket(bodies[slide.number], rail[:3, 3], contact + 0.6 * u * aside - ahead * way)
+        self._place(bodies[slide.number], text, (u, u, u), contact + middle * feed, np.cross(feed, aside), -feed)
+        self._bracket(bodies[slide.number], rail[:3, 3], contact + 0.6 * u * aside - ahead * feed)
 
     def _screw(self, slide: RaffLink, turning: RaffLink, lead: float, turns_nut: bool) -> None:
         """Draw a screw that turns, with its nut on what slides; or a nut that turns on the sliding shaft."""

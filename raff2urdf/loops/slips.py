@@ -167,7 +167,12 @@ class _Drawing:
         return largest
 
     def mobile(self, edit: _Edit) -> int:
-        """Return the number of joints that can move without opening a loop, as written after an edit."""
+        """Return the number of joints that can move without opening a loop, as written after an edit.
+
+        The column of a joint in a loop's Jacobian is the derivative of the loop's residual, times the joint's screw
+        seen from the loop's first end: with + if the joint moves the second end, with - if it moves the first; joints
+        that move both or neither have none. A joint can move if it has a part in the null space of all rows.
+        """
         above = [self._above(end, edit) for loop in self.loops for end in (loop.first, loop.second)]
         between = [first ^ second for first, second in zip(above[::2], above[1::2], strict=True)]
         screws = {name: part.screw for name, part in self.parts.items() if part.screw is not None}

@@ -226,7 +226,7 @@ class _Import:
         Args:
             pred: the body's node.
             parent: its parent in the URDF, which may have a node of its own, on the same body.
-            there: (4, 4) the frame.
+            pose: (4, 4) the frame.
             name: after which an inserted frame is named.
             position: of an inserted frame in the file.
             branches: of a link, whether its body's parent has other children: only then gamma and epsilon may differ

@@ -18,7 +18,6 @@ from scipy.spatial.transform import Rotation
 import cinegen
 import cinegen.proof.checker
 import cinegen.proof.distributed_checks
-import cinegen.proof.proof
 import cinegen.proof.tubes
 from cinegen.collision.body import geometry_model
 from cinegen.collision.self_collision import PairReason, link_pairs

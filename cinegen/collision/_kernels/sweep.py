@@ -62,7 +62,7 @@ def _sweep_bodies(memory: ClearanceMemory) -> None:
 
 @compiled
 def _change(memory: ClearanceMemory, pair: int) -> float:
-    """Return a bound of the change of a pair's distance along `motion`."""
+    """Return a bound of the change of a pair's distance along `motion`, m: the sum of the paths of both bodies."""
     first, second = memory.pair[pair, 0], memory.pair[pair, 1]
     joint, other = memory.joint[first], memory.joint[second]
     if joint == 0 or other == 0:
@@ -226,9 +226,14 @@ def advance(memory: ClearanceMemory, count: int) -> int:
     """Drop from the first `asked` pairs those that keep a distance along `motion`, as their bounding volumes show, or
     their last measurements.
 
+    A pair with a distance of at least `lower` now, which changes by `change` at most, keeps the distance `needed` if
+    lower - change >= needed. `lower` is the best of three bounds: from the last measurement, and from the sphere of the
+    one body and the box of the other, and vice versa. If it is too small, two planes between the bodies are tried:
+    that bound holds during all of the motion.
+
     Args:
-        memory: `asked` are the pairs, `needed` the distances; of those that remain, `bounds` are bounds of their
-            change, and `lower` bounds of their distances.
+        memory: `asked` are the pairs, `needed` the distances, m; of those that remain, `bounds` are bounds of their
+            change, and `lower` bounds of their distances now, m.
         count: number of pairs asked about.
 
     Returns:
@@ -236,7 +241,7 @@ def advance(memory: ClearanceMemory, count: int) -> int:
     """
     _place(memory)
     _sweep_bodies(memory)
-    left = 0
+    remaining = 0
     for k in range(count):
         p = memory.asked[k]
         first, second, needed = memory.pair[p, 0], memory.pair[p, 1], memory.needed[p]
@@ -246,6 +251,6 @@ def advance(memory: ClearanceMemory, count: int) -> int:
         lower = max(lower, _from_box(memory, first, second), _from_box(memory, second, first))
         if lower - change >= needed or _from_plane(memory, p) >= needed:
             continue
-        memory.bounds[p], memory.lower[p], memory.asked[left] = change, lower, p
-        left += 1
-    return left
+        memory.bounds[p], memory.lower[p], memory.asked[remaining] = change, lower, p
+        remaining += 1
+    return remaining

@@ -137,7 +137,11 @@ class MeasuringFrames:
         self, quantities: Sequence[MeasuredQuantity], measured: Array, nodes: dict[str, Array], length: float,
         source: str, rough: bool = False,
     ) -> None:  # fmt: skip
-        """Place devices and targets by their readings, were the robot as it is described.
+        """Set `start`, by the readings and the robot as it is described.
+
+        First the devices, by the positions that they have read (`_place`). Then the rotation of each target P on its
+        node X, by the angles that a device D has read: D^-1 X P is measured, so R_P is the mean of R_X^T R_D R_measured
+        over the poses. Then all frames together, by all readings (`_refine`).
 
         Args:
             quantities: of the columns.
@@ -150,21 +154,18 @@ class MeasuringFrames:
         Raises:
             DesignError: the positions that a device has read are in another unit.
         """
-        read_by = {
+        column = {
             (quantity.device, quantity.of, quantity.target, quantity.point, quantity.kind): k
             for k, quantity in enumerate(quantities)
         }
 
         def triples(device: str, kinds: Sequence[str]) -> list[tuple[MeasuredQuantity, Array]]:
+            """Return what a device has read in three columns of these kinds: the first, and (poses, 3) readings."""
             readings = []
-            for quantity in quantities:
-                key = (quantity.device, quantity.of, quantity.target, quantity.point)
-                if (
-                    quantity.device == device
-                    and quantity.kind == kinds[0]
-                    and all((*key, kind) in read_by for kind in kinds)
-                ):
-                    readings.append((quantity, measured[:, [read_by[(*key, kind)] for kind in kinds]]))
+            for quantity in (q for q in quantities if q.device == device and q.kind == kinds[0]):
+                keys = [(device, quantity.of, quantity.target, quantity.point, kind) for kind in kinds]
+                if all(key in column for key in keys):
+                    readings.append((quantity, measured[:, [column[key] for key in keys]]))
             return readings
 
         positions = {device: triples(device, COORDINATES[:3]) for device in self.devices}
@@ -173,13 +174,13 @@ class MeasuringFrames:
         if rough and all(positions.get(name) for name in self.start):
             return
         for device in ("", *self.devices):
-            turn = self.start.get(device, np.eye(4))[:3, :3]
+            of_device = self.start.get(device, np.eye(4))[:3, :3]
             for quantity, angles in triples(device, COORDINATES[3:]):
-                whole = np.isfinite(angles).all(axis=1)
-                if quantity.target and whole.any():
-                    turned = np.array([pin.rpy.rpyToMatrix(*row) for row in angles[whole]])
-                    back = np.swapaxes(nodes[quantity.of][whole, :3, :3], 1, 2)
-                    self.start[quantity.target][:3, :3] = _rotation((back @ turn @ turned).mean(axis=0))
+                is_read = np.isfinite(angles).all(axis=1)
+                if quantity.target and is_read.any():
+                    as_read = np.array([pin.rpy.rpyToMatrix(*row) for row in angles[is_read]])
+                    to_node = np.swapaxes(nodes[quantity.of][is_read, :3, :3], 1, 2)
+                    self.start[quantity.target][:3, :3] = _rotation((to_node @ of_device @ as_read).mean(axis=0))
         self._refine(quantities, measured, nodes, length)
         self._warn_of_targets(quantities, nodes, source)
 

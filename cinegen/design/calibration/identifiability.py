@@ -114,7 +114,7 @@ def dependencies(
     """Return independent dependencies of the parameters that have an effect, those of the fewest parameters first.
 
     Args:
-        found: the combinations that are determined.
+        space: the combinations that are determined.
         names: of the parameters.
         units: `m`, `rad` or "" of each.
         parents: of nodes, for the words.

@@ -62,7 +62,7 @@ def left_out(calibration: Calibration, estimate: Estimate) -> str:
     """Return which parameters explain the readings better, or as well, as a sentence; "" where none does.
 
     Args:
-        found: what was estimated.
+        calibration: what was estimated.
         estimate: of other parameters, by measurements and expected errors.
     """
     if is_poor(calibration):

@@ -70,7 +70,7 @@ def propose(calibration: Calibration, count: int, candidates: int = CANDIDATES, 
     """Return the poses that determine the parameters best, in addition to those that were measured.
 
     Args:
-        found: a calibration; the same quantities are measured again.
+        calibration: of the mechanism; the same quantities are measured again.
         count: number of poses.
         candidates: number of random poses of which they are chosen.
         seed: of the random poses.

@@ -68,7 +68,7 @@ class BarClearance:
         """Return the distances (count, pairs) between surfaces, m, and their derivatives (count, pairs, columns).
 
         Args:
-            here: a design at configurations.
+            evaluation: of a design at configurations.
             p: (parameters,) m and rad.
             free: columns of the design that are the parameters.
         """

@@ -85,17 +85,25 @@ class Reach:
 
     def samples(self, count: int, seed: int) -> Array:
         """Return targets (count, columns) of a Sobol sequence, half of them on the boundary of the region; or the
-        single targets."""
+        single targets.
+
+        Points u of the cube |u|_max <= 1 become those of a ball along rays, u |u|_max / |u|_2, faces those of its
+        surface.
+
+        Args:
+            count: number of targets of a region.
+            seed: of the sequence's scrambling.
+        """
         from scipy.stats import qmc
 
         if len(self.given):
             return self.given
         cube = 2.0 * qmc.Sobol(len(self.axes), seed=seed).random(count) - 1.0
-        outer = cube[: count // 2]
-        outer /= np.abs(outer).max(axis=1, keepdims=True)  # to the faces
+        on_faces = cube[: count // 2]
+        on_faces /= np.abs(on_faces).max(axis=1, keepdims=True)  # changes these rows of `cube`
         if not self.radius:
             return self._oriented((self.low + self.high) / 2.0 + cube * (self.high - self.low) / 2.0)
-        size = np.linalg.norm(cube, axis=1, keepdims=True)  # cubes become spheres
+        size = np.linalg.norm(cube, axis=1, keepdims=True)
         return self._in_ball(cube * np.abs(cube).max(axis=1, keepdims=True) / np.where(size > 0.0, size, 1.0))
 
     def scaled(self, targets: Array, scale: float) -> Array:

@@ -47,26 +47,35 @@ def factor_actuated(memory: DynamicsMemory) -> bool:
 def complete(memory: DynamicsMemory, v: Array) -> float:
     """Set v (n,), of which only the actuated joints' velocities are given, to the motion of the closed mechanism.
 
+    With a basis N of the motions that keep the loops closed, and S, which picks the actuated joints, all dimensionless,
+    (S N) y = S v determines v = N y. By the factors S N P = H [L^T; 0] of `factor_actuated` (P permutes columns, H is
+    orthogonal), L^T P^T y is the beginning of H^T S v; the remainder of it is 0 unless the joints contradict each
+    other.
+
+    Args:
+        memory: with these factors.
+        v: rad/s and m/s; or accelerations, rad/s^2 and m/s^2.
+
     Returns:
-        by how much the actuated joints' velocities contradict each other, as a fraction of the longest.
+        by how much the actuated joints' velocities contradict each other, as a fraction of the fastest one's.
     """
-    effort, y, rank = memory.effort, memory.coordinates, memory.mobility
+    rates, y, rank = memory.effort, memory.coordinates, memory.mobility
     largest = 0.0
     for k in range(memory.actuated):
-        effort[k] = v[memory.actuated_dof[k]] / memory.step[k]
-        largest = max(largest, abs(effort[k]))
-    for t in range(rank):  # (S N) y = v_a, with the factors of (S N)^T
+        rates[k] = v[memory.actuated_dof[k]] / memory.step[k]
+        largest = max(largest, abs(rates[k]))
+    for t in range(rank):
         h, width = memory.reflectors[t, t:], memory.actuated - t
-        add_multiple(-memory.tau_of[t] * inner(h, effort[t:], width), h, effort[t:], width)
+        add_multiple(-memory.tau_of[t] * inner(h, rates[t:], width), h, rates[t:], width)
     contradiction = 0.0
     for k in range(rank, memory.actuated):
-        contradiction = max(contradiction, abs(effort[k]))
+        contradiction = max(contradiction, abs(rates[k]))
     for t in range(rank - 1, -1, -1):
-        s = effort[t]
+        s = rates[t]
         for j in range(t + 1, rank):
-            s -= memory.factors[j, t] * effort[j]
-        effort[t] = s / memory.factors[t, t]
-        y[memory.order[t]] = effort[t]
+            s -= memory.factors[j, t] * rates[j]
+        rates[t] = s / memory.factors[t, t]
+        y[memory.order[t]] = rates[t]
     for k in range(memory.n):
         v[k] = 0.0
     for m in range(rank):
@@ -146,8 +155,8 @@ def find_drift(memory: DynamicsMemory) -> None:
 
 @compiled
 def drift_contradiction(memory: DynamicsMemory) -> float:
-    """Return the largest acceleration with which `a` opens a loop, as a fraction of the largest joint acceleration or
-    drift; dimensionless."""
+    """Return the largest acceleration with which `a` opens a loop, |J a + (dJ/dt) v|, as a fraction of the largest
+    component of a or of the drift (dJ/dt) v, which `find_drift` has left in `residual`; all are dimensionless."""
     largest, opening = 0.0, 0.0
     for k in range(memory.n):
         memory.delta[k] = memory.a[k] / memory.scale[k]

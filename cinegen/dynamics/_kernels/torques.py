@@ -122,15 +122,30 @@ def _add_joints(memory: DynamicsMemory) -> None:
 
 @compiled
 def _find_reaction(memory: DynamicsMemory, i: int) -> int:
-    """Write the reaction that is asked for, if one is; components that statics does not determine have any value."""
-    joint, asked, w, out = memory.asked_joint, memory.asked_loop, memory.vectors, memory.reaction
+    """Write the reaction that is asked for, if one is; components that statics does not determine have any value.
+
+    The multipliers of a loop are the force f, N, and the moment m, N m, on its second end, in the axes of its first
+    end, the frame (R, p); they are 0 in directions in which it is free. About the world's origin, in the world's axes,
+    these are R f and R m + p x R f. A joint transmits the tree's wrench (F, M) there (`_find_tau`), and those of the
+    loops that close over it, with the signs `passed_on`. In the joint's frame (R, p) this is R^T F and R^T (M - p x F).
+
+    Args:
+        memory: with the frames, torques and tree's wrenches of the configuration.
+        i: index of the configuration; row i of `reaction` is written.
+
+    Returns:
+        HELD; UNCLEAR if the multipliers can't be computed.
+    """
+    joint, asked, out = memory.asked_joint, memory.asked_loop, memory.reaction
+    force, moment, f, m = memory.vectors[0], memory.vectors[1], memory.vectors[4], memory.vectors[5]
+    loop_force, loop_moment = memory.vectors[2], memory.vectors[3]
     if joint == 0 and asked < 0:
         return HELD
     if memory.rows > 0 and not _find_multipliers(memory, i):
         return UNCLEAR
     if joint > 0:
-        copy(memory.wrench[joint], w[0], 3)
-        copy(memory.wrench[joint, 3:], w[1], 3)
+        copy(memory.wrench[joint], force, 3)
+        copy(memory.wrench[joint, 3:], moment, 3)
     end = memory.ends[0]
     for loop in range(memory.loops):
         if loop != asked and (joint == 0 or memory.passed_on[loop] == 0.0):
@@ -139,27 +154,25 @@ def _find_reaction(memory: DynamicsMemory, i: int) -> int:
         kind, row = memory.loop_kind[loop], memory.loop_row[loop]
         linear = 2 if kind == PRISMATIC else 3
         angular = 0 if kind == BALL else 2 if kind == REVOLUTE else 3
-        w[4], w[5] = 0.0, 0.0  # its wrench on its second end, in the axes of the first, where that is
-        for k in range(linear):
-            w[4, k] = memory.multipliers[row + k] / memory.length
-        for k in range(angular):
-            w[5, k] = memory.multipliers[row + linear + k]
-        if loop == asked:
-            copy(w[4], out[i], 3)
-            copy(w[5], out[i, 3:], 3)
-            return HELD
-        combine(w[4], end, w[2])
-        combine(w[5], end, w[3])
-        cross(end[3], w[2], w[4])
         for k in range(3):
-            w[0, k] += memory.passed_on[loop] * w[2, k]
-            w[1, k] += memory.passed_on[loop] * (w[3, k] + w[4, k])
+            f[k] = memory.multipliers[row + k] / memory.length if k < linear else 0.0
+            m[k] = memory.multipliers[row + linear + k] if k < angular else 0.0
+        if loop == asked:
+            copy(f, out[i], 3)
+            copy(m, out[i, 3:], 3)
+            return HELD
+        combine(f, end, loop_force)
+        combine(m, end, loop_moment)
+        cross(end[3], loop_force, f)
+        for k in range(3):
+            force[k] += memory.passed_on[loop] * loop_force[k]
+            moment[k] += memory.passed_on[loop] * (loop_moment[k] + f[k])
     frame = memory.frames[joint]
-    cross(frame[3], w[0], w[2])
+    cross(frame[3], force, loop_moment)
     for k in range(3):
-        w[1, k] -= w[2, k]
+        moment[k] -= loop_moment[k]
     for k in range(3):
-        out[i, k], out[i, 3 + k] = dot(frame[k], w[0]), dot(frame[k], w[1])
+        out[i, k], out[i, 3 + k] = dot(frame[k], force), dot(frame[k], moment)
     return HELD
 
 

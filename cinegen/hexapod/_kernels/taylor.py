@@ -264,7 +264,18 @@ def _products(x: Complex, y: Complex, factor: float, out: Complex) -> None:
 
 @compiled
 def _jacobian(a: Complex, x: Complex, patch: Complex, work: TrackingScratch) -> None:
-    """Write half the derivatives of the seven equations at x, and below them the conjugate of `patch`."""
+    """Write half the derivatives of the seven equations at x, and below them the conjugate of `patch`.
+
+    In the order of `_products`, the equations are, for e < 6, a_e0 c0^2 + .. + 2 a_e4 c0 c1 + .. + 2 a_e,10 (d0 c1 -
+    d1 c0) + .. = 0, the first one with <d, d>; and <c, d> = 0 (see `cinegen.hexapod.study`). The last row keeps dx
+    orthogonal to `patch`, since x counts up to a factor.
+
+    Args:
+        a: (6, 16) coefficients of the six legs' equations.
+        x: (8,) Study's coordinates (c, d).
+        patch: (8,).
+        work: `matrix` (8, 8) is written.
+    """
     c0, c1, c2, c3, d0, d1, d2, d3 = x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7]
     j = work.matrix
     for e in range(6):

@@ -139,9 +139,11 @@ def _find_passive_sigma(memory: BatchMemory) -> float:
 
 @compiled
 def _find_jacobian(memory: BatchMemory, jacobian: Array) -> None:
-    """Write (6, actuated) the node's velocity, m/s and rad/s, by the actuated joints' velocities: with loops its motion
-    in the null space, times the inverse of the actuated joints' rows of the null space. NaN if these do not determine
-    it."""
+    """Write (6, actuated) the node's velocity in its own axes, m/s and rad/s, by the actuated joints' velocities.
+
+    With loops, motions N y move the node by V y (`free_rows`) and the actuated joints by N_a y, so the Jacobian J is
+    V N_a^-1: N_a^T J^T = V^T is solved. NaN if N_a is not square: then the actuated joints do not determine the motion.
+    """
     k, count, a, dof = memory.mobility, memory.actuated, memory.system, memory.actuated_dof
     if memory.rows > 0 and count == k:
         for i in range(k):
@@ -199,25 +201,30 @@ def _find_singular_values(memory: BatchMemory, rows: Array, width: int, out: Arr
 
 
 @compiled
-def _select(memory: BatchMemory, rows: Array, width: int, size: int, lies: bool) -> None:
-    """Write the selected rows, in columns of joints that move the node, with their shorter side as the rows of
-    `wide_rows`, or as the columns of `tall_rows` if only the smallest singular value is computed; `lies` is true if the
-    rows are the shorter side."""
-    whole, flat, tall = memory.is_whole != 0, memory.wide_rows, memory.tall_rows
-    first = 5 if memory.rotation == 1 else 3  # of two, the direction of z: it is rotated about x and y
+def _select(memory: BatchMemory, rows: Array, width: int, size: int, is_wide: bool) -> None:
+    """Write the rows of the translations and rotations that count, without columns of joints that do not move the node,
+    to where their singular values are computed: `wide_rows`, for all of them; or `tall_rows`, for the smallest only.
+
+    Args:
+        memory: with `translation` and `rotation`, the numbers of components that count: the first translations; the
+            rotations about x and y (which tilt the z axis), about z if there is one, or all.
+        rows: (6, width) the node's motions in its own axes: by joints, or with loops by motions that keep them closed.
+        width: number of columns.
+        size: number of rows that count.
+        is_wide: whether the result has no more rows than columns; it is transposed where the other is wanted.
+    """
+    out = memory.wide_rows if memory.is_whole != 0 else memory.tall_rows
+    is_transposed = is_wide != (memory.is_whole != 0)
+    first_rotation = 5 if memory.rotation == 1 else 3
     k = 0
     for j in range(width):
         if memory.rows > 0 or memory.moved_by[j] != 0.0:
             for i in range(size):
-                number = rows[i if i < memory.translation else first + i - memory.translation, j]
-                if whole and lies:
-                    flat[i, k] = number
-                elif whole:
-                    flat[k, i] = number
-                elif lies:
-                    tall[k, i] = number
+                value = rows[i if i < memory.translation else first_rotation + i - memory.translation, j]
+                if is_transposed:
+                    out[k, i] = value
                 else:
-                    tall[i, k] = number
+                    out[i, k] = value
             k += 1
 
 

@@ -179,7 +179,8 @@ def _record_singular_values(memory: SolverMemory) -> float:
 
 @compiled
 def _record_limits(memory: SolverMemory) -> tuple[bool, int]:
-    """Record the active limits; return whether there are any, and the active barriers as bits."""
+    """Record the active limits; return whether a joint is at one, and the active barriers: bit b is set for barrier b,
+    the last bit for all further ones."""
     saturated, barred = False, 0
     for j in range(memory.n):
         memory.record_stopped[memory.fixed + j] = memory.stopped[j]

@@ -78,10 +78,12 @@ def _bound_secondary(memory: SecondaryMemory) -> bool:
     """Set `secondary` to the nearest motion within `room`. Return False if there is none, or only one that is much
     faster than it and the last tick.
 
-    Nearest as the joints of the model move: the gradient of an objective is that of their motions, so that what bounds
-    leave of it descends, too.
+    With an orthonormal basis Q (n, width) of the motions that move neither loops nor tasks, s the secondary step and B
+    the rows of the barriers, x minimises |Q x - s|^2 under room_0 <= [Q; B Q] x <= room_1 (`nearest`, from the start
+    x = Q^T s); Q x is the result. Distances are those of the model's joints, dimensionless: the gradient of an
+    objective is that of their motions, so that what bounds leave of it descends, too.
     """
-    first, axes, room, x, g = find_axes(memory), memory.axes, memory.room, memory.wanted_point, memory.normals
+    first, axes, room, x, basis = find_axes(memory), memory.axes, memory.room, memory.wanted_point, memory.normals
     width = memory.mobility - first
     if width <= 0:
         return False
@@ -90,13 +92,13 @@ def _bound_secondary(memory: SecondaryMemory) -> bool:
         write_orthonormal(memory, i)
         x[i] = 0.0
         for c in range(memory.n):
-            x[i] += g[c, i] * memory.secondary[c]
+            x[i] += basis[c, i] * memory.secondary[c]
     reduce_barriers(memory, width)
     if not nearest(memory, room[0], room[1], room[2], width):
         return False
     fast, largest = 0.0, 0.0
     for j in range(memory.n):
-        s = inner(g[j], x, width)
+        s = inner(basis[j], x, width)
         room[2, j] = s
         largest = max(largest, abs(s))
         fast = max(fast, abs(memory.secondary[j]), abs(memory.last[j]))

@@ -14,19 +14,20 @@ def count_balls(memory: LoopMemory, rows: Array) -> bool:
     """Replace the columns of three revolute joints that model a ball joint, in the loops' matrices and in further rows
     (., n), by those of rotations about the world's axes.
 
-    They are linear in the axes, L a1, L a2, L a3 with the same L, which is computed. Return False if these are in a
-    plane.
+    The axes u, v, w (3,) pass through one point, so that the columns are linear in them: [c1 c2 c3] = C (u v w). The
+    new columns are C = [c1 c2 c3] (u v w)^-1, with the rows v x w, w x u and u x v of the inverse, divided by the
+    volume u . (v x w). Columns stay what they are, and False is returned, if the axes of a ball joint are in a plane.
     """
-    right, inverse = True, memory.vectors
+    is_regular, inverse = True, memory.vectors
     for b in range(memory.balls):
         first, second, third = memory.ball_dof[b, 0], memory.ball_dof[b, 1], memory.ball_dof[b, 2]
         u, v, w = memory.screws[first, 3:], memory.screws[second, 3:], memory.screws[third, 3:]
-        cross(v, w, inverse[0])  # rows of the inverse of (u v w), times its volume
+        cross(v, w, inverse[0])
         cross(w, u, inverse[1])
         cross(u, v, inverse[2])
         volume = dot(u, inverse[0])
         if abs(volume) < _GIMBAL:
-            right = False
+            is_regular = False
             continue
         _turn_columns(memory.jacobian, first, second, third, inverse, volume)
         _turn_columns(memory.screw_matrix, first, second, third, inverse, volume)
@@ -37,7 +38,7 @@ def count_balls(memory: LoopMemory, rows: Array) -> bool:
             rates[first, i] = c0 * inverse[0, 0] + c1 * inverse[1, 0] + c2 * inverse[2, 0]
             rates[second, i] = c0 * inverse[0, 1] + c1 * inverse[1, 1] + c2 * inverse[2, 1]
             rates[third, i] = c0 * inverse[0, 2] + c1 * inverse[1, 2] + c2 * inverse[2, 2]
-    return right
+    return is_regular
 
 
 @compiled

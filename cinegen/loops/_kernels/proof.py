@@ -109,7 +109,12 @@ def find_beyond(memory: LoopMemory) -> int:
 @compiled
 def keeps_limits(memory: LoopMemory) -> bool:
     """Return whether the passive joints are proved to keep their limits, to twice `AT_LIMIT`, on a proved step to a
-    trial that keeps them."""
+    trial that keeps them.
+
+    By this module's bound, a joint's slope is within v - R and v + R for t in [0, 1], so it is below the lines
+    q + (v + R) t and q + delta - (v - R) (1 - t) through its ends. They meet at t = (1 + (delta - v) / R) / 2, where
+    they are highest; the lines below it meet at 1 - t. All are in m or rad.
+    """
     for c in range(memory.clusters if memory.limited > 0 else 0):
         cluster = cluster_at(memory.cluster_handles[c])
         for p in range(cluster.passive):
@@ -117,17 +122,13 @@ def keeps_limits(memory: LoopMemory) -> bool:
             i = memory.q_index[k]
             if i < 0:
                 continue
-            bend, slope, begin = (
-                memory.scale[k] * cluster.bend,
-                memory.scale[k] * memory.part * memory.tangent[k],
-                memory.q[i],
-            )
-            if abs(slope) >= bend:
+            v, r = memory.scale[k] * memory.part * memory.tangent[k], memory.scale[k] * cluster.bend
+            if abs(v) >= r:  # it does not reverse
                 continue
-            turn = 0.5 + 0.5 * (memory.delta[k] - slope) / bend  # where both lines that bound it from above meet
-            if begin + (slope + bend) * turn > _top(memory, k) + AT_LIMIT:
+            t = 0.5 + 0.5 * (memory.delta[k] - v) / r
+            if memory.q[i] + (v + r) * t > _top(memory, k) + AT_LIMIT:
                 return False
-            if begin + (slope - bend) * (1.0 - turn) < _bottom(memory, k) - AT_LIMIT:
+            if memory.q[i] + (v - r) * (1.0 - t) < _bottom(memory, k) - AT_LIMIT:
                 return False
     return True
 

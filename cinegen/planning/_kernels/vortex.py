@@ -35,10 +35,11 @@ def _point_velocity(clearance: ClearanceMemory, pair: int, j: int, out: Array) -
 
 @compiled
 def _free_jacobian(memory: VortexMemory, clearance: ClearanceMemory, pair: int) -> float:
-    """Write the Jacobian (3, motions) of that point by dimensionless free motions; without loops each joint is free.
+    """Write the Jacobian J N of the relative velocity of a pair's nearest points (`_point_velocity`) by dimensionless
+    free motions, (3, free), m. Rows of N are those that keep the loops closed; without loops each joint is one.
 
     Returns:
-        the mean square of the point's motion along a direction.
+        the mean square of its three rows, trace(J N N^T J^T) / 3, m^2: that of the motion in one direction.
     """
     by, velocity, count = memory.jacobian, memory.vectors[2], memory.free if memory.free > 0 else memory.nv
     for i in range(3):

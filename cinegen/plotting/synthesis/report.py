@@ -37,7 +37,7 @@ def synthesis_report(result: Synthesis | LinkageSynthesis) -> str:
     """Return a report of a synthesis: one HTML file, with pictures inside and nothing to load.
 
     Args:
-        found: of `cinegen.design.synthesize`.
+        result: of `cinegen.design.synthesize`.
 
     Raises:
         raff2urdf.RaffError: matplotlib is not installed.

@@ -196,11 +196,18 @@ class BoxConfigurations(Continuation):
                 flood([first], near, self._reach)
 
     def _reach(self, first: int, second: int) -> bool:
+        """Set the configuration at a point to where that of its neighbour leads, on the same branch; return whether it
+        is new: False if it had one, or the map knows it to be unreachable, or the path there is blocked.
+
+        Args:
+            first: number of the neighbour, which is reached.
+            second: number of the point.
+        """
         if not self._open[second] or np.isfinite(self.q[second, 0]):
             return False
         q, end = self.q[first], self._known[second]
-        near = np.isfinite(end[0]) and self.same_branch(q, end)
-        end = end if near else self.onward(self.values[first], self.values[second], q)
+        if not (np.isfinite(end[0]) and self.same_branch(q, end)):
+            end = self.onward(self.values[first], self.values[second], q)
         if end is not None:
             self.q[second] = end
         return end is not None

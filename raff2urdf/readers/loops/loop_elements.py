@@ -144,25 +144,33 @@ def _ball_constraint(tree: UrdfTree, element: Any) -> LoopJoint:
 
 
 def _bushing(tree: UrdfTree, element: Any) -> LoopJoint:
+    """Return the joint that Drake's <drake:linear_bushing_rpy> stands for, between its frames A and C.
+
+    Stiff directions are held, the others free: none is free in a rigid joint, one rotation in a revolute joint, all
+    rotations in a ball joint, one translation in a prismatic joint, both about and along one axis in a cylindrical one.
+
+    Raises:
+        RaffError: no joint has these free directions.
+    """
     frames = {str(frame.get("name")): frame for frame in tree.root.iterchildren("*") if local(frame) == "frame"}
     links, starts = [], []
     for word in ("a", "c"):
         end = child(tree, element, f"bushing_frame{word}")
         frame = frames.get(str(end.get("name")))
-        on = end if frame is None else frame
-        links.append(tree.link(on, end.get("name") if frame is None else frame.get("link"), f"<{tag_of(end)}>"))
+        placed = end if frame is None else frame
+        links.append(tree.link(placed, end.get("name") if frame is None else frame.get("link"), f"<{tag_of(end)}>"))
         starts.append(np.eye(4) if frame is None else _pose(tree, frame))
-    torque, force = ([x > 0.0 for x in three(child(tree, element, word), "value", tree.name)] for word in _STIFF)
-    free = [i for i in range(3) if not torque[i]], [i for i in range(3) if not force[i]]
+    stiffness = [three(child(tree, element, word), "value", tree.name) for word in _STIFF]
+    rotations, translations = ([i for i in range(3) if not values[i] > 0.0] for values in stiffness)
     kinds = {(0, 0): "rigid", (1, 0): "revolute", (3, 0): "ball", (0, 1): "prismatic", (1, 1): "cylindrical"}
-    kind = kinds.get((len(free[0]), len(free[1])))
-    if kind is None or (kind == "cylindrical" and free[0] != free[1]):
+    kind = kinds.get((len(rotations), len(translations)))
+    if kind is None or (kind == "cylindrical" and rotations != translations):
         raise tree.error(
             element,
             f"{label_of(element)} is stiff in directions that no joint has: declare the joint that it stands for, or "
             f"leave it out with --ignore {tag_of(element)}",
         )
-    axis = np.eye(3)[(free[0] or free[1] or [2])[0]] if kind != "ball" else np.eye(3)[2]
+    axis = np.eye(3)[(rotations or translations or [2])[0] if kind != "ball" else 2]
     return _cut(tree, element, kind, links, [along(start, axis) for start in starts])
 
 
