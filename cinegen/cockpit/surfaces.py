@@ -15,7 +15,7 @@ from cinegen.arrays import Array, Integers
 from cinegen.collision.shapes import SIDES, kind_of
 from cinegen.collision.triangle_mesh import Surface, faceted
 
-_SIDES = 8  # of a circle, where there are many shapes
+_SIDES = 16  # of a circle, where there are many shapes
 _HEAD, _RECORD = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("unused", "<u2")])  # of binary STL
 
 
