@@ -596,7 +596,7 @@ def test_a_gough_platform_in_six_coordinates_with_half_of_its_least_singular_val
     over = {"x": (-0.1, 0.1), "y": (-0.1, 0.1), "z": (0.8, 1.0)} | dict.fromkeys(("rx", "ry", "rz"), (-turn, turn))
     proof = prove(robot("gough"), over, sigma=0.0514)
     assert proof
-    assert proof.boxes < 600
+    assert proof.boxes < 300
 
 
 def test_what_has_no_bound_of_singular_values_says_why(robot):
