@@ -13,7 +13,7 @@ from cinegen.cluster import connected, each, processes
 from cinegen.proof.checker import BoxResult, Spread, check, one_by_one
 from cinegen.proof.exported_equations import ProofError
 
-_WORTH = 200  # boxes for each process, from which on processes are worth starting; boxes that are worth keeping
+_WORTH = 200, 50  # boxes, without and with singular values, for which a process is worth starting, or a file
 _MARK = "examined boxes of cinegen prove"
 
 Report = Callable[[str, int, int], object]
@@ -43,8 +43,10 @@ class Checker:
             CertificateError: a claim is not confirmed.
             ClusterError: workers can't be started.
         """
-        claimed = sum(isinstance(node, dict) and "x" in node for node in certificate["tree"]) - len(findings or ())
-        with self._spread(claimed) as spread:
+        worth = 0
+        with suppress(LookupError, TypeError):  # it is damaged: `check` says how
+            worth = (_tubes(certificate) - len(findings or ())) // _worth(certificate)
+        with self._spread(worth) as spread:
             return check(certificate, self._checked, dropped, findings, spread)
 
     def _checked(self, done: int, total: int) -> None:
@@ -52,8 +54,8 @@ class Checker:
             self._report("checking", done, total)
 
     @contextmanager
-    def _spread(self, claimed: int) -> Iterator[Spread]:
-        count = processes(self._workers, self._scheduler, claimed // _WORTH)
+    def _spread(self, worth: int) -> Iterator[Spread]:
+        count = processes(self._workers, self._scheduler, worth)
         if self._scheduler is None and count == 1:
             yield one_by_one
             return
@@ -63,6 +65,14 @@ class Checker:
             )
 
 
+def _tubes(certificate: Mapping[str, Any]) -> int:
+    return sum(isinstance(node, dict) and "x" in node for node in certificate["tree"])
+
+
+def _worth(certificate: Mapping[str, Any]) -> int:
+    return _WORTH[certificate["bounds"]["sigma"] is not None]
+
+
 @contextmanager
 def examined(path: Path | None, certificate: Mapping[str, Any]) -> Iterator[dict[int, BoxResult]]:
     """Yield the boxes of a certificate that were examined; a file keeps them, if they are many, until all are.
@@ -70,7 +80,7 @@ def examined(path: Path | None, certificate: Mapping[str, Any]) -> Iterator[dict
     Raises:
         ProofError: the file is of another kind.
     """
-    if path is None or sum(isinstance(node, dict) and "x" in node for node in certificate["tree"]) < _WORTH:
+    if path is None or _tubes(certificate) < _worth(certificate):
         yield {}
         return
     head = f"{_MARK} {sha256(json.dumps(certificate, sort_keys=True).encode()).hexdigest()}"

@@ -83,10 +83,11 @@ class SingularValues:
         rest = whole.r + bare.r
         least, most, defect = list[Array](), list[Array](), list[Array]()
         for part in (slice(0, -m), slice(-m, None)):
-            size, more = _norm(c[..., part]), _norm(slopes[:, :n, :, part]).sum(axis=1) + _norm(rest[..., part])
-            more += np.linalg.norm(slopes[:, n:, :, part], axis=(-1, -2)).sum(axis=1)
-            least.append(size - more)
-            most.append(size + more)
+            size, radius, linear = (_norm(a[..., part]) for a in (c, rest, slopes[:, :n]))
+            change = linear.sum(axis=1) + np.linalg.norm(slopes[:, n:, :, part], axis=(-1, -2)).sum(axis=1)
+            least.append(size - change - radius)
+            largest = size + change if most else np.hypot(_near(c[..., part], slopes[..., part]), change)
+            most.append(largest + radius)
             defect.append(_norm(lack[..., part]))
         more = most[1] / (1.0 - defect[1]) * defect[0]
         is_small = defect[1] < 1.0
@@ -119,6 +120,21 @@ class SingularValues:
             whole[:, start:stop, start:stop] = block
             start = stop
         return whole, stretch
+
+
+def _near(c: Array, g: Array) -> Array:
+    """Return |P|_2^(1/2) of equation 6 of docs/proof.md: |c + sum_k g_k eta_k|_2, but for the squares of eta.
+
+    Args:
+        c: (boxes, rows, columns).
+        g: (boxes, eta, rows, columns).
+    """
+    c = np.where(np.isfinite(c), c, 0.0)
+    v = np.linalg.svd(c, full_matrices=False)[2].swapaxes(1, 2)
+    turned = c @ v
+    products = turned.swapaxes(1, 2)[:, None] @ (g @ v[:, None])
+    sizes = np.abs(products + products.swapaxes(2, 3)).sum(axis=1) + np.abs(turned.swapaxes(1, 2) @ turned)
+    return np.sqrt(_norm(sizes))
 
 
 def _norm(matrices: Array) -> Array:

@@ -380,9 +380,10 @@ def test_certificates_are_read_again(rectangle, tmp_path):
         load_proof(tmp_path / "b.json")
     with pytest.raises(ProofError, match="can't be read"):
         load_proof(tmp_path / "c.json")
-    (tmp_path / "d.json").write_text(json.dumps({**rectangle.certificate, "length": "long"}))
-    with pytest.raises(ProofError, match=r"d\.json: the certificate is rejected: it is damaged"):
-        load_proof(tmp_path / "d.json")
+    for damage in ({"length": "long"}, {"tree": None}, {"tree": [{"x": []}], "bounds": []}):
+        (tmp_path / "d.json").write_text(json.dumps({**rectangle.certificate, **damage}))
+        with pytest.raises(ProofError, match=r"d\.json: the certificate is rejected: it is damaged"):
+            load_proof(tmp_path / "d.json")
 
 
 def test_boxes_may_be_examined_by_other_processes_in_any_order(rectangle):
@@ -399,7 +400,7 @@ def test_boxes_may_be_examined_by_other_processes_in_any_order(rectangle):
 
 
 def test_an_interrupted_proof_goes_on_where_it_was(robot, tmp_path, monkeypatch):
-    monkeypatch.setattr(cinegen.proof.distributed_checks, "_WORTH", 1)
+    monkeypatch.setattr(cinegen.proof.distributed_checks, "_WORTH", (1, 1))
     monkeypatch.setattr(cinegen.proof.checker, "_TASK", 1)
     examine, numbers = cinegen.proof.checker.examine, []
     monkeypatch.setattr(

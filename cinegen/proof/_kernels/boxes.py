@@ -13,7 +13,7 @@ and the checker of the claims computes all again.
 from __future__ import annotations
 
 from cinegen.jit.compiled import Array, compiled, entry
-from cinegen.proof._kernels.chains import add_product, copy, follow, product, varies, write_back, write_shift
+from cinegen.proof._kernels.chains import add_product, copy, follow, move, product, varies, write_back, write_shift
 from cinegen.proof._kernels.memory import PLACEMENT, SLIDE_RATE, TURN_RATES, BoxMemory
 
 
@@ -150,17 +150,19 @@ def _add_part(memory: BoxMemory, box: int, s: int, t: int, height: int) -> None:
 @compiled
 def _add_third(memory: BoxMemory, box: int, c: int, side: int) -> None:
     """Add the third derivatives of V along one chain, the one that was followed last, to T and R_1."""
-    start, out, other = memory.chain[c, side], memory.scratch[0], memory.scratch[1]
+    start, out, other = memory.chain[c, side], memory.column[0], memory.column[1]
     n = memory.chain[c, side + 1] - start
     for a in range(n):
         for b in range(a, n):
             for e in range(b, n):
                 if memory.virtual[start + a] or memory.virtual[start + b] or memory.virtual[start + e]:
                     continue
-                copy(memory.after[e + 1], out)
+                for k in range(2):
+                    for i in range(4):
+                        out[k, i] = memory.after[e + 1, k, i, 3]
                 for i in range(e, -1, -1):
-                    product(memory.power[i, int(i == a) + int(i == b) + int(i == e)], out, other)
-                    copy(other, out)
+                    move(memory.power[i, int(i == a) + int(i == b) + int(i == e)], out, other)
+                    out, other = other, out
                 _add_quadratic(memory, box, c, side, a, b, e, out)
                 if b != a:
                     _add_quadratic(memory, box, c, side, b, a, e, out)
@@ -183,7 +185,7 @@ def _add_quadratic(memory: BoxMemory, box: int, c: int, side: int, s: int, t: in
             rest_t += abs(of_t[k])
             rest_u += abs(of_u[k])
     for i in range(3):
-        m, r = third[0, i, 3], third[1, i, 3]
+        m, r = third[0, i], third[1, i]
         far = abs(m) * (linear_t * rest_u + rest_t * linear_u + rest_t * rest_u)
         far += memory.unsure * r * (linear_t + rest_t) * (linear_u + rest_u)
         for j in range(memory.columns):

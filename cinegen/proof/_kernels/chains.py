@@ -27,6 +27,17 @@ def add_product(a: Array, b: Array, out: Array) -> None:
 
 
 @compiled
+def move(a: Array, column: Array, out: Array) -> None:
+    """Multiply a column (2, 4)."""
+    for i in range(4):
+        m, r = 0.0, 0.0
+        for k in range(4):
+            m += a[0, i, k] * column[0, k]
+            r += abs(a[0, i, k]) * column[1, k] + a[1, i, k] * (abs(column[0, k]) + column[1, k])
+        out[0, i], out[1, i] = m, r
+
+
+@compiled
 def copy(a: Array, out: Array) -> None:
     for k in range(2):
         for i in range(4):

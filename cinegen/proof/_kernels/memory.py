@@ -58,5 +58,6 @@ class BoxMemory(Memory):
     second: Array = array(2, "longest", "longest", 2, 4, 4)
     axis: Array = array(2, "longest", 2, 3)
     scratch: Array = array(6, 2, 4, 4)
+    column: Array = array(2, 2, 4)
     values: Array = array(2, 12)  # of a closure's rows
     part: Array = array("slots", 12, "sums")  # of a slot: rows by parameters, then bent, then apart

@@ -20,7 +20,7 @@ from cinegen.proof.checker.findings import Box, BoxResult, examine
 
 __all__ = ["BoxResult", "CertificateError", "Spread", "check", "one_by_one"]
 
-_TASK = 16  # boxes that are examined together
+_TASK = 4  # boxes that are examined together
 _REFUTED = "limit", "sigma", "clearance", "unreachable"
 _ROUND = {"box": 0, "cylinder": 2, "ball": 6}
 

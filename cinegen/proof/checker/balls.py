@@ -21,10 +21,13 @@ def absolute(m: arb_mat) -> arb_mat:
 
 
 def added_sizes(matrices: Sequence[arb_mat]) -> arb_mat:
-    """Return the sums of absolute values of matrices."""
-    rows, columns, count = matrices[0].nrows(), matrices[0].ncols(), len(matrices)
-    sizes = arb_mat(count, rows * columns, [abs(x) for m in matrices for x in m.entries()])
-    return arb_mat(rows, columns, (arb_mat(1, count, [1] * count) * sizes).entries())
+    """Return the sums of absolute values of matrices: products with [-1, 1] have these as radii, which add up."""
+    return radii(added([m * arb(0, 1) for m in matrices]))
+
+
+def radii(m: arb_mat) -> arb_mat:
+    """Return the radii."""
+    return arb_mat(m.nrows(), m.ncols(), [x.rad() for x in m.entries()])
 
 
 def row_sums(m: arb_mat) -> arb_mat:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from flint import arb, ctx
 
-from cinegen.proof.checker.balls import CertificateError, added_sizes, column, identity, inverse, pick
+from cinegen.proof.checker.balls import CertificateError, added, added_sizes, column, identity, inverse, pick, radii
 from cinegen.proof.checker.clearance import Bodies
 from cinegen.proof.checker.equations import Robot
 from cinegen.proof.checker.reach import excludes
@@ -101,7 +101,7 @@ def _sign(tube: Tube, locked: list[int], n: int) -> int:
     left = inverse(pick(tube.parts[0], tube.robot.data["rows"], locked))
     first, *by, rest = tube.less_identity(left, locked)
     bent = [m.mid() for m in by[:n]]
-    rest += added_sizes([first, *by[n:], *(m - m.mid() for m in by[:n])])
+    rest += added_sizes([first, *by[n:]]) + radii(added(by[:n]))
     defect = rest + added_sizes(bent) * rest
     for a, m in enumerate(bent):
         defect += added_sizes([m * m, *(m * other + other * m for other in bent[:a])])

@@ -6,9 +6,20 @@ from collections.abc import Mapping, Sequence
 from math import inf
 from typing import Any
 
-from flint import arb, arb_mat
+from flint import acb_mat, arb, arb_mat
 
-from cinegen.proof.checker.balls import CertificateError, absolute, added_sizes, frobenius, identity, norms, pick
+from cinegen.proof.checker.balls import (
+    CertificateError,
+    absolute,
+    added,
+    added_sizes,
+    doubles,
+    frobenius,
+    identity,
+    norms,
+    pick,
+    radii,
+)  # fmt: skip
 from cinegen.proof.checker.forms import Form
 from cinegen.proof.checker.tube import Tube
 
@@ -38,7 +49,7 @@ def smallest(tube: Tube) -> list[tuple[arb, arb]]:
 def _form(tube: Tube, rows: Sequence[int], columns: Sequence[int]) -> Form:
     *parts, bend, apart = (pick(m, rows, columns) for m in tube.parts)
     c, *g = (m.mid() for m in parts)
-    return Form(c, g, absolute(bend + apart) + added_sizes([m - m.mid() for m in parts]))
+    return Form(c, g, absolute(bend + apart) + radii(added(parts)))
 
 
 def _size(tube: Tube, columns: list[int], single: list[int], twist: list[int], by: arb_mat) -> tuple[arb, arb]:
@@ -62,15 +73,31 @@ def _size(tube: Tube, columns: list[int], single: list[int], twist: list[int], b
         if free is not None:
             whole = whole.less(free)
         changes = [(chosen * a, b) for a, b in zip(x.g, whole.g, strict=True)]
-        low, high = norms([chosen * x.c, whole.c], 6)
-        rest = sum((norms(m)[1] for m in changes[:n]), norms([whole.r])[1])
-        rest += sum(map(frobenius, changes[n:]), arb(0))
-        sizes.append((low - rest, high + rest, norms([right.r + f.cubic(x, n)])[1]))
+        at, radius = (chosen * x.c, whole.c), norms([whole.r])[1]
+        low, high = norms(at, 6)
+        change = sum((norms(m)[1] for m in changes[:n]), sum(map(frobenius, changes[n:]), arb(0)))
+        largest = high + change if free is None else (_square(at, changes) + change**2).sqrt()
+        sizes.append((low - change - radius, largest + radius, norms([right.r + f.cubic(x, n)])[1]))
     (low, high, lack), (_, left, defect) = sizes
     if not defect < 1:
         return arb(0), arb(inf)
     rest = left / (1 - defect) * lack
     return low - rest, high + rest
+
+
+def _square(at: Sequence[arb_mat], changes: Sequence[Sequence[arb_mat]]) -> arb:
+    """Return |P|_2 of equation 6, a bound of |M_0 + sum_k M_k eta_k|_2^2 but for the squares of eta, of matrices one
+    above the other."""
+    gram = added([m.transpose() * m for m in at])
+    v = doubles(acb_mat(gram.mid()).eig(right=True, algorithm="approx")[1].real)
+    lack = frobenius([v.transpose() * v - identity(gram.nrows())])
+    if not lack < 1:
+        v, lack = identity(gram.nrows()), arb(0)
+    turned, squares = [(m * v).transpose() for m in at], [v.transpose() * gram * v]
+    for change in changes:
+        product = added([m * by for m, by in zip(turned, change, strict=True)]) * v
+        squares.append(product + product.transpose())
+    return norms([added_sizes(squares)], 6)[1] / (1 - lack)
 
 
 def _kept(tube: Tube, opening: list[int]) -> list[int]:
