@@ -12,9 +12,8 @@ from cinegen.proof.equations import Equations
 from cinegen.proof.matrices import Matrices, products
 from cinegen.proof.tubes import Tubes
 
-_EXACT = (
-    1e-9  # velocities with which openings across a planar linkage change the equations that are left out are larger
-)
+_EXACT = 1e-9  # velocities with which openings across a planar linkage change the equations left out are larger
+_SPLIT = 1e-7  # part by which equal eigenvalues are taken apart: the checker has the same vectors then
 
 
 class SingularValues:
@@ -130,7 +129,8 @@ def _near(c: Array, g: Array) -> Array:
         g: (boxes, eta, rows, columns).
     """
     c = np.where(np.isfinite(c), c, 0.0)
-    v = np.linalg.svd(c, full_matrices=False)[2].swapaxes(1, 2)
+    gram, split = c.swapaxes(1, 2) @ c, _SPLIT * np.diag(np.arange(c.shape[2]))
+    v = np.linalg.eigh(gram + split * np.trace(gram, axis1=1, axis2=2)[:, None, None])[1]
     turned = c @ v
     products = turned.swapaxes(1, 2)[:, None] @ (g @ v[:, None])
     sizes = np.abs(products + products.swapaxes(2, 3)).sum(axis=1) + np.abs(turned.swapaxes(1, 2) @ turned)

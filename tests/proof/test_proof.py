@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from flint import arb, ctx
+from flint import arb, arb_mat, ctx
 from matplotlib.colors import to_rgba
 from scipy.spatial.transform import Rotation
 
@@ -23,7 +23,7 @@ from cinegen.collision.body import geometry_model
 from cinegen.collision.self_collision import PairReason, link_pairs
 from cinegen.design import Parameters, WithinTolerances
 from cinegen.plotting.proof import COLOURS, draw_proof
-from cinegen.proof import CertificateError, ProofError, check, load_proof, prove
+from cinegen.proof import CertificateError, ProofError, check, checker, load_proof, prove, singular
 from cinegen.proof.checker.equations import Robot, Value
 from cinegen.proof.checker.singular import smallest
 from cinegen.proof.checker.tube import Tube
@@ -539,6 +539,23 @@ def test_bounds_of_singular_values_contain_those_at_poses(robot, name):
                 assert least < value * (1.0 + 1e-9) < most * (1.0 + 2e-9)
                 if width < 1e-6:
                     assert most - least < 0.1 * value  # powers of a matrix bound its norm to some percent
+
+
+@pytest.mark.parametrize("scales", [(3.0, 1.0, 0.5, 0.1), (2.0, 2.0, 2.0, 1.0), (0.0, 0.0, 0.0, 0.0)])
+def test_the_largest_singular_value_of_a_sum_of_matrices_is_below_its_bound(scales):
+    random = np.random.default_rng(47)
+    at, changes = Rotation.random(rng=random).as_matrix() @ np.eye(3, 4) * scales, 0.1 * random.normal(size=(5, 3, 4))
+    near = singular._near(at[None], changes[None])[0]
+    by_balls = checker.singular._square(
+        [arb_mat(at[:1].tolist()), arb_mat(at[1:].tolist())],
+        [[arb_mat(m[:1].tolist()), arb_mat(m[1:].tolist())] for m in changes],
+    )
+    assert math.sqrt(float(by_balls.upper())) == pytest.approx(near, rel=1e-2)  # by powers
+    bound = math.hypot(near, np.linalg.norm(changes, 2, axis=(1, 2)).sum())
+    sums = at + np.einsum("ek,kij->eij", random.choice([-1.0, 1.0], (10_000, 5)), changes)
+    largest = np.linalg.norm(sums, 2, axis=(1, 2)).max()
+    assert largest <= bound
+    assert bound < np.linalg.norm(at, 2) + np.linalg.norm(changes, 2, axis=(1, 2)).sum() or scales[0] == scales[1]
 
 
 def test_singular_values_of_the_equations_are_those_of_maps(robot):

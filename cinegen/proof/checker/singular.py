@@ -23,6 +23,8 @@ from cinegen.proof.checker.balls import (
 from cinegen.proof.checker.forms import Form
 from cinegen.proof.checker.tube import Tube
 
+_SPLIT = 1e-7  # part by which equal eigenvalues are taken apart: their vectors are orthogonal then
+
 
 def smallest(tube: Tube) -> list[tuple[arb, arb]]:
     """Return the smallest singular values of type 1 and 2 from below and above: 1 / |K|_2, equation 6."""
@@ -88,8 +90,10 @@ def _size(tube: Tube, columns: list[int], single: list[int], twist: list[int], b
 def _square(at: Sequence[arb_mat], changes: Sequence[Sequence[arb_mat]]) -> arb:
     """Return |P|_2 of equation 6, a bound of |M_0 + sum_k M_k eta_k|_2^2 but for the squares of eta, of matrices one
     above the other."""
-    gram = added([m.transpose() * m for m in at])
-    v = doubles(acb_mat(gram.mid()).eig(right=True, algorithm="approx")[1].real)
+    gram, split = added([m.transpose() * m for m in at]), identity(at[0].ncols())
+    for i in range(split.nrows()):
+        split[i, i] = i * gram.trace() * _SPLIT
+    v = doubles(acb_mat((gram + split).mid()).eig(right=True, algorithm="approx")[1].real)
     lack = frobenius([v.transpose() * v - identity(gram.nrows())])
     if not lack < 1:
         v, lack = identity(gram.nrows()), arb(0)
