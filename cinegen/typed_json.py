@@ -88,8 +88,10 @@ def _parts(value: Any, kind: Any) -> Iterator[tuple[Any, Any, str]]:
                 yield value[field.encode_name], field.type, f".{field.encode_name}"
     elif origin is dict and isinstance(value, dict):
         yield from ((part, inner[1], f".{one_line(name):.40}") for name, part in value.items())
-    elif origin in (tuple, list) and inner[1:] in ([], [...]) and isinstance(value, list):
-        yield from ((part, inner[0], f"[{i}]") for i, part in enumerate(value))
+    elif origin in (tuple, list, frozenset) and isinstance(value, list):
+        kinds = inner[:1] * len(value) if inner[1:] in ([], [...]) else inner
+        if len(kinds) == len(value):
+            yield from ((part, kinds[i], f"[{i}]") for i, part in enumerate(value))
 
 
 def encode(message: Any) -> bytes:

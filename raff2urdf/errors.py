@@ -130,6 +130,7 @@ def warn(message: str, category: type[Warning] = RaffWarning) -> None:
 LONGEST, MOST = 100, 1000  # length and number of words that are compared
 NEAR = 3  # names that are proposed
 MOST_KNOWN = 12  # words in a list of known ones
+_SIMILAR = 0.6  # least ratio of similar words, as difflib computes it
 
 
 def near_names(word: str, known: Iterable[str]) -> list[str]:
@@ -139,15 +140,28 @@ def near_names(word: str, known: Iterable[str]) -> list[str]:
     upper and lower case being the same. One letter always may differ, two where names of four or more begin alike, and
     the end may be left out.
     """
-    short = dict.fromkeys(name for name in known if len(name) <= LONGEST)  # the time grows with squares of lengths
-    if not 0 < len(word) <= LONGEST:
+    names = [*known]
+    return _near(word, names, _similar(word, names))
+
+
+def _similar(word: str, known: Sequence[str]) -> list[str]:
+    """Return the known names that share most letters with a word, the most similar first."""
+    if not 0 < len(word) <= LONGEST:  # the time grows with squares of lengths
         return []
+    matcher, ratios = difflib.SequenceMatcher(b=word), dict[str, float]()
+    for name in known[:MOST]:
+        matcher.set_seq1(name)
+        if len(name) <= LONGEST and matcher.quick_ratio() >= _SIMILAR and matcher.ratio() >= _SIMILAR:
+            ratios[name] = matcher.ratio()
+    return sorted(ratios, key=ratios.__getitem__, reverse=True)
+
+
+def _near(word: str, known: Sequence[str], similar: list[str]) -> list[str]:
     lower = word.casefold()
-    similar = difflib.get_close_matches(word, list(short)[:MOST], n=NEAR + 1)
-    similar += [name for name in short if name.casefold() == lower and name not in similar]
-    distances = {name: _edits(lower, name.casefold()) for name in similar}
+    same_letters = [name for name in known if len(name) <= LONGEST and name.casefold() == lower]
+    distances = {name: _edits(lower, name.casefold()) for name in [*similar[: NEAR + 1], *same_letters]}
     least = min(distances.values(), default=0)
-    near = [name for name in short if distances.get(name) == least]
+    near = [name for name in dict.fromkeys(known) if distances.get(name) == least]
     begins = all(name.casefold().startswith(lower) or lower.startswith(name.casefold()) for name in near)
     same = len(word) > 3 and all(name[0].casefold() == lower[0] for name in near)
     return near if len(near) <= NEAR and (begins or least <= max(1 + same, len(word) // 4)) else []
@@ -167,12 +181,14 @@ def _edits(word: str, other: str) -> int:
 
 
 def did_you_mean(word: str, known: Sequence[str]) -> str:
-    """Return `": did you mean 'alpha'?"`, or a list of the known words if none is near, see `near_names`."""
-    if near := near_names(word, known):
+    """Return `": did you mean 'alpha'?"`, or a list of the known words, similar ones first, if none is near, see
+    `near_names`."""
+    similar = _similar(word, known)
+    if near := _near(word, known, similar):
         return texts.DID_YOU_MEAN.format(word="' or '".join(near))
-    shown = [name[:LONGEST] for name in known[:MOST_KNOWN]]
-    more = ", ..." if len(known) > len(shown) else ""
-    return texts.KNOWN.format(listed=", ".join(shown), more=more) if shown else ""
+    names = [*dict.fromkeys([*similar, *known])]
+    listed, more = ", ".join(name[:LONGEST] for name in names[:MOST_KNOWN]), ", ..." if names[MOST_KNOWN:] else ""
+    return texts.KNOWN.format(listed=listed, more=more) if names else ""
 
 
 def first_of(names: Sequence[object], most: int) -> str:

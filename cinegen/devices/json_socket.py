@@ -130,7 +130,7 @@ class JsonSocket(ThreadedSensor):
                 client.count_line()
                 if _HTTP.match(line):
                     raise _RejectedError("this port takes lines of JSON, not HTTP")
-                if line.strip():
+                if line.strip() or not client.admitted:  # whose time would begin again
                     self._take(client, line)
         except ValueError:
             self._reject(client, f"a line of more than {LONGEST} bytes")

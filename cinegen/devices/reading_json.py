@@ -5,7 +5,6 @@ The tables in `docs/reference/protocol.md` are generated from the classes here b
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Literal, NamedTuple, TypeVar, cast
 
 import msgspec
@@ -16,6 +15,7 @@ from msgspec import UNSET, Struct, UnsetType
 from cinegen.errors import CinegenError
 from cinegen.sensor import Reading, Twist
 from cinegen.typed_json import Button, Vector3, Vector4, Vector6, decoder, encode, every_problem
+from raff2urdf.errors import listed
 
 LONGEST = 4096
 """Bytes of a line; no valid line is half as long."""
@@ -28,7 +28,7 @@ _M = TypeVar("_M", bound="ReadingMessage")
 
 
 class ReadingError(CinegenError):
-    """A line doesn't match the schema; the message names the field."""
+    """A line doesn't match the schema; the message names each field that is wrong."""
 
 
 class ReadingMessage(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -133,7 +133,7 @@ def decode_recorded(line: bytes | str) -> Reading:
     Raises:
         ReadingError: it doesn't match the schema.
     """
-    message = _decoded(line, _RECORDED, every_problem)
+    message = _decoded(line, _RECORDED)
     twist, target, buttons = _partial(message)
     return Reading(message.time, twist, target, buttons or frozenset(), message.pressed)
 
@@ -160,15 +160,13 @@ def encode_header(timeout: float) -> bytes:
     return encode(ReadingsHeader("readings", VERSION, timeout)) + b"\n"
 
 
-def _decoded(
-    line: bytes | str, decode: msgspec.json.Decoder[_M], problem: Callable[..., str] = lambda *of: str(of[-1])
-) -> _M:
+def _decoded(line: bytes | str, decode: msgspec.json.Decoder[_M]) -> _M:
     if len(line) > LONGEST:
         raise ReadingError(f"a line must not be longer than {LONGEST} bytes")
     try:
         return decode.decode(line)
     except (msgspec.MsgspecError, RecursionError, UnicodeError) as error:
-        raise ReadingError(problem(line, decode, error)) from None
+        raise ReadingError(listed(every_problem(line, decode, error).split("\n"))) from None
 
 
 def _partial(message: ReadingMessage) -> PartialReading:
@@ -181,26 +179,27 @@ def _partial(message: ReadingMessage) -> PartialReading:
 
 
 def _target(message: ReadingMessage) -> pin.SE3 | None:
-    if message.placement is not UNSET:
-        field, matrix = "placement", np.array(message.placement)
-        if np.abs(matrix[3] - [0, 0, 0, 1]).max() > 1e-9:
-            raise ReadingError("Expected [0, 0, 0, 1] - at `$.placement[3]`")
-        rotation, translation = matrix[:3, :3], matrix[:3, 3]
-    elif message.translation is not UNSET and message.quaternion is not UNSET:
-        field, translation = "translation", np.array(message.translation)
-        length = np.linalg.norm(message.quaternion)
-        if not 1e-3 < length < 1e3:
-            raise ReadingError("Expected a quaternion x y z w of length 1 - at `$.quaternion`")
-        rotation = pin.Quaternion(np.array(message.quaternion) / length).matrix()
-    elif message.translation is not UNSET or message.quaternion is not UNSET:
-        raise ReadingError("Expected both `translation` and `quaternion`")
-    else:
+    placement, position, quaternion = message.placement, message.translation, message.quaternion
+    if placement is position is quaternion is UNSET:
         return None
-    if np.abs(translation).max() > _FARTHEST:
-        raise ReadingError(f"Expected a position within {_FARTHEST:.0e} m - at `$.{field}`")
-    if not np.abs(rotation).max() < 2.0 or np.abs(rotation.T @ rotation - np.eye(3)).max() > _NOT_A_ROTATION:
-        raise ReadingError("Expected a rotation, with orthonormal columns - at `$.placement`")
-    if np.linalg.det(rotation) < 0.0:
-        raise ReadingError("Expected a rotation, not a reflection - at `$.placement`")
+    wrong = dict[str, bool]()
+    if placement is not UNSET and position is quaternion is UNSET:
+        matrix, field = np.array(placement), "placement"
+        rotation, translation = matrix[:3, :3], matrix[:3, 3]
+        wrong["Expected [0, 0, 0, 1] - at `$.placement[3]`"] = np.abs(matrix[3] - [0, 0, 0, 1]).max() > 1e-9
+        if not np.abs(rotation).max() < 2.0 or np.abs(rotation.T @ rotation - np.eye(3)).max() > _NOT_A_ROTATION:
+            wrong["Expected a rotation, with orthonormal columns - at `$.placement`"] = True
+        elif np.linalg.det(rotation) < 0.0:
+            wrong["Expected a rotation, not a reflection - at `$.placement`"] = True
+    elif placement is UNSET and position is not UNSET and quaternion is not UNSET:
+        translation, field = np.array(position), "translation"
+        length = np.linalg.norm(quaternion)
+        rotation = pin.Quaternion(np.array(quaternion) / (length or 1.0)).matrix()
+        wrong["Expected a quaternion x y z w of length 1 - at `$.quaternion`"] = not 1e-3 < length < 1e3
+    else:
+        raise ReadingError("Expected `placement`, or both `translation` and `quaternion`")
+    wrong[f"Expected a position within {_FARTHEST:.0e} m - at `$.{field}`"] = np.abs(translation).max() > _FARTHEST
+    if any(wrong.values()):
+        raise ReadingError("\n".join(text for text, is_wrong in wrong.items() if is_wrong))
     u, _, vt = np.linalg.svd(rotation)
     return pin.SE3(u @ vt, translation)

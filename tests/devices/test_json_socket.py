@@ -107,7 +107,7 @@ def test_what_a_program_can_say(sensor):
         (b"hello", "malformed"),
         (b'{"twist": [0, 0, NaN, 0, 0, 0]}', "malformed"),
         (b'{"twist": [0, 0, 1e999, 0, 0, 0]}', "Number out of range - at `$.twist[2]`"),
-        (b'{"twist": [0, 0, 1]}', "of length 6 - at `$.twist`"),
+        (b'{"twist": [0, 0, 1]}', "of length 6, got 3 - at `$.twist`"),
         (b'{"twist": [0, 0, 1, 0, 0, "1"]}', "Expected `float`, got `str` - at `$.twist[5]`"),
         (b"[" * 4000, "Expected `object`"),
         (b'{"quaternion": [' + b"[" * 4000, "at `$.quaternion[0]`"),
@@ -127,6 +127,24 @@ def test_invalid_lines_are_answered(sensor, line, why):
         assert sensor.read() is None
         drives(sensor, program, 1, 0, 0, 0, 0, 0)
     assert sensor.status.damaged == 1
+
+
+def test_all_problems_of_a_line_are_answered_at_once(sensor):
+    line = {"twist": [0, "1", 0, 0, None, 0], "buttons": [64, 1, "a"], "twits": 1, "translation": [0, 0]}
+    far = {"placement": [[2, 0, 0, 1e9], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 2]]}
+    both = {"placement": np.eye(4).tolist(), "translation": [0, 0, 0]}
+    many = dict.fromkeys(map(str, range(400)), 1)
+    with Program(sensor) as program:
+        program.send(line, far, both, many)
+        fields = [problem.rpartition("`$")[2] for problem in program.answer().split("\n")]
+        assert fields[1:] == [".twist[1]`", ".twist[4]`", ".translation`", ".buttons[0]`", ".buttons[2]`"]
+        assert [problem.partition(" - ")[0] for problem in program.answer().split("\n")] == [
+            "Expected [0, 0, 0, 1]",
+            "Expected a rotation, with orthonormal columns",
+            "Expected a position within 1e+06 m",
+        ]
+        assert program.answer() == "Expected `placement`, or both `translation` and `quaternion`"
+        assert program.answer().endswith(" more")
 
 
 def test_20_invalid_lines_in_succession_are_forgiven_and_the_next_is_not(sensor):
@@ -236,6 +254,11 @@ def test_a_program_that_sends_no_token_is_dropped(sensor, monkeypatch):
     monkeypatch.setattr("cinegen.devices.json_socket._PATIENCE", 0.05)
     with Program(sensor, b"") as program:
         assert drained(program) == ["no token within 0.05 s: disconnected"]
+
+
+def test_blank_lines_gain_no_time(sensor):
+    with Program(sensor, b"\n", {"token": sensor.token}) as program:
+        assert drained(program)[0].startswith("the first line must be")
 
 
 def test_a_port_without_a_token_takes_programs_that_have_one_too(open_port):

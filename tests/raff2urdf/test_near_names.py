@@ -26,6 +26,9 @@ def test_near_names_are_proposed(word, known, near):
     assert near_names(word, known) == near
 
 
-def test_what_is_far_is_listed():
+def test_what_is_far_is_listed_and_what_is_similar_first():
+    known = [f"{node}.{word}" for node in ("base", "tool", *JOINTS) for word in ("theta", "d")]
+    assert did_you_mean("joint9.d", known).startswith(f" (known: {', '.join(f'{node}.d' for node in JOINTS)}, ")
+    assert did_you_mean("?", known).startswith(" (known: base.theta, base.d, tool.theta, ")
     assert did_you_mean("joint9", JOINTS).startswith(" (known: joint1, joint2")
     assert did_you_mean("sigma_9", ["sigma_1", "sigma_2"]) == ": did you mean 'sigma_1' or 'sigma_2'?"
