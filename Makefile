@@ -59,7 +59,7 @@ coverage: .venv/test-installed kernels ## measure which lines the tests run, and
 
 mutations: export OMP_NUM_THREADS := 1
 mutations: export OPENBLAS_NUM_THREADS := 1
-mutations: .venv/test-installed build/cosmic-ray/installed kernels ## put SAMPLE random faults into the core, and list those that no test notices
+mutations: .venv/test-installed kernels ## put SAMPLE random faults into the core, and list those that no test notices
 	@nice $(BIN)/python benchmarks/mutations.py --sample $(SAMPLE) --seed $(SEED)
 
 # The campaign is a package of the tests.
@@ -99,8 +99,8 @@ javascript: ## lint, type-check and test the page's JavaScript, where node and n
 
 bench: export OMP_NUM_THREADS := 1
 bench: export OPENBLAS_NUM_THREADS := 1
-bench: .venv/test-installed kernels ## measure the speed, and write the tables of docs/measurements.md: of a tick, as robots grow, and beside placo, pink and mink; print that of the cockpit, of assembly modes, ways round obstacles and maps
-	@for name in kinematics scaling inverse_kinematics close forces cockpit modes hexapod assembly avoidance drag maps; do \
+bench: .venv/test-installed kernels ## measure the speed, and write the tables of docs/measurements.md: of a tick, as robots grow, and beside placo, pink and mink; print that of closing loops, forces, the cockpit, assembly modes, ways round obstacles and maps
+	@for name in close forces cockpit modes hexapod avoidance maps; do \
 		$(BIN)/python benchmarks/$$name.py || exit 1; done
 	@$(MAKE) --no-print-directory .venv-bench/installed || echo "*** .venv-bench can't be made, for the reason above:" \
 		"there is NO comparison with placo, pink and mink." >&2
@@ -156,12 +156,7 @@ endif
 	@$(PYTHON) -m pip --python .venv-bench/bin/python $(LOCKED) -r requirements/bench.txt
 	@touch $@
 
-# It never meets the tests: a folder of its own keeps its versions of other packages from them.
-build/cosmic-ray/installed: requirements/mutations.txt .venv/core-installed
-	@rm -rf build/cosmic-ray
-	@$(INSTALL) --target build/cosmic-ray -r requirements/mutations.txt
-	@touch $@
-
+# A folder of its own keeps its versions of other packages from the tests.
 build/sphinx/installed: requirements/docs.txt .venv/core-installed
 	@rm -rf build/sphinx
 	@$(INSTALL) --target build/sphinx -r requirements/docs.txt
@@ -205,10 +200,9 @@ lock: build/tools/installed ## pin what pyproject.toml asks for in requirements/
 	awk '/^[a-z]/ { keep = !($$1 in core); if (NR == FNR) core[$$1] } NR > FNR && keep' \
 		"$$tmp/core.txt" "$$tmp/all.txt" >"$$tmp/test.txt"; \
 	printf '%s\n' placo pin-pink mink daqp proxsuite quadprog | pins bench -; \
-	echo cosmic-ray | pins mutations -; \
 	printf '%s\n' sphinx furo myst-parser latex2mathml | pins docs -; \
 	printf '%s\n' uv pip-audit cyclonedx-bom | pins tools -; \
-	for lock in core test bench mutations docs tools; do cp "$$tmp/$$lock.txt" requirements; done
+	for lock in core test bench docs tools; do cp "$$tmp/$$lock.txt" requirements; done
 	@grep -c == requirements/*.txt
 
 sbom: .venv/test-installed build/tools/installed ## list all packages in .venv in build/sbom.json (CycloneDX)
@@ -217,7 +211,7 @@ sbom: .venv/test-installed build/tools/installed ## list all packages in .venv i
 # pip-audit passes over packages that its database does not know, or does not answer for, unless it is strict.
 audit: build/tools/installed ## look for known vulnerabilities of locked packages; needs the advisory database of pypi.org
 	@status=0; build/tools/bin/pip-audit --strict --disable-pip --require-hashes --progress-spinner off \
-		$(patsubst %,-r requirements/%.txt,core test bench mutations docs tools) >build/audit.txt 2>build/audit.log || status=$$?; \
+		$(patsubst %,-r requirements/%.txt,core test bench docs tools) >build/audit.txt 2>build/audit.log || status=$$?; \
 	if grep -E '^(No|Found [0-9]+) known vulnerabilit' build/audit.log; then cat build/audit.txt; exit $$status; fi; \
 	tail -n 1 build/audit.log >&2; \
 	echo "*** NOT AUDITED: the advisory database does not answer for every package (build/audit.log)." >&2; exit 1

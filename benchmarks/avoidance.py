@@ -36,8 +36,8 @@ from statistics import median
 from typing import NamedTuple
 
 import numpy as np
+from bench import rate
 from random_scenes import FAMILIES
-from rates import rate
 
 from cinegen.planning import plan
 

@@ -14,38 +14,27 @@ CPU time in microseconds, the least of several rounds, and its ratio to what Pin
 
 from __future__ import annotations
 
-import sys
-import time
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from bench import cpu_time, robots
 
 import cinegen
 from cinegen.dynamics.forces import forces_at
 
-ROBOTS = Path(__file__).parent.parent / "robots"
 ROUNDS, MANY = 7, 5000
 
 
-def least(call: Callable[[], object], count: int) -> float:
-    """Return the CPU time of a call in microseconds, the least of `ROUNDS` times `count` calls."""
-    found = []
-    for _ in range(ROUNDS):
-        begin = time.process_time()
-        for _ in range(count):
-            call()
-        found.append(1e6 * (time.process_time() - begin) / count)
-    return min(found)
+def microseconds(call: Callable[[], object], count: int) -> float:
+    return 1e6 * cpu_time(call, ROUNDS, count)
 
 
 def main() -> None:
-    names = sys.argv[1:] or ["arm7", "five_bar", "delta4", "gough", "tssm", "sr400"]
     headings = (("joints", 7), ("rnea", 8), ("torques", 9), ("ratio", 7), ("moving", 8), ("many", 7), ("a second", 10))
     print(f"{'us':<12}" + "".join(f"{name:>{width}}" for name, width in (*headings, ("loads", 7), ("forces", 8))))
-    for name in names:
-        measure(name, cinegen.load(ROBOTS / f"{name}.raff"))
+    for name, mechanism in robots("arm7", "five_bar", "delta4", "gough", "tssm", "sr400"):
+        measure(name, mechanism)
 
 
 def measure(name: str, mechanism: cinegen.Mechanism) -> None:
@@ -54,12 +43,12 @@ def measure(name: str, mechanism: cinegen.Mechanism) -> None:
     model, data, still = dynamics.tree.model, dynamics.tree.data, np.zeros(mechanism.model.nv)
     rates = dict.fromkeys(mechanism.actuated, 0.5)
     many = np.tile(q, (MANY, 1))
-    rnea = least(lambda: pin.rnea(model, data, q, still, still), 2000)
-    torques = least(lambda: dynamics.torques(q), 2000)
-    moving = least(lambda: dynamics.torques(q, rates, rates), 1000)
-    each = least(lambda: dynamics.torques_of(many), 1) / MANY
-    loads = least(lambda: dynamics.set_loads([payload]), 100)
-    whole = least(lambda: forces_at(dynamics, q), 20)
+    rnea = microseconds(lambda: pin.rnea(model, data, q, still, still), 2000)
+    torques = microseconds(lambda: dynamics.torques(q), 2000)
+    moving = microseconds(lambda: dynamics.torques(q, rates, rates), 1000)
+    each = microseconds(lambda: dynamics.torques_of(many), 1) / MANY
+    loads = microseconds(lambda: dynamics.set_loads([payload]), 100)
+    whole = microseconds(lambda: forces_at(dynamics, q), 20)
     print(
         f"{name:<12}{model.njoints - 1:>7}{rnea:>8.1f}{torques:>9.1f}{torques / rnea:>7.1f}{moving:>8.1f}{each:>7.2f}"
         f"{1e6 / each:>10.0f}{loads:>7.0f}{whole:>8.0f}"

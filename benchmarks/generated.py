@@ -26,6 +26,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from bench import ROBOTS
 from exact_loops import closed_exactly, distance
 
 import cinegen
@@ -33,7 +34,6 @@ from cinegen.codegen import Function, Language, generate
 from cinegen.jit.foreign import frame_of
 from cinegen.model import ForwardKinematics
 
-ROOT = Path(__file__).parent.parent
 TICKS = 100_000
 UNREACHED = 100  # values that Python did not reach which the others are given
 REGULAR = 0.01  # singular value of configurations that are not near a singularity
@@ -43,7 +43,7 @@ NODE = """
 import create from "./robot.mjs";
 import { readFileSync, writeFileSync } from "node:fs";
 const robot = create(), [count, width] = process.argv.slice(2).map(Number);
-const values = new Float64Array(readFileSync("values.bin").buffer.slice(0, 8 * count * width));
+const values = new Float64Array(new Uint8Array(readFileSync("values.bin")).buffer); // small files share one
 const found = new Float64Array(count * (robot.q.length + 12));
 for (let i = 0; i < count; i += 1) {
   if (!robot.forward(values.subarray(i * width, (i + 1) * width))) {
@@ -194,7 +194,7 @@ def main() -> None:
         floats(sys.argv[2:] or ["delta4", "five_bar"])
         return
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 100_000
-    names = sys.argv[2:] or sorted(path.stem for path in (ROOT / "robots").glob("*.raff") if path.stem != "two_arms")
+    names = sys.argv[2:] or sorted(path.stem for path in ROBOTS.glob("*.raff") if path.stem != "two_arms")
     print(f"{count} values. Largest differences of configurations and frames from Python, with a singular value of at")
     print(f"least {REGULAR}; of configurations by epsilon / singular value; largest errors by the same; us of a tick\n")
     titles = ("reached", "sigma", "C", "node", "C/(e/s)", "node/(e/s)", *("Python", "C", "node") * 2)

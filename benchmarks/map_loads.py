@@ -8,23 +8,19 @@ alone, which the others contain: their configurations and `sigma_1`.
 
 from __future__ import annotations
 
-import sys
-import time
-from pathlib import Path
+from bench import cpu_time, robots
 
 import cinegen
 from cinegen.workspace import GridAxis, MapSpecification, Region
 from cinegen.workspace.evaluator import ChunkEvaluator
 
-ROBOTS = Path(__file__).parent.parent / "robots"
 CELLS, ROUNDS = 20_000, 3
 NAMES = ("sigma_1", "torque", "payload", "reaction_force", "stiffness", "frequency")
 
 
 def main() -> None:
     print(f"{'cells a second':<16}" + "".join(f"{name:>16}" for name in NAMES))
-    for name in sys.argv[1:] or ["arm7", "five_bar", "delta4", "gough"]:
-        mechanism = cinegen.load(ROBOTS / f"{name}.raff")
+    for name, mechanism in robots("arm7", "five_bar", "delta4", "gough"):
         print(f"{name:<16}" + "".join(f"{rate(mechanism, quantity):>16,.0f}" for quantity in NAMES))
 
 
@@ -40,12 +36,7 @@ def rate(mechanism: cinegen.Mechanism, quantity: str) -> float:
     spec = MapSpecification(mechanism, Region(axes), (quantity,), limits=False, stiffness=springs, **given)
     evaluator, whole = ChunkEvaluator(spec), tuple(slice(0, axis.count) for axis in axes)
     evaluator.values(tuple(slice(0, 2) for _ in axes))
-    found = []
-    for _ in range(ROUNDS):
-        begin = time.process_time()
-        evaluator.values(whole)
-        found.append(spec.region.size / (time.process_time() - begin))
-    return max(found)
+    return spec.region.size / cpu_time(lambda: evaluator.values(whole), ROUNDS)
 
 
 if __name__ == "__main__":

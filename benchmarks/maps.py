@@ -11,7 +11,6 @@ import argparse
 import json
 import subprocess
 import sys
-import sysconfig
 import tempfile
 import time
 import warnings
@@ -19,14 +18,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from statistics import median
 
+from bench import PANDA, ROBOTS
+
 import cinegen
 from cinegen.cluster import connected, each
 from cinegen.ik.batch import evaluate
 from cinegen.workspace import GridAxis, MapSpecification, Region, make_map
 from cinegen.workspace.chunks import back_and_forth
 
-ROBOTS = Path(__file__).parent.parent / "robots"
-PANDA = "cmeel.prefix/share/example-robot-data/robots/panda_description/urdf/panda.urdf"
 BATCH = 20_000  # configurations that `evaluate` gets at once
 GROWN = 100  # times: the larger map whose memory is looked at
 TASKS = 500  # that do nothing
@@ -104,7 +103,7 @@ def main() -> None:
     arguments = parser.parse_args()
     rounds, quick = arguments.rounds, arguments.quick
     warnings.simplefilter("ignore")  # the panda's second finger
-    panda, delta = cinegen.load(Path(sysconfig.get_path("purelib")) / PANDA), cinegen.load(ROBOTS / "delta4.raff")
+    panda, delta = cinegen.load(PANDA), cinegen.load("delta4")
     specifications = {
         "panda": over(panda, panda.actuated[:6], 8 if quick else 10, "panda_hand"),
         "delta4": over(delta, delta.actuated, 50 if quick else 70),

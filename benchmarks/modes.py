@@ -19,10 +19,10 @@ from __future__ import annotations
 
 import math
 import sys
-import time
 from statistics import median
 
 import numpy as np
+from bench import in_turns
 from numba import njit
 
 from cinegen.hexapod import TSSM
@@ -74,13 +74,8 @@ def measure(name: str, tssm: TSSM, rng: np.random.Generator, sets: int) -> None:
     }
     for run in methods.values():
         run()
-    seconds: dict[str, list[float]] = {method: [] for method in methods}
-    for _ in range(ROUNDS):
-        for method, run in methods.items():
-            began = time.perf_counter()
-            run()
-            seconds[method].append((time.perf_counter() - began) / sets)
-    micro = {method: 1e6 * median(found) for method, found in seconds.items()}
+    seconds = in_turns(methods, ROUNDS)
+    micro = {method: 1e6 * median(times) / sets for method, times in seconds.items()}
     factor = median(a / b for a, b in zip(seconds["batch"], seconds["newton"], strict=True))
     call = median(a / b for a, b in zip(seconds["modes"], seconds["plain"], strict=True))
     each = factor / tssm.batch(lengths)[1].mean()

@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import sysconfig
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -32,8 +31,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 import yaml
-from cpu_time import CpuClock
-from rates import rate
+from bench import EXAMPLES, CpuClock, rate, rrt_connect
 
 import cinegen
 from cinegen.collision import Scene, clearance_of, scene_of
@@ -41,7 +39,7 @@ from cinegen.collision.mesh_check import MeshCheck
 from cinegen.planning import plan
 from cinegen.planning.locked_joints import with_joints_locked
 
-DESCRIPTION = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots/panda_description"
+DESCRIPTION = EXAMPLES / "panda_description"
 URDF = DESCRIPTION / "urdf/panda.urdf"
 STEP = 2e-3  # rad: between configurations that are judged
 
@@ -143,57 +141,23 @@ class Judge:
 # --- plain OMPL ---------------------------------------------------------------------------------------------------
 
 
-def ompl_path(scene: Scene, seconds: float, seed: int = 1) -> tuple[Array | None, float]:
-    """Return the path of OMPL's RRT-Connect in its default settings, simplified by OMPL, and the CPU seconds without
-    that."""
-    import ompl.base as ob
-    import ompl.geometric as og
-    import ompl.util as ou
-
-    ou.setLogLevel(ou.LogLevel.LOG_NONE)
-    ou.RNG.setSeed(seed)
-    begin = time.process_time()
+def ompl_path(scene: Scene, seconds: float) -> tuple[Array | None, float]:
+    """Return the path of OMPL's RRT-Connect, simplified by OMPL, and the CPU seconds without that."""
     mechanism, clearance = scene.mechanism, clearance_of(scene)
     at = [mechanism.q_index(name) for name in scene.goal_joints]
     assert scene.goal_configuration is not None
 
-    def configuration(state: Any) -> Array:
+    def configuration(values: Array) -> Array:
         q = scene.start.copy()
-        q[at] = [state[i] for i in range(len(at))]
+        q[at] = values
         return q
 
-    class Validity(ob.StateValidityChecker):
-        def isValid(self, state: Any) -> bool:
-            return clearance.least(configuration(state)) >= scene.safety
-
-    box = ob.RealVectorBounds(len(at))
-    for i, k in enumerate(at):
-        box.setLow(i, float(mechanism.limits.lower[k]))
-        box.setHigh(i, float(mechanism.limits.upper[k]))
-    space = ob.RealVectorStateSpace(len(at))
-    space.setBounds(box)
-    information = ob.SpaceInformation(space)
-    checker = Validity(information)
-    information.setStateValidityChecker(checker)
-    information.setup()
-    problem = ob.ProblemDefinition(information)
-    ends = []
-    for q in (scene.start, scene.goal_configuration):
-        state = space.allocState()
-        state[0 : len(at)] = q[at].tolist()
-        ends.append(state)
-    problem.setStartAndGoalStates(*ends)
-    planner = og.RRTConnect(information)
-    planner.setProblemDefinition(problem)
-    planner.setup()
-    ends = time.monotonic() + seconds
-    planner.solve(ob.PlannerTerminationCondition(lambda: time.monotonic() > ends))
-    spent = time.process_time() - begin
-    if not problem.hasExactSolution():
-        return None, spent
-    path = problem.getSolutionPath()
-    og.PathSimplifier(information).simplifyMax(path)
-    return np.array([configuration(state) for state in path.getStates()]), spent
+    path, spent = rrt_connect(
+        (mechanism.limits.lower[at], mechanism.limits.upper[at]),
+        lambda values: clearance.least(configuration(values)) >= scene.safety, scene.start[at],
+        scene.goal_configuration[None, at], seconds, simplifies=True,
+    )  # fmt: skip
+    return None if path is None else np.array(list(map(configuration, path))), spent
 
 
 # --- the comparison -----------------------------------------------------------------------------------------------

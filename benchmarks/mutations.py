@@ -1,7 +1,8 @@
 """Mutation testing of the core: random small faults are put into a copy of the sources, and the tests must notice.
 
-`make mutations SAMPLE=300 SEED=19` runs it; CONTRIBUTING.md describes the result. The operators are cosmic-ray's, with
-two more: a fractional number times 100, and a statement left out. The sample is spread over the files by their size.
+`make mutations SAMPLE=300 SEED=19` runs it; CONTRIBUTING.md describes the result. A fault changes one node of the
+syntax tree (`faults`): another operator or number, a condition turned round, no iteration, another end of a loop,
+another exception, or a statement left out. The sample is spread over the files by their size.
 
 A coverage run records for each test its lines and its time. A mutant then meets the tests that run its line, fastest
 first, until one fails. A constant or a default meets the tests that run the lines that name it. Where none fails, the
@@ -17,7 +18,9 @@ import argparse
 import ast
 import collections
 import contextlib
+import copy
 import functools
+import itertools
 import json
 import os
 import random
@@ -69,8 +72,8 @@ FIRST = 10.0  # s of tests that a mutant meets at first
 MOST = 60.0  # s of tests that a mutant meets at most
 NOT_PYTHON = {"intrinsic", "overload"}  # of numba: never run as Python
 
-BINARY = {"Add": ["Sub"], "Sub": ["Add"], "Mul": ["Div"], "Div": ["Mul"], "FloorDiv": ["Mul"], "Mod": ["Mul"],
-          "Pow": ["Mul"], "BitOr": ["BitAnd"], "BitAnd": ["BitOr"]}  # fmt: skip
+BINARY = {"Add": ["Sub"], "Sub": ["Add"], "Mult": ["Div"], "Div": ["Mult"], "FloorDiv": ["Mult"], "Mod": ["Mult"],
+          "Pow": ["Mult"], "BitOr": ["BitAnd"], "BitAnd": ["BitOr"]}  # fmt: skip
 COMPARISON = {"Eq": ["NotEq"], "NotEq": ["Eq"], "Lt": ["LtE", "GtE"], "LtE": ["Lt", "Gt"], "Gt": ["GtE", "LtE"],
               "GtE": ["Gt", "Lt"], "Is": ["IsNot"], "IsNot": ["Is"]}  # fmt: skip
 
@@ -105,129 +108,88 @@ class Mutant:
 # --- The sample -------------------------------------------------------------------------------------------------
 
 
-def operators() -> dict[str, list[Any]]:
-    """Return cosmic-ray's operators that are used, and our own, by family."""
-    import parso
-    from cosmic_ray.operators import (
-        binary_operator_replacement,
-        boolean_replacer,
-        break_continue,
-        comparison_operator_replacement,
-        exception_replacer,
-        number_replacer,
-        unary_operator_replacement,
-        zero_iteration_for_loop,
-    )
-    from cosmic_ray.operators.operator import Operator
+def faults(node: ast.AST) -> Iterator[tuple[str, str, ast.AST, ast.AST]]:
+    """Yield the faults of a node: family, name, what is replaced, and by what."""
 
-    class ScaledNumber(Operator):
-        """Multiplies a fractional number by 100."""
+    def changed(**fields: Any) -> ast.AST:
+        new = copy.copy(node)
+        for name, value in fields.items():
+            setattr(new, name, value)
+        return new
 
-        def mutation_positions(self, node: Any) -> Iterator[Any]:
-            if node.type == "number" and re.fullmatch(r"[\d._]+(e-?\d+)?", node.value) and float(node.value) % 1.0:
-                yield node.start_pos, node.end_pos
-
-        def mutate(self, node: Any, index: int) -> Any:
-            return parso.python.tree.Number(
-                f"{node.get_first_leaf().prefix}{100.0 * float(node.value)}", node.start_pos
-            )
-
-        @classmethod
-        def examples(cls) -> tuple[()]:
-            return ()
-
-    class DroppedStatement(Operator):
-        """Replaces a call whose result is not used, or an assignment to what exists already, by `pass`."""
-
-        def mutation_positions(self, node: Any) -> Iterator[Any]:
-            if node.type == "simple_stmt":
-                first = node.children[0]
-                is_call = first.type in ("atom_expr", "power") and first.children[-1].type == "trailer"
-                augmented = first.type == "expr_stmt" and first.children[1].type == "augassign"
-                if is_call or augmented:
-                    yield first.start_pos, first.end_pos
-
-        def mutate(self, node: Any, index: int) -> Any:
-            prefix = node.children[0].get_first_leaf().prefix
-            node.children[0] = parso.python.tree.Keyword("pass", node.start_pos, prefix)
-            return node
-
-        @classmethod
-        def examples(cls) -> tuple[()]:
-            return ()
-
-    def replacing(module: Any, stem: str, table: dict[str, list[str]]) -> list[Any]:
-        return [getattr(module, f"{stem}_{a}_{b}")() for a, others in table.items() for b in others]
-
-    unary = [op() for op in unary_operator_replacement.operators() if re.search("Delete_(USub|Not)", op.__name__)]
-    return {
-        "arithmetic": replacing(binary_operator_replacement, "ReplaceBinaryOperator", BINARY),
-        "comparison": replacing(comparison_operator_replacement, "ReplaceComparisonOperator", COMPARISON),
-        "boolean": [
-            boolean_replacer.ReplaceTrueWithFalse(),
-            boolean_replacer.ReplaceFalseWithTrue(),
-            boolean_replacer.ReplaceAndWithOr(),
-            boolean_replacer.ReplaceOrWithAnd(),
-        ],
-        "condition": [boolean_replacer.AddNot()],
-        "sign": unary,
-        "number": [number_replacer.NumberReplacer()],
-        "scale": [ScaledNumber()],
-        "loop": [
-            zero_iteration_for_loop.ZeroIterationForLoop(),
-            break_continue.ReplaceBreakWithContinue(),
-            break_continue.ReplaceContinueWithBreak(),
-        ],
-        "exception": [exception_replacer.ExceptionReplacer()],
-        "statement": [DroppedStatement()],
-    }
+    match node:
+        case ast.BinOp():
+            for name in BINARY.get(type(node.op).__name__, ()):
+                yield "arithmetic", name, node, changed(op=getattr(ast, name)())
+        case ast.Compare():
+            for i, operator in enumerate(node.ops):
+                for name in COMPARISON.get(type(operator).__name__, ()):
+                    operators = [*node.ops[:i], getattr(ast, name)(), *node.ops[i + 1 :]]
+                    yield "comparison", name, node, changed(ops=operators)
+        case ast.BoolOp():
+            other = ast.Or() if isinstance(node.op, ast.And) else ast.And()
+            yield "boolean", type(other).__name__, node, changed(op=other)
+        case ast.Constant(value=bool()):
+            yield "boolean", str(not node.value), node, ast.Constant(not node.value)
+        case ast.Constant(value=int() | float()):
+            for step in (1, -1):
+                yield "number", f"{step:+}", node, ast.Constant(node.value + step)
+            if node.value % 1.0:
+                yield "scale", "x 100", node, ast.Constant(100.0 * node.value)
+        case ast.If() | ast.While() | ast.IfExp():
+            yield "condition", "Not", node.test, ast.UnaryOp(ast.Not(), node.test)
+        case ast.UnaryOp(op=ast.USub() | ast.Not()):
+            yield "sign", "left out", node, node.operand
+        case ast.For():
+            yield "loop", "no iteration", node.iter, ast.List([])
+        case ast.Break() | ast.Continue():
+            yield "loop", "other end", node, ast.Continue() if isinstance(node, ast.Break) else ast.Break()
+        case ast.ExceptHandler(type=ast.expr()):
+            yield "exception", "another", node.type, ast.Name("StopAsyncIteration")
+        case ast.AugAssign() | ast.Expr(value=ast.Call()):
+            yield "statement", "left out", node, ast.Pass()
 
 
-def sites(source: str, families: dict[str, list[Any]]) -> list[tuple[str, Any, list[tuple[Any, int]]]]:
-    """Return the places that can be mutated: family, position, and each operator with its occurrence."""
-    import parso
+def run_nodes(node: ast.AST) -> Iterator[ast.AST]:
+    """Yield the nodes that run as Python: no annotations, type aliases, texts, and nothing that is for numba alone."""
+    match node:
+        case ast.JoinedStr() | ast.If(test=ast.Name("TYPE_CHECKING")):
+            return
+        case ast.FunctionDef(decorator_list=[*decorators]) if NOT_PYTHON & {
+            getattr(getattr(decorator, "func", decorator), "id", "") for decorator in decorators
+        }:
+            return
+        case ast.Assign(targets=[ast.Name(name)], value=ast.BinOp() | ast.Subscript()) if re.fullmatch(
+            "[A-Z][a-z][A-Za-z]*", name
+        ):
+            return
+        case ast.Call(func=ast.Name("cast" | "TypeVar")):
+            parts: list[Any] = node.args[1:]
+        case _:
+            yield node
+            fields = (value for name, value in ast.iter_fields(node) if name not in ("annotation", "returns"))
+            parts = [part for value in fields for part in (value if isinstance(value, list) else [value])]
+    for part in parts:
+        if isinstance(part, ast.AST):
+            yield from run_nodes(part)
 
-    def nodes(node: Any) -> Iterator[Any]:  # in the order of cosmic-ray
-        yield node
-        for child in getattr(node, "children", ()):
-            yield from nodes(child)
 
-    skipped = _annotations(source)
-    found: dict[Any, list[tuple[Any, int]]] = {}
-    counts: collections.Counter[Any] = collections.Counter()
-    for node in nodes(parso.parse(source)):
-        for family, members in families.items():
-            for operator in members:
-                for start, stop in operator.mutation_positions(node):
-                    if not any(low <= start < high for low, high in skipped):
-                        found.setdefault((family, start, stop), []).append((operator, counts[operator]))
-                    counts[operator] += 1
-    return [(family, (start, stop), ways) for (family, start, stop), ways in sorted(found.items(), key=lambda x: x[0])]
+def sites(source: str) -> list[tuple[Any, list[tuple[str, ast.AST, ast.AST]]]]:
+    """Return the places that can be mutated, by family and position, and the faults of each."""
+    places: dict[Any, list[tuple[str, ast.AST, ast.AST]]] = {}
+    for node in run_nodes(ast.parse(source)):
+        for family, name, old, new in faults(node):
+            key = family, (old.lineno, old.col_offset), (old.end_lineno, old.end_col_offset)  # type: ignore[attr-defined]
+            places.setdefault(key, []).append((f"{family} {name}", old, new))
+    return sorted(places.items(), key=lambda place: place[0])
 
 
-def _annotations(source: str) -> list[tuple[Any, Any]]:
-    """Return the spans that are never run as Python: annotations, type aliases, and what is for numba alone."""
-    spans = []
-    for node in ast.walk(ast.parse(source)):
-        parts: list[ast.AST | None] = []
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            parts = [node.returns]
-            if any(isinstance(name := d.func if isinstance(d, ast.Call) else d, ast.Name) and name.id in NOT_PYTHON
-                   for d in node.decorator_list):  # fmt: skip
-                parts.append(node)
-        elif isinstance(node, ast.arg | ast.AnnAssign):
-            parts = [node.annotation]
-        elif isinstance(node, ast.Assign) and isinstance(node.value, ast.BinOp | ast.Subscript):
-            names = [t.id for t in node.targets if isinstance(t, ast.Name)]
-            parts = [node.value] if any(re.fullmatch("[A-Z][a-z][A-Za-z]*", name) for name in names) else []
-        elif isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING":
-            parts = [node]
-        elif isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("cast", "TypeVar"):
-            parts = node.args[:1]
-        for part in parts:
-            if part is not None:
-                spans.append(((part.lineno, part.col_offset), (part.end_lineno, part.end_col_offset)))  # type: ignore[attr-defined]
-    return spans
+def replaced(source: str, old: Any, new: ast.AST) -> str:
+    """Return a source in which a node is replaced."""
+    data, text = source.encode(), ast.unparse(new)
+    starts = list(itertools.accumulate(map(len, data.splitlines(keepends=True)), initial=0))
+    begin, end = starts[old.lineno - 1] + old.col_offset, starts[old.end_lineno - 1] + old.end_col_offset
+    return (data[:begin] + (f"({text})" if isinstance(old, ast.expr) else text).encode() + data[end:]).decode()
 
 
 def core(tree: Path, kernels: bool) -> list[str]:
@@ -241,45 +203,25 @@ def core(tree: Path, kernels: bool) -> list[str]:
     return sorted(str(path.relative_to(tree)) for path in paths if path.stem not in LEFT_OUT.split())
 
 
-def _compiles(source: str) -> bool:
-    try:
-        compile(source, "", "exec")
-    except SyntaxError:
-        return False
-    return True
-
-
 def draw(tree: Path, count: int, seed: int, kernels: bool) -> list[Mutant]:
     """Return a random sample, the same for the same sources and seed."""
-    from cosmic_ray.mutating import MutationVisitor
-
-    generator, families = random.Random(seed), operators()
+    generator = random.Random(seed)
     sources = {file: (tree / file).read_text(encoding="utf-8") for file in core(tree, kernels)}
-    places = {file: sites(source, families) for file, source in sources.items()}
+    places = {file: sites(source) for file, source in sources.items()}
     sizes = {file: sum(bool(line.strip()) for line in source.splitlines()) for file, source in sources.items()}
     sizes = {file: size for file, size in sizes.items() if places[file]}
     quotas = {file: count * size / sum(sizes.values()) for file, size in sizes.items()}
     shares = {file: int(quota) for file, quota in quotas.items()}
     left = sorted(quotas, key=lambda file: shares[file] - quotas[file])[: count - sum(shares.values())]
-    found = []
+    mutants = []
     for file in sizes:
         share = min(len(places[file]), shares[file] + (file in left))
-        before = sources[file].split("\n")
-        for _, (start, stop), ways in generator.sample(places[file], len(places[file])):
-            if not share:
-                break
-            operator, occurrence = generator.choice(ways)
-            text = MutationVisitor.mutate_code(sources[file], operator, occurrence)
-            if not _compiles(text):
-                continue
-            share -= 1
-            after = text.split("\n")
-            low = next(
-                (i for i, pair in enumerate(zip(before, after, strict=False)) if pair[0] != pair[1]), start[0] - 1
-            )
-            change = before[low].strip(), after[low].strip()
-            found.append(Mutant(file, type(operator).__name__, start, stop, *change, text))
-    return found
+        for (_, start, stop), ways in generator.sample(places[file], share):
+            name, old, new = generator.choice(ways)
+            text, low = replaced(sources[file], old, new), start[0] - 1
+            change = (source.split("\n")[low].strip() for source in (sources[file], text))
+            mutants.append(Mutant(file, name, start, stop, *change, text))
+    return mutants
 
 
 # --- The tests of a mutant --------------------------------------------------------------------------------------
@@ -555,7 +497,7 @@ class Runner:
         return [mutant for mutant in mutants if mutant.by in self.bad]
 
 
-def copy(work: Path) -> None:
+def copy_tree(work: Path) -> None:
     """Copy the sources, and what numba has compiled from them."""
     shutil.rmtree(work, ignore_errors=True)
     listed = subprocess.run(["git", "ls-files"], cwd=ROOT, check=True, capture_output=True, text=True).stdout.split(
@@ -615,25 +557,17 @@ def main() -> None:
     parser.add_argument("--kernels", action="store_true", help="mutate the kernels alone")
     parser.add_argument("--work", type=Path, default=ROOT / "build" / "mutations")
     parser.add_argument("--keep", action="store_true", help="use the copy and the coverage of an earlier run")
-    parser.add_argument("--draw", type=Path, help="only draw the sample, into this file")
     parser.add_argument("--report", action="store_true", help="only print the result so far")
     options = parser.parse_args()
     work: Path = options.work.resolve()
     results = work / "results.json"
-    if options.draw:
-        drawn = draw(work / "tree", options.sample, options.seed, options.kernels)
-        options.draw.write_text(json.dumps([asdict(mutant) for mutant in drawn]), encoding="utf-8")
-        return
     if not options.keep and not options.report:
-        copy(work)
+        copy_tree(work)
         for mode in ("kernels",) if options.kernels else ("python", "kernels"):
             measure(work, mode)
     if not results.exists():
-        # cosmic-ray brings its own versions of other libraries: it does not meet the tests.
-        where = os.pathsep.join([str(ROOT / "build" / "cosmic-ray"), *_python_path()])
-        command = [sys.executable, __file__, "--draw", str(results), f"--work={work}"]
-        command += [f"--sample={options.sample}", f"--seed={options.seed}", *(["--kernels"] if options.kernels else [])]
-        subprocess.run(command, env=os.environ | {"PYTHONPATH": where}, check=True)
+        drawn = draw(work / "tree", options.sample, options.seed, options.kernels)
+        results.write_text(json.dumps([asdict(mutant) for mutant in drawn]), encoding="utf-8")
     mutants = [Mutant(**entry) for entry in json.loads(results.read_text(encoding="utf-8"))]
     if not options.report:
         run(work, results, mutants)

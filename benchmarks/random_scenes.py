@@ -13,14 +13,13 @@ Start and goal are clear by more than the safety distance; whether there is a wa
 
 from __future__ import annotations
 
-import sysconfig
 from collections.abc import Callable, Mapping
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from bench import PANDA
 from scipy.spatial import ConvexHull
 
 import cinegen
@@ -28,9 +27,6 @@ from cinegen.collision import Clearance, Scene, clearance_of, scene_of
 from cinegen.ik import FrameTask
 from cinegen.ik.local_ik import LocalIK
 from cinegen.model import Mechanism
-
-SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
-ROBOTS = Path(__file__).parents[1] / "robots"
 
 CLEAR = 0.02  # m: of start and goal; scenes keep half of it
 GAP = 0.15  # m: between the obstacles of a field
@@ -41,7 +37,7 @@ Entry = dict[str, Any]
 
 @cache
 def robot(name: str) -> Mechanism:
-    return cinegen.load(SHARE / "panda_description/urdf/panda.urdf" if name == "panda" else ROBOTS / f"{name}.raff")
+    return cinegen.load(PANDA if name == "panda" else name)
 
 
 def scene(mechanism: Mechanism, name: str, obstacles: list[Entry], start: Entry, goal: Array, **more: Any) -> Scene:

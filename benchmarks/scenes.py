@@ -14,7 +14,6 @@ from __future__ import annotations
 import json
 import math
 import shutil
-import sysconfig
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 from pathlib import Path
@@ -22,6 +21,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from bench import EXAMPLES, PANDA
 
 import cinegen
 import raff2urdf
@@ -31,7 +31,6 @@ GAIN = 1.0  # the whole error is to be made good in a step
 TARGETS = 1000  # a closed path: the last target is the start
 
 GENERATED = Path(__file__).parent.parent / "generated"
-ROBOTS = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
 
 FOUR_BAR = """RAFF FourBar
 robot linkage {
@@ -48,14 +47,14 @@ robot linkage {
 
 
 def panda(folder: Path) -> Path:
-    urdf = _stripped(ROBOTS / "panda_description/urdf/panda.urdf", folder / "panda.urdf", fixed="finger")
+    urdf = _stripped(PANDA, folder / "panda.urdf", fixed="finger")
     home = [0.0, -math.pi / 4, 0.0, -3 * math.pi / 4, 0.0, math.pi / 2, math.pi / 4]
     home_of = {f"panda_joint{i + 1}": value for i, value in enumerate(home)}
     return _scene(urdf, "panda_hand", 3, home_of, lambda at: _eight(at, (0.02, 0.07, 0.03), 0.1))
 
 
 def ur5(folder: Path) -> Path:
-    urdf = _stripped(ROBOTS / "ur_description/urdf/ur5_joint_limited_robot.urdf", folder / "ur5.urdf")
+    urdf = _stripped(EXAMPLES / "ur_description/urdf/ur5_joint_limited_robot.urdf", folder / "ur5.urdf")
     home_of = {
         "shoulder_pan_joint": 0.3,
         "shoulder_lift_joint": -1.2,

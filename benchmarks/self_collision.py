@@ -24,13 +24,13 @@ from __future__ import annotations
 
 import argparse
 import sys
-import sysconfig
 import time
 import warnings
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from bench import EXAMPLES
 
 import cinegen
 from cinegen.collision import Clearance
@@ -39,7 +39,6 @@ from cinegen.collision.self_collision import PairReason, link_pairs
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests/helpers"))
 from mesh_contact import MeshContact
 
-ROBOTS = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
 NEWTON, HALVINGS = 25, 20
 TOUCH = 3e-6  # m
 
@@ -171,7 +170,7 @@ def main() -> None:
         f"{'robot':<32}{'count':>6} {'touching':>8} {'missed':>6} {'':7} {'free':>6} {'refused':>7} {'':7} {'us':>7}"
         f" {'sought':>7} {'told clear':>10} {'of pairs':>11} constant"
     )
-    paths = sorted(ROBOTS.rglob("*.urdf"))
+    paths = sorted(EXAMPLES.rglob("*.urdf"))
     behind = max((i + 1 for i, path in enumerate(paths) if path.stem == given.after), default=0)
     for path in paths[behind:]:
         if given.names and not any(name in path.name for name in given.names):

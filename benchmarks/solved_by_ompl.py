@@ -28,22 +28,16 @@ much. They are not shortened, unless `--simplify` asks for it.
 from __future__ import annotations
 
 import argparse
-import sysconfig
 import time
 import warnings
 from collections.abc import Callable, Mapping
 from functools import cache, partial
-from pathlib import Path
 from statistics import median
 from typing import Any
 
 import numpy as np
-import ompl.base as ob
-import ompl.geometric as og
-import ompl.util as ou
 import pinocchio as pin
-from cpu_time import CpuClock
-from rates import rate
+from bench import EXAMPLES, CpuClock, rate, rrt_connect
 
 import cinegen
 from cinegen.collision import Clearance, Scene, clearance_of, scene_for
@@ -63,7 +57,6 @@ Entry = dict[str, Any]
 SAFETY = 0.005  # m
 DELTA = 0.05  # rad or characteristic lengths: between tested configurations of robots with loops
 LONGEST = 0.8  # rad or characteristic lengths: of a motion of robots with loops
-SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
 ARMS = {  # file, node, reach (m), height of the node over what is inside a bin (m): the z1's gripper is long
     "ur5": ("ur_description/urdf/ur5_robot.urdf", "tool0", 0.85, 0.0),
     "ur10": ("ur_description/urdf/ur10_robot.urdf", "tool0", 1.3, 0.0),
@@ -76,7 +69,7 @@ ARMS = {  # file, node, reach (m), height of the node over what is inside a bin 
 def arm(name: str) -> Mechanism:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return cinegen.load(SHARE / ARMS[name][0])
+        return cinegen.load(EXAMPLES / ARMS[name][0])
 
 
 @cache
@@ -413,68 +406,36 @@ FAMILIES: Mapping[str, Callable[[int], Scene]] = {
 
 def is_solved_by_ompl(given: Scene, seconds: float, simplify: bool = False) -> bool:
     """Whether OMPL finds a path within CPU seconds."""
-    ou.setLogLevel(ou.LogLevel.LOG_NONE)
-    ou.RNG.setSeed(1)
     scene = with_joints_locked(given)
     mechanism, clearance = scene.mechanism, clearance_of(scene)
-    box_ = SamplingSpace(scene, clearance)
-    count = len(box_.low)
-
-    def point(state: Any) -> Array:
-        return np.array([state[i] for i in range(count)])
-
-    class Validity(ob.StateValidityChecker):
-        def isValid(self, state: Any) -> bool:
-            q = box_.at(point(state))
-            return bool(mechanism.limits.within(q)) and clearance.least(q) >= scene.safety
-
+    space = SamplingSpace(scene, clearance)
     if mechanism.loop_rank:
-        return _is_solved_by_projection(scene, clearance, box_, seconds)
-    bounds = ob.RealVectorBounds(count)
-    for i in range(count):
-        bounds.setLow(i, float(box_.low[i]))
-        bounds.setHigh(i, float(box_.high[i]))
-    space = ob.RealVectorStateSpace(count)
-    space.setBounds(bounds)
-    information = ob.SpaceInformation(space)
-    checker = Validity(information)
-    information.setStateValidityChecker(checker)
-    information.setup()
-    problem = ob.ProblemDefinition(information)
+        return _is_solved_by_projection(scene, clearance, space, seconds)
 
-    def state_of(values: Array) -> Any:
-        state = space.allocState()
-        state[0:count] = values.tolist()
-        return state
+    def is_valid(point: Array) -> bool:
+        q = space.at(point)
+        return bool(mechanism.limits.within(q)) and clearance.least(q) >= scene.safety
 
-    problem.addStartState(state_of(box_.point(scene.start)))
-    goals = ob.GoalStates(information)
-    for values in box_.points(scene.goal_configuration):
-        goals.addState(state_of(values))
-    problem.setGoal(goals)
-    planner = og.RRTConnect(information)
-    planner.setProblemDefinition(problem)
-    planner.setup()
-    ends = time.monotonic() + seconds
-    planner.solve(ob.PlannerTerminationCondition(lambda: time.monotonic() > ends))
-    if simplify and problem.hasExactSolution():
-        og.PathSimplifier(information).simplifyMax(problem.getSolutionPath())
-    return bool(problem.hasExactSolution())
+    goals = space.points(scene.goal_configuration)
+    return (
+        rrt_connect((space.low, space.high), is_valid, space.point(scene.start), goals, seconds, simplify)[0]
+        is not None
+    )
 
 
-def _is_solved_by_projection(scene: Scene, clearance: Clearance, box_: SamplingSpace, seconds: float) -> bool:
+def _is_solved_by_projection(scene: Scene, clearance: Clearance, space: SamplingSpace, seconds: float) -> bool:
     """The same for a robot with loops: motions are tested at projected samples; trees that do not meet start anew."""
     mechanism = scene.mechanism
 
     def closed(x: Array) -> Array | None:
         try:
-            return mechanism.close(box_.at(x), locked=scene.locked)
+            return mechanism.close(space.at(x), locked=scene.locked)
         except ClosureError:
             return None
 
     def close(x: Array) -> Array | None:
         q = closed(x)
-        return None if q is None else box_.point(q)
+        return None if q is None else space.point(q)
 
     def free(begin: Array, end: Array) -> bool:
         count = int(np.ceil(np.linalg.norm(end - begin) / DELTA))
@@ -483,15 +444,15 @@ def _is_solved_by_projection(scene: Scene, clearance: Clearance, box_: SamplingS
             q = closed(begin + part * (end - begin))
             if q is None or not mechanism.limits.within(q) or clearance.least(q) < scene.safety:
                 return False
-            x = box_.point(q)
+            x = space.point(q)
             if np.linalg.norm(x - before) > 2.0 * DELTA:  # a jump to another assembly mode
                 return False
             before = x
         return True
 
-    goals = box_.points(scene.goal_configuration)
-    start = box_.point(scene.start)
-    trees = Trees(box_.low, box_.high, start, goals, free, LONGEST, 1, close, mechanism.loop_rank)
+    goals = space.points(scene.goal_configuration)
+    start = space.point(scene.start)
+    trees = Trees(space.low, space.high, start, goals, free, LONGEST, 1, close, mechanism.loop_rank)
     return trees.grow(time.monotonic() + seconds) is not None
 
 

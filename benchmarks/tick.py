@@ -17,13 +17,12 @@ All parts are measured, alternately in one run; medians, in microseconds:
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from statistics import mean, median
 
 import numpy as np
+from bench import robots
 from numba import types
 
 import cinegen
@@ -35,7 +34,6 @@ from cinegen.loops._kernels.closure import factor_loops, find_null_space, loop_c
 from cinegen.loops._kernels.kinematics import evaluate, integrate
 from cinegen.loops._kernels.residual import evaluate_loops
 
-ROBOTS = Path(__file__).parent.parent / "robots"
 ROUNDS, TICKS, REPEATS = 30, 20, 200
 COLUMNS = ("tick", "target", "python", "call", "reading", "kinematics", "loops", "rest")
 
@@ -87,9 +85,8 @@ PARTS = [prepare(part, SolverMemory, types.int64) for part in (read, kinematics,
 NOTHING = prepare(nothing, SolverMemory, types.int64)
 
 
-def measure(name: str) -> None:
+def measure(name: str, mechanism: cinegen.Mechanism) -> None:
     """Print a robot's row."""
-    mechanism = cinegen.load(ROBOTS / f"{name}.raff")
     path = fit_path(mechanism, mechanism.nodes[-1])
     solver = cinegen.Solver(mechanism, 1.0 / 240.0)
     task = solver.add_task(path.node, mechanism.placement(mechanism.q_home, path.node), rotation=path.rotation)
@@ -166,14 +163,13 @@ def measure(name: str) -> None:
 
 
 def main() -> None:
-    names = sys.argv[1:] or sorted(path.stem for path in ROBOTS.glob("*.raff"))
     print(
         f"{'robot':<16}{'joints':>7}{'rows':>6}{'evals':>7}"
         + "".join(f"{column:>{max(len(column) + 2, 8)}}" for column in COLUMNS)
         + f"{'svd':>8}{'ratio':>7}"
     )
-    for name in names:
-        measure(name)
+    for name, mechanism in robots():
+        measure(name, mechanism)
 
 
 if __name__ == "__main__":

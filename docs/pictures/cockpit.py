@@ -3,25 +3,16 @@
 Needs chromium on PATH, playwright and Pillow. The picture is taken while a mouse drags a part of a robot.
 """
 
-import io
-import shutil
 import sys
 import warnings
-from pathlib import Path
 
-from PIL import Image
-from playwright.sync_api import sync_playwright
+from figures import ROBOTS, chromium, save_image, shot, show, tab_of
 
 import cinegen
 from cinegen.cockpit import Cockpit
 from cinegen.collision import load_scene
 from cinegen.session import arrange, scene_setup
 
-PICTURES = Path(__file__).resolve().parent
-ROBOTS = PICTURES.parent.parent / "robots"
-FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run")
-VIEW = {"width": 1280, "height": 800}
-LARGEST = 250_000  # bytes
 TOUCH = """([robot, node]) => {
   const box = cockpit.viewer.renderer.domElement.getBoundingClientRect();
   const found = [];
@@ -91,7 +82,7 @@ SHOTS = {
 """What is done, with which robots, their base poses, and the path that they follow before."""
 
 
-def shot(browser, name):
+def draw(browser, name):
     """Draws one picture."""
     scene, robots, bases, follow = SHOTS[name]
     if robots[0].endswith(".toml"):
@@ -99,27 +90,17 @@ def shot(browser, name):
     else:
         setup = arrange({robot: cinegen.load(ROBOTS / f"{robot}.raff") for robot in robots}, bases=bases, follow=follow)
     with Cockpit(setup, port=7860) as cockpit:
-        tab = browser.new_page(viewport=VIEW, bypass_csp=True)  # what is evaluated is not the page's own
-        tab.goto(cockpit.url)
-        tab.wait_for_function("document.documentElement.dataset.view === 'ready'", timeout=60_000)
+        tab = tab_of(browser, 1280, 800)
+        show(tab, cockpit.url)
         scene(tab)
         tab.evaluate("cockpit.view.resolution.constant = true; cockpit.view.changed();")  # all pixels, and shadows
         tab.wait_for_timeout(2000)
         tab.evaluate("document.querySelectorAll('.toast, .hint, #hint').forEach((note) => note.remove())")
-        picture = tab.screenshot(timeout=60_000)
-        tab.mouse.up()
-        tab.close()
-    path = PICTURES / f"{name}.png"
-    with Image.open(io.BytesIO(picture)) as image:
-        few = image.convert("RGB").quantize(256, Image.Quantize.MEDIANCUT, kmeans=3, dither=Image.Dither.NONE)
-        few.save(path, optimize=True)
-    assert path.stat().st_size < LARGEST, path
+        save_image(name, shot(tab), 256)
 
 
 if __name__ == "__main__":
     warnings.simplefilter("ignore", cinegen.CinegenWarning)  # sensors that are not plugged in here
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=list(FLAGS))
+    with chromium() as browser:
         for wanted in sys.argv[1:] or SHOTS:
-            shot(chromium, wanted)
-        chromium.close()
+            draw(browser, wanted)

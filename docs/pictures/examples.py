@@ -6,17 +6,14 @@ Needs chromium on PATH, and gcc. Examples that have none here show a picture of 
 import contextlib
 import io
 import runpy
-import shutil
 import sys
 from types import SimpleNamespace
 
 import numpy as np
-from cockpit import FLAGS
-from figures import PICTURES, ROBOTS, save
+from figures import PICTURES, ROBOTS, chromium, save
 from make import draw
 from meshcat import Visualizer
 from meshcat.geometry import Sphere
-from playwright.sync_api import sync_playwright
 
 import cinegen
 from cinegen.cockpit.graphic_file import material
@@ -159,8 +156,7 @@ def left_by(name):
 
 def main():
     """Draw those that the command line names, or all."""
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=list(FLAGS))
+    with chromium() as browser:
         for name in sys.argv[1:] or [*VIEWS, *FIGURES]:
             left = left_by(name)
             if name in FIGURES:
@@ -168,8 +164,7 @@ def main():
                 continue
             robot, q, direction, *add = VIEWS[name](left)
             path = PICTURES / f"example_{name}.webp"
-            draw(chromium, path, {robot: (left[robot], q)}, direction, size=SIZE, add=add[0] if add else None)
-        chromium.close()
+            draw(browser, path, {robot: (left[robot], q)}, direction, size=SIZE, add=add[0] if add else None)
 
 
 if __name__ == "__main__":

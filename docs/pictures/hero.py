@@ -7,12 +7,10 @@ brings, chromium on PATH, and Pillow.
 import subprocess
 import sys
 import tempfile
-from pathlib import Path
 
+from figures import PICTURES, ROBOTS
 from PIL import Image
 
-PICTURES = Path(__file__).resolve().parent
-ROBOTS = PICTURES.parent.parent / "robots"
 NAMES = "delta4", "gough", "sr400"
 FILMED, SIZE, CROP = "480x440", (300, 275), (0, 35, 300, 245)  # pixels: of the film, of one robot, and its part
 BEGIN, END, EVERY = 46, 226, 2  # frames, 30 per second: one revolution, after the path has grown

@@ -8,7 +8,6 @@ import contextlib
 import io
 import re
 import shlex
-import shutil
 import sys
 import warnings
 from contextvars import copy_context
@@ -16,11 +15,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from cockpit import FLAGS
-from figures import PICTURES, ROBOTS, save
+from figures import PICTURES, ROBOTS, chromium, save, shot, show, tab_of
 from make import draw
-from PIL import Image
-from playwright.sync_api import sync_playwright
 from raff_sketch import RaffSketch, paper
 from sketch import SHADOW, Sketch
 from sources import HOWTO, howto_blocks, mark_in, mark_of
@@ -197,62 +193,46 @@ def contributors():
 
 def web_page(browser, path):
     """Draw a page without a server, whose robot is dragged."""
-    tab = browser.new_page(viewport={"width": 1000, "height": 600}, bypass_csp=True)
-    with TemporaryDirectory() as folder, warnings.catch_warnings():
-        warnings.simplefilter("ignore", cinegen.CinegenWarning)  # the file names a serial port that is not here
+    tab = tab_of(browser, 1000, 600)
+    with TemporaryDirectory() as folder:
         html, delta = Path(folder, "delta.html"), cinegen.load(ROBOTS / "delta4.raff")
         html.write_text(build_page(arrange({"delta4": delta}), "Our delta robot"), "utf-8")
-        tab.goto(html.as_uri())
-        tab.wait_for_function("document.documentElement.dataset.view === 'ready'", timeout=120_000)
+        show(tab, html.as_uri())
         tab.evaluate("cockpit.select('delta4', 'platform')")
         tab.wait_for_timeout(2000)
-        shot = tab.screenshot(timeout=120_000)
-    tab.close()
-    with Image.open(io.BytesIO(shot)) as image:
-        image.convert("RGB").save(path, quality=82, method=6)
+        shot(tab).save(path, quality=82, method=6)
 
 
 def saved_file(browser, path):
     """Draw the errors of a file that was saved, over the robot before."""
-    tab = browser.new_page(viewport={"width": 1000, "height": 600}, bypass_csp=True)
-    with folder(), warnings.catch_warnings():
-        warnings.simplefilter("ignore", cinegen.CinegenWarning)  # the file names a serial port that is not here
+    tab = tab_of(browser, 1000, 600)
+    with folder():
         file, text = Path("four_bar.raff"), (ROBOTS / "four_bar.raff").read_text(encoding="utf-8")
         file.write_text(text, encoding="utf-8")
         setup, files = SetupFiles.of(lambda: arrange({"four_bar": cinegen.load(file)}))
         with Cockpit(setup, port=8460, own_process=False, files=files) as cockpit:
-            tab.goto(cockpit.url)
-            tab.wait_for_function("document.documentElement.dataset.view === 'ready'", timeout=120_000)
+            show(tab, cockpit.url)
             file.write_text(text.replace("d 360.0", "d 36O.0").replace("parameters { d 240.0", "paramters { d 240.0"))
             tab.wait_for_selector("#file-problem:not([hidden])", timeout=120_000)
             tab.wait_for_timeout(500)
-            shot = tab.screenshot(timeout=120_000)
-    tab.close()
-    with Image.open(io.BytesIO(shot)) as image:
-        image.convert("RGB").save(path, quality=82, method=6)
+            shot(tab).save(path, quality=82, method=6)
 
 
 def headset(browser, path):
     """What an emulated headset shows while its right hand drags a platform."""
-    tab = browser.new_page(viewport={"width": 1280, "height": 640}, bypass_csp=True)
+    tab = tab_of(browser, 1280, 640)
     worn = Headset(tab)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", cinegen.CinegenWarning)  # the file names a serial port that is not here
-        setup = arrange({"delta4": cinegen.load(ROBOTS / "delta4.raff")}, follow=None)
-        with Cockpit(setup, port=8460, own_process=False) as cockpit:
-            tab.goto(cockpit.url)
-            tab.wait_for_function("document.documentElement.dataset.view === 'ready'", timeout=120_000)
-            worn.enter()
-            worn.put("left", (-0.13, 1.22, -0.75))
-            worn.put("right", (0.15, 1.35, -0.3))
-            worn.aim("right", "delta4", "platform")
-            worn.press("right", 1.0)
-            worn.put("right", (0.22, 1.38, -0.3))
-            worn.frames(30)
-            shot = tab.screenshot(timeout=120_000)
-    tab.close()
-    with Image.open(io.BytesIO(shot)) as image:
-        image.convert("RGB").crop((160, 46, 1120, 602)).save(path, quality=82, method=6)
+    setup = arrange({"delta4": cinegen.load(ROBOTS / "delta4.raff")}, follow=None)
+    with Cockpit(setup, port=8460, own_process=False) as cockpit:
+        show(tab, cockpit.url)
+        worn.enter()
+        worn.put("left", (-0.13, 1.22, -0.75))
+        worn.put("right", (0.15, 1.35, -0.3))
+        worn.aim("right", "delta4", "platform")
+        worn.press("right", 1.0)
+        worn.put("right", (0.22, 1.38, -0.3))
+        worn.frames(30)
+        shot(tab).crop((160, 46, 1120, 602)).save(path, quality=82, method=6)
 
 
 def mouse(_, path):
@@ -303,16 +283,15 @@ def stale(path):
 
 def main():
     """Draw those that the command line names, or those whose blocks have changed."""
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=list(FLAGS))
+    warnings.simplefilter("ignore", cinegen.CinegenWarning)  # files name a serial port that is not here
+    with chromium() as browser:
         for path in (PICTURES / name for name in (*FIGURES, *DRAWINGS)):
             if path.stem not in sys.argv[1:] and (sys.argv[1:] or not stale(path)):
                 continue
             if path.name in FIGURES:
                 save(path.stem, copy_context().run(FIGURES[path.name]), mark(path) if path.name in HOWTO else "")
             else:
-                DRAWINGS[path.name](chromium, path)
-        chromium.close()
+                DRAWINGS[path.name](browser, path)
 
 
 if __name__ == "__main__":

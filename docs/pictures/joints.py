@@ -1,6 +1,7 @@
 """Drawings of docs/joints.md: robots in space at home, with their parameters dimensioned."""
 
 import math
+from functools import partial
 
 import numpy as np
 from raff_sketch import LOOP
@@ -12,6 +13,7 @@ from raff2urdf.raff.document import CompoundKind, JointType
 _SIZE = 15.0  # mm, radius of a hinge
 _FRAME = 62.0  # mm, length of the axes of frames
 _ARC = 48.0  # mm, radius of angles
+_HIGH = {"high": (250.0, 150.0), "low": (-100.0, -100.0), "eye": (-115.0, 24.0)}  # the view of a robot that stands
 
 
 def _space(robot, high=(250.0, 200.0), low=(-50.0, -50.0), eye=(-62.0, 28.0), frame=True):
@@ -108,77 +110,36 @@ def _turn(sketch, centre, axis, begin, degrees, radius, letter):
     sketch.angle(centre, axis, begin, math.radians(degrees), radius, text)
 
 
+def _arm(robot, _, numbers, tool, axes=(), frames=(), space=None, **arcs):
+    """Return a drawing of a chain: the parameters of parts, axes of joints (number, length, text), frames, the tool."""
+    sketch = _space(robot, **(space or {"high": (350.0, 150.0)}))
+    for number in numbers:
+        dimension_all(sketch, robot, number, **arcs)
+    for number, length, text in axes:
+        _axis(sketch, robot, number, length, text)
+    for number in frames:
+        robot.frame(sketch, number, _FRAME)
+    _tool(sketch, robot, tool)
+    return sketch
+
+
 def any_axis(robot, _):
     """All six parameters."""
-    sketch = _space(robot, (200.0, 250.0), eye=(-22.0, 24.0))
+    space = {"high": (200.0, 250.0), "eye": (-22.0, 24.0)}
+    sketch = _arm(robot, _, [1], 2, [(1, 130.0, "axis of joint1")], [1], space)
     found = robot.dimensions(1)
     sketch.line([found.origin, found.origin + 150.0 * found.z], FAINT, 1.2, "2 4")
-    dimension_all(sketch, robot, 1)
-    _axis(sketch, robot, 1, 130.0, "axis of joint1")
-    robot.frame(sketch, 1, _FRAME)
-    _tool(sketch, robot, 2)
-    return sketch
-
-
-def hinge(robot, _):
-    """One hinge."""
-    sketch = _space(robot, (350.0, 150.0))
-    dimension_all(sketch, robot, 1)
-    _axis(sketch, robot, 1, 105.0, "axis")
-    robot.frame(sketch, 1, _FRAME)
-    _tool(sketch, robot, 2)
-    return sketch
-
-
-def parallel(robot, _):
-    """Two hinges with parallel axes."""
-    sketch = _space(robot, (350.0, 150.0))
-    for number in (1, 2):
-        dimension_all(sketch, robot, number)
-        _axis(sketch, robot, number, 70.0, f"axis {number}")
-    _tool(sketch, robot, 3)
-    return sketch
-
-
-def right_angle(robot, _):
-    """A waist and a shoulder."""
-    sketch = _space(robot, (250.0, 150.0), (-100.0, -100.0), (-115.0, 24.0))
-    for number in (1, 2):
-        dimension_all(sketch, robot, number, 50.0, 2.2)
-        _axis(sketch, robot, number, 125.0, f"axis {number}")
-    _tool(sketch, robot, 3)
-    return sketch
-
-
-def slide(robot, _):
-    """A carriage on a rail."""
-    sketch = _space(robot, (350.0, 150.0))
-    dimension_all(sketch, robot, 1, 40.0)
-    _axis(sketch, robot, 1, 105.0, "axis")
-    robot.frame(sketch, 1, _FRAME)
-    _tool(sketch, robot, 2)
-    return sketch
-
-
-def ball(robot, _):
-    """A bar on a ball."""
-    sketch = _space(robot, (350.0, 150.0))
-    dimension_all(sketch, robot, 1)
-    robot.frame(sketch, 1, _FRAME)
-    _tool(sketch, robot, 2)
     return sketch
 
 
 def universal(robot, _):
     """A bar on a universal joint."""
-    sketch = _space(robot, (250.0, 150.0), (-100.0, -100.0), (-115.0, 24.0))
-    dimension_all(sketch, robot, 1, 60.0)
+    sketch = _arm(robot, _, [1], 2, space=_HIGH, radius=60.0)
     origin, axes = robot.pose(1)
     for direction, text in ((np.array([0.0, 0.0, 1.0]), "first axis, z"), (axes[:, 1], "second axis, y")):
         ends = (origin - 100.0 * direction, origin + 100.0 * direction)
         sketch.line(ends, VERMILION, 1.5, "12 4 2 4", lift=-1.0)
         sketch.text(ends[1], text, direction, VERMILION, "i")
-    _tool(sketch, robot, 2)
     return sketch
 
 
@@ -235,22 +196,26 @@ def slider(robot, _):
     return sketch
 
 
-def telescope(robot, _):
-    """Two stages of a telescope."""
-    sketch = _space(robot, (400.0, 150.0))
-    for number in (1, 2):
-        dimension_all(sketch, robot, number, 40.0)
-    _axis(sketch, robot, 2, 75.0, "axis")
-    _tool(sketch, robot, 3)
-    return sketch
-
-
 DRAWINGS = {
     f"joints_{name}": draw
-    for name, draw in (
-        ("any", any_axis), ("hinge", hinge), ("parallel", parallel), ("right_angle", right_angle), ("slide", slide),
-        ("ball", ball), ("universal", universal), ("gear", gear), ("loop", loop),
-        ("parallelogram", loop), ("slider", slider), ("telescope", telescope),
-    )
+    for name, draw in {
+        "any": any_axis,
+        "hinge": partial(_arm, numbers=[1], tool=2, axes=[(1, 105.0, "axis")], frames=[1]),
+        "parallel": partial(_arm, numbers=[1, 2], tool=3, axes=[(1, 70.0, "axis 1"), (2, 70.0, "axis 2")]),
+        "right_angle": partial(
+            _arm, numbers=[1, 2], tool=3, axes=[(1, 125.0, "axis 1"), (2, 125.0, "axis 2")], space=_HIGH, radius=50.0,
+            tilt=2.2,
+        ),
+        "slide": partial(_arm, numbers=[1], tool=2, axes=[(1, 105.0, "axis")], frames=[1], radius=40.0),
+        "ball": partial(_arm, numbers=[1], tool=2, frames=[1]),
+        "universal": universal,
+        "gear": gear,
+        "loop": loop,
+        "parallelogram": loop,
+        "slider": slider,
+        "telescope": partial(
+            _arm, numbers=[1, 2], tool=3, axes=[(2, 75.0, "axis")], space={"high": (400.0, 150.0)}, radius=40.0
+        ),
+    }.items()
 }  # fmt: skip
 """What draws each of them."""

@@ -7,7 +7,6 @@ pulled away from home first. (`steps.py` draws the pictures of pages that follow
 import base64
 import io
 import math
-import shutil
 import sys
 import tempfile
 from pathlib import Path
@@ -16,13 +15,11 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import umsgpack
-from cockpit import FLAGS
-from figures import exif
+from figures import PICTURES, ROBOTS, chromium, exif
 from labels import write_labels
 from meshcat import Visualizer
 from meshcat.geometry import Cylinder
 from PIL import Image, ImageChops
-from playwright.sync_api import sync_playwright
 
 import cinegen
 import raff2urdf
@@ -30,8 +27,6 @@ from cinegen.cockpit import make_page
 from cinegen.cockpit.graphic_file import material
 from cinegen.plotting.skeleton import Skeleton
 
-PICTURES = Path(__file__).resolve().parent
-ROBOTS = PICTURES.parent.parent / "robots"
 PULLED = {"delta4": (0.5, 0.2, -1.6)}  # m, from home
 FLAT = {"belt_five_bar", "cusp_3rpr", "five_bar", "four_bar", "planar_3r", "planar_hybrid", "planetary_gear"}
 """Robots that lie in the plane of x and y: seen from higher up."""
@@ -215,11 +210,9 @@ def cut_out(image, points):
 
 def main():
     """Draw those that the command line names, or all."""
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=list(FLAGS))
+    with chromium() as browser:
         for name in sys.argv[1:] or sorted(path.stem for path in ROBOTS.glob("*.raff")):
-            picture(chromium, name)
-        chromium.close()
+            picture(browser, name)
 
 
 if __name__ == "__main__":

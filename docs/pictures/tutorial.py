@@ -1,13 +1,9 @@
 """Drawings of docs/tutorial.md: a function for each, of the robot of its step and of what its Python code left."""
 
-import io
 import math
-import shutil
 
 import numpy as np
-from cockpit import FLAGS
-from PIL import Image
-from playwright.sync_api import sync_playwright
+from figures import chromium, shot, show, tab_of
 from raff_sketch import LOOP, cross, paper
 from sketch import Sketch
 
@@ -105,15 +101,11 @@ def limits(robot, _):
 def page(robot, _):
     """The page of `cinegen drive`, without its last line, which shows how fast the machine is."""
     setup = arrange({robot.mechanism.name: robot.mechanism}, follow="circle")
-    with sync_playwright() as playwright, Cockpit(setup, port=7860) as cockpit:
-        chromium = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=list(FLAGS))
-        tab = chromium.new_page(viewport={"width": 1080, "height": 720}, bypass_csp=True)
-        tab.goto(cockpit.url)
-        tab.wait_for_function("document.documentElement.dataset.view === 'ready'", timeout=60_000)
+    with chromium() as browser, Cockpit(setup, port=7860) as cockpit:
+        tab = tab_of(browser, 1080, 720)
+        show(tab, cockpit.url)
         tab.wait_for_timeout(5000)
-        shot = tab.screenshot(timeout=60_000)
-        chromium.close()
-    return Image.open(io.BytesIO(shot)).convert("RGB").crop((0, 0, 1080, 692))
+        return shot(tab).crop((0, 0, 1080, 692))
 
 
 def move(robot, page):
