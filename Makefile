@@ -100,7 +100,7 @@ javascript: ## lint, type-check and test the page's JavaScript, where node and n
 bench: export OMP_NUM_THREADS := 1
 bench: export OPENBLAS_NUM_THREADS := 1
 bench: .venv/test-installed kernels ## measure the speed, and write the tables of docs/measurements.md: of a tick, as robots grow, and beside placo, pink and mink; print that of closing loops, forces, the cockpit, assembly modes, ways round obstacles and maps
-	@for name in close forces cockpit modes hexapod avoidance maps; do \
+	@for name in close forces cockpit hexapod avoidance maps; do \
 		$(BIN)/python benchmarks/$$name.py || exit 1; done
 	@$(MAKE) --no-print-directory .venv-bench/installed || echo "*** .venv-bench can't be made, for the reason above:" \
 		"there is NO comparison with placo, pink and mink." >&2

@@ -15,7 +15,7 @@ from cinegen.design._kernels.memory import DesignMemory
 from cinegen.dynamics._kernels.masses import find_masses
 from cinegen.dynamics._kernels.memory import DynamicsMemory
 from cinegen.dynamics._kernels.torques import find_torques
-from cinegen.hexapod import TSSM, Hexapod
+from cinegen.hexapod import Hexapod
 from cinegen.ik._kernels.batch import measure_all
 from cinegen.ik._kernels.local_ik import solve
 from cinegen.ik._kernels.memory import BatchMemory, LocalIKMemory, SolverMemory
@@ -37,7 +37,6 @@ def _assembly_modes() -> None:
 def _platforms() -> None:
     base, platform = np.random.default_rng(0).normal(size=(2, 6, 3))
     Hexapod(base, platform).modes(np.full(6, 4.0))
-    TSSM(base, platform[:3]).modes(np.full(6, 4.0))
 
 
 _KERNELS: dict[str, Callable[[], object]] = {

@@ -30,10 +30,8 @@ def assembly_modes(
 ) -> AssemblyModes:  # fmt: skip
     """Compute all configurations in which a closed mechanism can be assembled with its actuated joints at given values.
 
-    Six rods between base and platform are solved by the elimination of J.-P. Merlet, "Symbolic computation for the
-    determination of the minimal direct kinematics polynomial and the singular configurations of parallel manipulators",
-    if their ends meet in pairs, and else by homotopy from a platform whose 40 modes are known. All others are solved by
-    monodromy: once for each mechanism, which may take seconds, then by homotopy from there to the values.
+    Six rods between base and platform are solved by homotopy from a platform whose 40 modes are known. All others are
+    solved by monodromy: once for each mechanism, which may take seconds, then by homotopy from there to the values.
 
     Configurations that differ only in how a universal or a ball joint is written as joints are one mode.
 

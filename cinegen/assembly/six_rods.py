@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 
@@ -15,26 +14,18 @@ from cinegen.assembly.leg_assembly import LegAssembly, is_out_of_reach
 from cinegen.assembly.linkage import Linkage
 from cinegen.assembly.results import AssemblyModes, NearestConfiguration, SelfMotion
 from cinegen.assembly.self_motions import SelfMotions
-from cinegen.hexapod import TSSM, Hexapod, HexapodError, NearestPlacement, PlatformModes, SolutionCounts
+from cinegen.hexapod import Hexapod, HexapodError, NearestPlacement, SolutionCounts
 from raff2urdf.closure import CLOSED
 from raff2urdf.errors import raised_as
 
-_SAME = 1e-9  # characteristic lengths: points that coincide
-_SMALL = 1e-9  # ... and a length error of no importance
+_SMALL = 1e-9  # characteristic lengths: a length error of no importance
 _STARTS = 8
-
-
-class _Solver(Protocol):
-    """Computes all modes of six rods."""
-
-    def modes(self, lengths: Array) -> PlatformModes: ...
 
 
 class SixRods:
     """Solves a linkage for one set of values of its locked joints after another.
 
-    By J.-P. Merlet's elimination if the rods' ends meet in pairs on the platform or on the base, else by homotopy from
-    a platform whose 40 modes are known.
+    By homotopy from a platform whose 40 modes are known.
 
     Args:
         linkage: to solve.
@@ -43,7 +34,7 @@ class SixRods:
 
     def __init__(self, linkage: Linkage, family: Family) -> None:
         self._linkage, self._family, self._groups = linkage, family, RigidGroups(linkage)
-        self._platform: tuple[SixLegs, _Solver] | None = None
+        self._platform: tuple[SixLegs, Hexapod] | None = None
         self._assembly: LegAssembly | None = None
 
     def check(self, locked: Array) -> None:
@@ -63,7 +54,7 @@ class SixRods:
         linkage, mechanism, locked = self._linkage, self._linkage.mechanism, self._linkage.locked_values(asked)
         legs = self._family.legs(self._groups, locked)
         with raised_as(ModesError, HexapodError, f"{mechanism.name}: "):
-            modes = self._platform_modes(legs, legs.lengths * mechanism.length)
+            modes = self._solver(legs).modes(legs.lengths * mechanism.length)
         placements = modes.placements.copy()
         placements[:, :3, 3] /= mechanism.length
         if self._assembly is None:
@@ -113,17 +104,6 @@ class SixRods:
             almost_surely=complete and not self_motions and modes.almost_surely,
         )  # fmt: skip
 
-    def _platform_modes(self, legs: SixLegs, lengths: Array) -> PlatformModes:
-        """Return the platform's modes for lengths (6,) of the rods, m: by homotopy where elimination finds no root, as
-        for a determinant that vanishes identically; isolated modes exist besides a curve, too."""
-        solver = self._solver(legs)
-        modes = solver.modes(lengths)
-        if modes.complete or len(modes.placements) or isinstance(solver, Hexapod):
-            return modes
-        length = self._linkage.mechanism.length
-        others = Hexapod(length * legs.base, length * legs.platform).modes(lengths)
-        return replace(others, complete=False, almost_surely=False, method=f"{modes.method}; {others.method}")
-
     def _features(self, q: Array, locked: Array) -> Complex:
         return np.asarray(self._linkage.features(self._linkage.unknowns(q)[None], locked)[0])
 
@@ -131,13 +111,14 @@ class SixRods:
         platform = self._family.platform
         return any(is_out_of_reach(self._groups, rod, platform, placement, locked) for rod in self._family.rods)
 
-    def _solver(self, legs: SixLegs) -> _Solver:
+    def _solver(self, legs: SixLegs) -> Hexapod:
+        length = self._linkage.mechanism.length
         if self._platform is not None:
             known, solver = self._platform
             if np.array_equal(known.base, legs.base) and np.array_equal(known.platform, legs.platform):
                 return solver
         with raised_as(ModesError, HexapodError, f"{self._linkage.mechanism.name}: "):
-            solver = _solver_of(legs, self._linkage.mechanism.length)
+            solver = Hexapod(length * legs.base, length * legs.platform)  # in metres, as its messages are
         self._platform = legs, solver
         return solver
 
@@ -155,33 +136,3 @@ class SixRods:
             if abs(error) > _SMALL * length
         ]
         return linkage.nearest(starts, f"at the smallest length errors, {', '.join(missing)}")
-
-
-def _solver_of(legs: SixLegs, length: float) -> _Solver:
-    """Return the solver, in metres, so that its messages are in metres."""
-    for points, others in ((legs.platform, legs.base), (legs.base, legs.platform)):
-        apart = np.linalg.norm(points[:, None] - points[None], axis=2) < _SAME
-        first, which = np.unique(apart.argmax(axis=1), return_inverse=True)
-        if sorted(apart.sum(axis=1)) == [2] * 6 and len(first) == 3:
-            try:
-                solver = TSSM(length * others, length * points[first], which)
-            except HexapodError:
-                break
-            return solver if points is legs.platform else _Inverted(solver)
-    return Hexapod(length * legs.base, length * legs.platform)
-
-
-class _Inverted:
-    """Modes of a platform whose rods meet in pairs on the base: those of the base, seen from the platform."""
-
-    def __init__(self, solver: TSSM) -> None:
-        self._solver = solver
-
-    def modes(self, lengths: Array) -> PlatformModes:
-        """Return all modes for lengths (6,)."""
-        modes = self._solver.modes(lengths)
-        closest = modes.closest
-        if closest is not None:
-            closest = replace(closest, placement=np.asarray(np.linalg.inv(closest.placement), dtype=float))
-        placements = np.asarray(np.linalg.inv(modes.placements), dtype=float)
-        return replace(modes, placements=placements, closest=closest)

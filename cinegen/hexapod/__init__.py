@@ -1,8 +1,7 @@
-"""All assembly modes of a platform on six legs: 40 in general, 16 if legs meet in pairs (Merlet's elimination)."""
+"""All assembly modes of a platform on six legs: 40 in general, 16 if legs meet in pairs."""
 
 from cinegen.hexapod.hexapod import Hexapod
 from cinegen.hexapod.legs import HexapodError
 from cinegen.hexapod.platform_modes import NearestPlacement, PlatformModes, SolutionCounts
-from cinegen.hexapod.tssm import TSSM
 
-__all__ = ["TSSM", "Hexapod", "HexapodError", "NearestPlacement", "PlatformModes", "SolutionCounts"]
+__all__ = ["Hexapod", "HexapodError", "NearestPlacement", "PlatformModes", "SolutionCounts"]

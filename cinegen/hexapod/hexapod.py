@@ -1,9 +1,11 @@
 """`Hexapod`: all assembly modes of a Gough platform, up to 40, with an account of why these are all.
 
 Two homotopies. The first moves the points of a start system to the platform's, with complex lengths that stay the same:
-its ends are all solutions for general lengths, as many as this hexapod has (40; 16 if legs meet in pairs at three
-points). As general lengths are regular values, a path that does not end in a regular solution there ends at infinity
-(where <c, c> = 0). The second moves these lengths to those asked for, and is all that further lengths cost.
+its ends are all solutions for general lengths, as many as this hexapod has: 40 at most (F. Ronga and T. Vust, 1992), 16
+if legs meet in pairs at three points of the platform or of the base (C. Innocenti and V. Parenti-Castelli, "Direct
+position analysis of the Stewart platform mechanism", Mechanism and Machine Theory 25, 1990). As general lengths are
+regular values, a path that does not end in a regular solution there ends at infinity (where <c, c> = 0). The second
+moves these lengths to those asked for, and is all that further lengths cost.
 
 Both paths are straight. From complex points in general position they meet no singular point before their end, with
 probability one (A. P. Morgan and A. J. Sommese, "Coefficient-parameter polynomial continuation", Applied Mathematics
@@ -23,11 +25,14 @@ from cinegen.hexapod.platform_modes import NearestPlacement, PlatformModes, Solu
 
 _SAME = 1e-9  # parts of the hexapod's size: points that coincide, or lie in a line
 _SINGULAR = 1e-9  # part of the largest singular value
+_IN_PAIRS = 16  # solutions
 _POSES = 3  # random ones, to see whether legs constrain the platform anywhere
 _LOOSE = 1e-4  # imaginary part of what may be real
 _REAL = 1e-8  # ... of what is, if Newton's method in the reals converges to it; of a multiple end _LOOSE
 _CUTOFF = 1e-5  # part of the largest singular value: a multiple mode moves along where there is less
 _COINCIDENT = 1e-6  # distance of modes that are reported as coincident
+_STEPS, _STEP = 12, 0.05  # random steps from a multiple mode, and their length
+_EXACT, _ELSEWHERE = 1e-12, 1e-3  # length error, and distance from all modes, of other points of a curve
 
 
 class Hexapod:
@@ -36,12 +41,14 @@ class Hexapod:
     Attributes:
         base: (6, 3) points in the base frame.
         platform: (6, 3) points in the platform frame.
-        degree: number of complex placements for general lengths: 40, or fewer in special geometry.
+        bound: largest number of complex placements of such a geometry: 40, or 16 if legs meet in pairs.
+        degree: number of complex placements for general lengths: the bound, or fewer in special geometry.
         steps: of all paths from the start system to this geometry.
     """
 
     base: Array
     platform: Array
+    bound: int
     degree: int
     steps: int
 
@@ -65,8 +72,10 @@ class Hexapod:
         paths = self._general()
         self._x = paths.x[paths.end == PathEnd.REGULAR]
         self.degree = len(self._x)
-        self._infinite = paths.count(PathEnd.INFINITE)
-        self._lost = study.SOLUTIONS - self.degree - self._infinite
+        self.bound = _IN_PAIRS if _meet_in_pairs(self._a) or _meet_in_pairs(self._b) else study.SOLUTIONS
+        lost = study.SOLUTIONS - self.degree - paths.count(PathEnd.INFINITE)
+        self._lost = min(lost, self.bound - self.degree)
+        self._infinite = self.bound - self.degree - self._lost
         self.steps = int(paths.steps.sum())
 
     def modes(self, lengths: ArrayLike) -> PlatformModes:
@@ -126,6 +135,7 @@ class Hexapod:
         regular, multiple = paths.end == PathEnd.REGULAR, paths.end == PathEnd.MULTIPLE
         placements, is_real = self._real(asked, paths)
         kept, coincident = _merged(placements)
+        curve = curve or self._moves(asked, placements, multiple[is_real])
         remarks = ["a curve of configurations: the platform moves with its legs locked"] if curve else []
         if int((regular & ~is_real).sum()) % 2:  # what is not real is conjugate to another
             remarks.append("a real solution could not be distinguished from a complex one")
@@ -141,7 +151,7 @@ class Hexapod:
                 closest = NearestPlacement(self._restored(placement[None])[0], errors * self._unit)
         real, infinite, many = int(is_real.sum()), self._infinite + went, int(multiple.sum())
         counts = SolutionCounts(real, int((regular | multiple).sum()) - real, infinite, many, lost)
-        method = _method(int(regular.sum()), int((regular & is_real).sum()), infinite, many, lost, remarks)
+        method = _method(self.bound, int(regular.sum()), int((regular & is_real).sum()), infinite, many, lost, remarks)
         complete = not lost and not remarks
         by_chance = complete and self._infinite > 0  # fewer than a theorem allows: as many as the random start has
         return PlatformModes(
@@ -163,6 +173,20 @@ class Hexapod:
         real = np.zeros(len(x), dtype=bool)
         real[rows[sure]] = True
         return refined[sure], real
+
+    def _moves(self, asked: Array, placements: Array, multiple: Bools) -> bool:
+        """Return whether a multiple mode lies on a curve of configurations: Newton's method from a step along what legs
+        do not constrain ends at none of the modes."""
+        rng, modes = np.random.default_rng(0), placements[multiple]
+        sigma, vt = np.linalg.svd(legs.leg_jacobian(self._a, self._b, modes))[1:]
+        weights = rng.normal(size=(_STEPS, *sigma.shape)) * (sigma <= _CUTOFF * sigma[:, :1])
+        free = np.einsum("nkj,snk->snj", vt, weights)
+        steps = _STEP * free / np.maximum(np.linalg.norm(free, axis=2, keepdims=True), _SAME)
+        starts = legs.moved_by(np.tile(modes, (_STEPS, 1, 1)), steps.reshape(-1, 6))
+        ends = legs.refine(self._a, self._b, asked, starts, np.full(len(starts), _CUTOFF))[0]
+        reached = np.abs(leg_lengths(self._a, self._b, ends) - asked).max(axis=1, initial=0.0) <= _EXACT
+        apart = np.abs(ends[reached, None] - placements).max(axis=(2, 3)).min(axis=1, initial=np.inf)
+        return bool((apart > _ELSEWHERE).any())
 
     def _closest(self, asked: Array, x: Complex) -> tuple[Array, Array]:
         """Return the nearest placement (4, 4) that descent from the real parts of solutions finds, and its length
@@ -201,6 +225,12 @@ def _check_geometry(a: Array, b: Array) -> None:
         )
 
 
+def _meet_in_pairs(points: Array) -> bool:
+    """Return whether six points (6, 3) are three, each twice."""
+    together = np.abs(points[:, None] - points).max(axis=2) <= _SAME
+    return bool((together.sum(axis=1) == 2).all())
+
+
 def _random(rng: np.random.Generator, *shape: int) -> Complex:
     return np.asarray(rng.normal(size=shape) + 1j * rng.normal(size=shape))
 
@@ -213,8 +243,8 @@ def _merged(placements: Array) -> tuple[Array, Integers]:
     return placements[kept], counts.astype(np.int64)
 
 
-def _method(regular: int, real: int, infinite: int, multiple: int, lost: int, remarks: list[str]) -> str:
+def _method(bound: int, regular: int, real: int, infinite: int, multiple: int, lost: int, remarks: list[str]) -> str:
     ends = (infinite, "ended at infinity"), (multiple, "ended at multiple points"), (lost, "could not be followed")
-    parts = [f"{regular} of {study.SOLUTIONS} distinct regular solutions, {real} of them real"]
+    parts = [f"{regular} of {bound} distinct regular solutions, {real} of them real"]
     parts += [f"{count} {'path' if count == 1 else 'paths'} {what}" for count, what in ends if count]
     return "homotopy in Study's coordinates: " + "; ".join([*parts, *remarks])

@@ -36,21 +36,17 @@ def checked_points(name: str, values: ArrayLike, count: int) -> Array:
     return points
 
 
-def checked_lengths(values: ArrayLike, dimensions: int = 1) -> Array:
-    """Return leg lengths as an array (6,), or (m, 6) with two dimensions.
+def checked_lengths(values: ArrayLike) -> Array:
+    """Return leg lengths as an array (6,).
 
     Raises:
         HexapodError: another shape, or not positive and finite; names the leg.
     """
-    lengths = np.array(values, dtype=float, order="C")
-    if lengths.ndim != dimensions or lengths.shape[-1] != 6:
-        shape = "(6,)" if dimensions == 1 else "(m, 6)"
-        raise HexapodError(f"lengths must be {shape}, one for each leg, not {lengths.shape}")
-    wrong = np.argwhere(~(np.isfinite(lengths) & (lengths > 0.0)))
-    if len(wrong):
-        *row, leg = wrong[0].tolist()
-        where, value = f" in row {row[0]}" if row else "", lengths[(*row, leg)]
-        raise HexapodError(f"the length of leg {leg + 1}{where} is {value:g}; it must be positive and finite")
+    lengths = np.array(values, dtype=float)
+    if lengths.shape != (6,):
+        raise HexapodError(f"lengths must be (6,), one for each leg, not {lengths.shape}")
+    for leg in np.flatnonzero(~(np.isfinite(lengths) & (lengths > 0.0)))[:1]:
+        raise HexapodError(f"the length of leg {leg + 1} is {lengths[leg]:g}; it must be positive and finite")
     return lengths
 
 
@@ -91,7 +87,7 @@ def refine(base: Array, platform: Array, lengths: Array, placements: Array, cuto
         motion = np.einsum("nji,nj->ni", vt, inverse * np.einsum("nji,nj->ni", u, missing))
         size = np.linalg.norm(motion, axis=1)
         better = size < last
-        refined = np.where(better[:, None, None], _moved(refined, motion), refined)
+        refined = np.where(better[:, None, None], moved_by(refined, motion), refined)
         last = np.where(better, size, last)
         if not better.any() or (last <= _SMALL).all():
             break
@@ -107,7 +103,7 @@ def nearest(base: Array, platform: Array, lengths: Array, starts: Array) -> Arra
         j = leg_jacobian(base, platform, current)
         square = np.swapaxes(j, 1, 2) @ j + damping[:, None, None] * np.eye(6)
         motion = np.linalg.solve(square, np.swapaxes(j, 1, 2) @ error[:, :, None])[:, :, 0]
-        moved = _moved(current, -np.asarray(motion, dtype=float))
+        moved = moved_by(current, -np.asarray(motion, dtype=float))
         other = leg_lengths(base, platform, moved) - lengths
         better = (other**2).sum(axis=1) < (error**2).sum(axis=1)
         current = np.where(better[:, None, None], moved, current)
@@ -116,11 +112,11 @@ def nearest(base: Array, platform: Array, lengths: Array, starts: Array) -> Arra
     best = current[[np.argmin((error**2).sum(axis=1))]]
 
     def slope(motion: Array) -> Array:
-        return np.asarray(_slope(base, platform, lengths, _moved(best, motion[None]))[0])
+        return np.asarray(_slope(base, platform, lengths, moved_by(best, motion[None]))[0])
 
     further: Array = root(slope, np.zeros(6), tol=_SMALL).x
     better_still = np.linalg.norm(slope(further)) < np.linalg.norm(slope(np.zeros(6)))
-    return np.asarray(_moved(best, further[None])[0] if better_still else best[0])
+    return np.asarray(moved_by(best, further[None])[0] if better_still else best[0])
 
 
 def _slope(base: Array, platform: Array, lengths: Array, placements: Array) -> Array:
@@ -129,7 +125,7 @@ def _slope(base: Array, platform: Array, lengths: Array, placements: Array) -> A
     return np.asarray(np.einsum("nij,ni->nj", leg_jacobian(base, platform, placements), error))
 
 
-def _moved(placements: Array, motion: Array) -> Array:
+def moved_by(placements: Array, motion: Array) -> Array:
     """Return placements (n, 4, 4) after motions (n, 6): a shift, then a rotation vector."""
     moved = placements.copy()
     moved[:, :3, :3] = Rotation.from_rotvec(motion[:, 3:]).as_matrix() @ placements[:, :3, :3]

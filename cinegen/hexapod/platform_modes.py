@@ -53,7 +53,7 @@ class PlatformModes:
     Attributes:
         placements: (n, 4, 4).
         coincident: (n,) how many solutions coincide in each: 1 for a regular one.
-        counts: of all complex solutions: 40, or 16 if legs meet in pairs on the platform.
+        counts: of all complex solutions: 40, or 16 if legs meet in pairs on the platform or on the base.
         complete: whether these are all modes: no solution was lost, and no curve of configurations is possible.
         method: how they were computed, and what is not excluded.
         closest: if there is no mode, the nearest placement.

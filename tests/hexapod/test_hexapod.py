@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.random import Generator
 from scipy.spatial.transform import Rotation
 
-from cinegen.hexapod import TSSM, Hexapod, HexapodError
+from cinegen.hexapod import Hexapod, HexapodError
 from cinegen.hexapod.legs import leg_lengths, refine
 from cinegen.hexapod.paths import PathEnd
 
@@ -107,10 +107,11 @@ def test_a_platform_that_is_a_triangle_has_16(seed, kind):
     found = hexapod.modes(lengths)
     assert hexapod.degree == 16
     assert found.complete
-    assert (found.counts.real + found.counts.complex, found.counts.infinite) == (16, 24)
+    assert found.proved  # as many as the theorem allows
+    assert (found.counts.real + found.counts.complex, found.counts.infinite) == (16, 0)
     assert_modes(base, platform, lengths, found)
     assert_among(placement, found)
-    assert "24 paths ended at infinity" in found.method
+    assert "16 of 16 distinct regular solutions" in found.method
 
 
 def test_dietmaiers_platform_has_40_real_modes():
@@ -138,10 +139,10 @@ def test_special_geometry_has_fewer_modes(base, platform, degree):
     for lengths in (symmetric, symmetric + 0.1 * rng.normal(size=6)):
         found = hexapod.modes(lengths)
         assert found.complete
-        assert not found.proved  # a random start has as many, no theorem
-        assert repr(found).endswith("all with probability one>")
-        assert found.counts.total == 40
-        assert found.counts.infinite >= 40 - degree
+        assert found.proved == (degree == 16)  # of the others a random start has as many, no theorem
+        assert repr(found).endswith("proved to be all>" if degree == 16 else "all with probability one>")
+        assert found.counts.total == hexapod.bound == (16 if degree == 16 else 40)
+        assert found.counts.infinite >= hexapod.bound - degree
         assert_modes(base, platform, lengths, found)
     assert_among(home, hexapod.modes(symmetric))
 
@@ -350,34 +351,35 @@ def missed(base, platform, lengths, placements, rng, starts=80) -> int:
 def regular(rng):
     """Three symmetries, and equal lengths."""
     base, platform = circle([70, 110, 190, 230, 310, 350], 2.0), circle([90, 210, 330], rng.uniform(0.5, 1.5))
-    return TSSM(base, platform), np.full(6, rng.uniform(1.0, 3.0))
+    return Hexapod(base, np.repeat(platform, 2, axis=0)), np.full(6, rng.uniform(1.0, 3.0))
 
 
 def parallel(rng):
     """Circles in parallel planes: some solutions are at infinity."""
     base = rng.normal(size=(6, 3)) * [1.0, 1.0, rng.choice([0.0, 1.0])]
     base[1::2] = base[::2] + rng.uniform(0.5, 1.5, (3, 1)) * [1.0, 0.0, 0.0]
-    tssm = TSSM(base, rng.normal(size=(3, 3)))
-    return tssm, tssm.lengths(pose(rng, 1.0))
+    hexapod = Hexapod(base, np.repeat(rng.normal(size=(3, 3)), 2, axis=0))
+    return hexapod, reach(base, hexapod.platform, pose(rng, 1.0))
 
 
 def general(rng):
     """Base points in a plane or not, the legs in any order."""
     base = rng.normal(size=(6, 3)) * [1.0, 1.0, rng.choice([0.0, 0.7])]
-    tssm = TSSM(base, rng.normal(size=(3, 3)), rng.permutation([0, 0, 1, 1, 2, 2]))
-    return tssm, tssm.lengths(pose(rng, 1.0))
+    hexapod = Hexapod(base, rng.normal(size=(3, 3))[rng.permutation([0, 0, 1, 1, 2, 2])])
+    return hexapod, reach(base, hexapod.platform, pose(rng, 1.0))
 
 
 @pytest.mark.parametrize("kind", [general, regular, parallel])
 @pytest.mark.parametrize("seed", range(12))
 def test_newtons_method_finds_no_other_mode_of_pairs_of_legs(seed, kind):
     rng = np.random.default_rng(seed)
-    tssm, lengths = kind(rng)
-    modes = tssm.modes(lengths)
+    hexapod, lengths = kind(rng)
+    modes = hexapod.modes(lengths)
     assert modes.complete, modes.method
+    assert modes.proved == (kind is not parallel)
     assert modes.counts.total == 16
     assert (modes.counts.infinite > 0) == (kind is parallel)
-    assert not missed(tssm.base, tssm.platform[tssm.legs], lengths, modes.placements, rng, starts=1000)
+    assert not missed(hexapod.base, hexapod.platform, lengths, modes.placements, rng, starts=1000)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -401,13 +403,13 @@ def test_pairs_of_legs(seed):
     rng = np.random.default_rng(seed)
     base = hexagons(rng) if rng.random() < 0.5 else rng.integers(-2, 3, (6, 3)) * [1.0, 1.0, rng.integers(2)]
     try:
-        tssm = TSSM(base, rng.integers(-1, 2, (3, 3)).astype(float))
+        hexapod = Hexapod(base, np.repeat(rng.integers(-1, 2, (3, 3)), 2, axis=0))
     except HexapodError:
         return
     pose = special_pose(rng)
-    lengths = tssm.lengths(pose)
+    lengths = reach(base, hexapod.platform, pose)
     if lengths.min() > 1e-6:
-        modes = tssm.modes(lengths)
+        modes = hexapod.modes(lengths)
         if modes.complete:
             assert np.abs(modes.placements - pose).max(axis=(1, 2)).min(initial=np.inf) < 1e-3
-            assert not missed(tssm.base, tssm.platform[tssm.legs], lengths, modes.placements, rng)
+            assert not missed(base, hexapod.platform, lengths, modes.placements, rng)

@@ -1,1 +1,1 @@
-"""Compiled functions: roots of Merlet's elimination; Taylor steps along paths of solutions."""
+"""Compiled functions: Taylor steps along paths of solutions."""
