@@ -106,7 +106,7 @@ def tree(
         if not visuals and node.filenames != ():  # `filename { }` shows nothing
             visuals = [_visual(shape, graphics, out) for shape in bodies.of(node)]
             bars = enumerate(skeleton.draw(node))
-            collisions = [Collision(f"{MARK} {i}", bar.origin, bar.geometry) for i, bar in bars]
+            collisions = [Collision(f"{MARK} {i}", placed, shape) for i, (shape, placed) in bars]
         return Link(name=node.node, visuals=visuals, collisions=collisions, inertial=inertial(masses.of(node)))
 
     placement = transform(kleinfinger(document, robot.base.parameters))
