@@ -30,7 +30,6 @@ from raff2urdf.loops.mobility import loop_kind, loop_kinds
 from raff2urdf.loops.slips import Fault
 from raff2urdf.placement import rotation
 from raff2urdf.raff import closing_edits as raff_edits
-from raff2urdf.raff import texts
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.readers import closing_edits as urdf_edits
 from raff2urdf.readers.json_lines import line_of
@@ -282,9 +281,10 @@ def _made(
             raise
         raise ClosureError(f"{error}\n  {edit}") from None
     if mechanism.loops and mechanism.joints and mechanism.mobility == 0:
-        numbers = {"rows": mechanism.structure.system.rows, "rank": mechanism.loop_rank, "joints": mechanism.model.nv}
+        rows, joints = mechanism.structure.system.rows, mechanism.model.nv
+        what = f"{rows} equations of loops and couplings, of rank {mechanism.loop_rank}, hold all {joints} joints"
         edit = None if slips is None else slips(Fault.FROZEN)
-        message = "; ".join(filter(None, [texts.FROZEN.format(**numbers), edit]))
+        message = "; ".join(filter(None, [f"no joint can move: {what}", edit]))
         warn(f"{mechanism.source.name}: robot '{mechanism.name}': {message}")
     return mechanism
 

@@ -14,7 +14,6 @@ from lxml import etree
 from raff2urdf.arrays import Array
 from raff2urdf.inertia import Inertia
 from raff2urdf.placement import from_origin
-from raff2urdf.raff import texts
 from raff2urdf.readers.xml_file import error_at
 
 UNLIMITED = 1e9
@@ -28,7 +27,7 @@ SIZE = f" (none beyond {LARGEST:g})"
 LEAST_SPEED = 1e-12
 """A velocity limit (rad/s, m/s) is greater."""
 
-TOO_SLOW = texts.TOO_SLOW.format(least=LEAST_SPEED)
+TOO_SLOW = f"it must be above 0, and not as slow as {LEAST_SPEED:g} rad/s or m/s; or left out"
 
 IGNORE = "--ignore-loops (in Python ignore_loops=True)"
 """The option that leaves all loops open."""
@@ -268,7 +267,7 @@ def swap_limits(tree: Any) -> list[str]:
 
 def negative_mass(label: str, mass: float) -> str:
     """Return the error of a mass (kg) below 0."""
-    return texts.NEGATIVE_MASS.format(what=label, mass=mass)
+    return f"the mass of {label} is {mass:g} kg: it must not be negative"
 
 
 def lacks(inertial: Any) -> str | None:
