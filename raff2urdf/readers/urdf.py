@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from lxml import etree
@@ -34,16 +34,6 @@ IGNORE = "--ignore-loops (in Python ignore_loops=True)"
 
 SWAP = "--swap-limits (in Python swap_limits=True)"
 """The option that exchanges limits that are reversed."""
-
-
-class MovingJoint(NamedTuple):
-    """A joint of a URDF: revolute or prismatic, its limits (rad, m), velocity limit (rad/s, m/s) and effort limit
-    (N m, N), if any."""
-
-    type: str
-    limits: tuple[float, float] | None = None
-    velocity: float | None = None
-    effort: float | None = None
 
 
 def joints(tree: Any) -> list[Any]:
@@ -122,7 +112,12 @@ def origin(element: Any, name: str) -> Array:
         RaffError: it does not consist of numbers.
     """
     stated = element.find("origin")
-    return np.eye(4) if stated is None else from_origin(three(stated, "xyz", name), three(stated, "rpy", name))
+    return np.eye(4) if stated is None else placement(stated, name)
+
+
+def placement(element: Any, name: str) -> Array:
+    """Return the placement (4, 4) that an element's own `xyz` and `rpy` give."""
+    return from_origin(three(element, "xyz", name), three(element, "rpy", name))
 
 
 def three(element: Any, word: str, name: str, default: str = "0 0 0") -> tuple[float, float, float]:

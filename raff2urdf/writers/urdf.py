@@ -118,7 +118,7 @@ def tree(
     for part in robot.parts:
         links.append(body(part))
         joints.append(_joint(document, robot, part))
-    return ExactUrdf(Robot(robot.name, links, joints), folder=out or "").checked(), missing
+    return ExactUrdf(Robot(robot.name, links, joints), folder=out or ""), missing
 
 
 def _visual(shape: Shape, graphics: Graphics, out: Path | None) -> Visual:
