@@ -10,7 +10,6 @@ import re
 from functools import lru_cache
 
 from raff2urdf.errors import Problem, RaffError, SourceLocation
-from raff2urdf.raff import texts
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 UNCHANGED = ", ".join(AXES)
@@ -42,23 +41,25 @@ def parse_axes(text: str) -> SensorAxes:
     for token in re.finditer(r"[^,\s]+|,|$", text):
         word = token[0] or ","
         if word == before == ",":
-            raise problem(texts.AXIS_MISSING, token.start())
+            raise problem("an axis is missing here: write 0 for none", token.start())
         before = word
         if word == ",":
             continue
         length, number = len(word), len(axes)
         if number == len(AXES):
-            raise problem(texts.AXIS_TOO_MANY.format(found=word), token.start(), length)
+            raise problem(f"'{word}' is a seventh axis: remove it", token.start(), length)
         entry = _ENTRY.fullmatch(word)
         if entry is None and word != "0":
-            raise problem(texts.NO_AXIS.format(found=word, known=UNCHANGED), token.start(), length)
+            why = f"'{word}' is no axis of a sensor: write {UNCHANGED}, with a factor such as -0.5*rx, or 0 for none"
+            raise problem(why, token.start(), length)
         factor, axis = (0.0, number) if entry is None else (float(entry[2] or 1), AXES.index(entry[3]))
         if factor > LARGEST_FACTOR:
-            message = texts.AXIS_FACTOR.format(found=word, axis=AXES[axis], largest=LARGEST_FACTOR)
+            message = f"the factor of '{word}' is too large: write {LARGEST_FACTOR:g}*{AXES[axis]} at most"
             raise problem(message, token.start(), length)
         for other in range(number - number % 3, number):
             if factor and axes[other][0] and axes[other][1] == axis:
-                message = texts.AXIS_TWICE.format(axis=AXES[axis], first=AXES[other], second=AXES[number])
+                both = f"{AXES[other]} and {AXES[number]}"
+                message = f"'{AXES[axis]}' would command both {both}: write 0 for one of them, or another axis"
                 raise problem(message, token.start(), length)
         axes.append((-factor if entry is not None and entry[1] == "-" else factor, axis))
     return (*axes, *((0.0, axis) for axis in range(len(axes), len(AXES))))

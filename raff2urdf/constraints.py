@@ -146,7 +146,7 @@ def loads(text: str, name: str = "<constraints>", urdf: UrdfSummary | None = Non
         urdf: with which the file must agree; any names are accepted if None.
 
     Returns:
-        the contents, without the mark, and without limits, which files of version 1 repeat from the URDF.
+        the contents, without the mark.
 
     Raises:
         RaffError: invalid JSON, or values that do not match the schema, name something unknown, or contradict each
@@ -164,14 +164,7 @@ def loads(text: str, name: str = "<constraints>", urdf: UrdfSummary | None = Non
         raise RaffError(f"{name}:{second}: at {shown(path)}: this key is on line {first} already: remove one of them")
     for at, why in problems(values, urdf):
         raise RaffError(f"{name}:{line_of(text, at)}: at {shown(at)}: {why}")
-    values["joints"] = [
-        {key: value for key, value in joint.items() if key not in _IN_URDF} for joint in values["joints"]
-    ]
     return {key: value for key, value in values.items() if key != MARK}
-
-
-_IN_URDF = ("limits", "velocity")
-"""Keys of joints in version 1, for which URDF has elements."""
 
 
 def check_values(values: Constraints, name: str) -> None:

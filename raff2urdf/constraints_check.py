@@ -14,7 +14,7 @@ import numpy as np
 
 from raff2urdf.axes import UNCHANGED, parse_axes
 from raff2urdf.errors import RaffError, did_you_mean
-from raff2urdf.readers.urdf import LARGEST, MovingJoint
+from raff2urdf.readers.urdf import LARGEST
 
 Problems = Iterator[tuple[Sequence[str | int], str]]
 """Paths to wrong values, and the errors."""
@@ -29,7 +29,7 @@ class UrdfSummary(NamedTuple):
     """
 
     links: Sequence[str]
-    joints: Mapping[str, MovingJoint]
+    joints: Mapping[str, str]
 
 
 def problems(values: Any, urdf: UrdfSummary | None) -> Problems:
@@ -39,7 +39,7 @@ def problems(values: Any, urdf: UrdfSummary | None) -> Problems:
         _mismatches(values),
         _unknown_names(values, urdf),
         _contradictions(values),
-        _other_joints(values, {} if urdf is None else urdf.joints),
+        _other_types(values, {} if urdf is None else urdf.joints),
         _wrong_placements(values),
     )
 
@@ -118,21 +118,13 @@ def _named(values: Mapping[str, Any]) -> Iterator[tuple[list[str | int], str, st
         yield ["sensor_constraints", i, "node"], "a sensor constraint names", entry["node"]
 
 
-def _other_joints(values: Mapping[str, Any], joints: Mapping[str, MovingJoint]) -> Problems:
-    """Yield types and limits of joints that are not those of the URDF."""
+def _other_types(values: Mapping[str, Any], joints: Mapping[str, str]) -> Problems:
+    """Yield types of joints that are not those of the URDF."""
     for i, entry in enumerate(values["joints"]):
-        joint = joints.get(entry["name"])
-        if joint is None:
-            continue
-        if entry.get("type", joint.type) != joint.type:
-            why = f"its type is {entry['type']} here and {joint.type} in the URDF: correct one of them"
+        kind = joints.get(entry["name"], entry.get("type"))
+        if entry.get("type", kind) != kind:
+            why = f"its type is {entry['type']} here and {kind} in the URDF: correct one of them"
             yield ["joints", i, "type"], f"joint '{entry['name']}': {why}"
-        for key, limit in (("limits", joint.limits), ("velocity", joint.velocity)):
-            pair = [[] if value is None else np.atleast_1d(value).tolist() for value in (entry.get(key, limit), limit)]
-            if len(pair[0]) != len(pair[1]) or not np.allclose(pair[0], pair[1], 1e-12, 0.0):
-                shown = [", ".join(map(str, value)) or "none" for value in pair]
-                what = f"{key.removesuffix('s')} {shown[0]} of joint '{entry['name']}' is {shown[1]} in the URDF"
-                yield ["joints", i, key], f"{what}, where limits belong: remove this key"
 
 
 def contradictions(values: Mapping[str, Any]) -> Problems:

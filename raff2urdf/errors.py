@@ -10,8 +10,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TypeVar
 
-from raff2urdf.raff import texts
-
 T = TypeVar("T")
 
 
@@ -56,7 +54,7 @@ SHOWN = 20  # problems in the text of an error
 def listed(problems: Sequence[object]) -> str:
     """Return the first problems, a line each, and how many there are more."""
     more = len(problems) - SHOWN
-    return "\n".join([*map(str, problems[:SHOWN]), *([texts.MORE_PROBLEMS.format(count=more)] if more > 0 else [])])
+    return "\n".join([*map(str, problems[:SHOWN]), *([f"and {more} more"] if more > 0 else [])])
 
 
 class RaffError(Exception):
@@ -185,10 +183,11 @@ def did_you_mean(word: str, known: Sequence[str]) -> str:
     `near_names`."""
     similar = _similar(word, known)
     if near := _near(word, known, similar):
-        return texts.DID_YOU_MEAN.format(word="' or '".join(near))
+        meant = "' or '".join(near)
+        return f": did you mean '{meant}'?"
     names = [*dict.fromkeys([*similar, *known])]
     listed, more = ", ".join(name[:LONGEST] for name in names[:MOST_KNOWN]), ", ..." if names[MOST_KNOWN:] else ""
-    return texts.KNOWN.format(listed=listed, more=more) if names else ""
+    return f" (known: {listed}{more})" if names else ""
 
 
 def first_of(names: Sequence[object], most: int) -> str:
@@ -208,17 +207,17 @@ def duplicates(things: Iterable[T], name: Callable[[T], object]) -> Iterator[tup
 
 def defined_twice(what: str, line: int | None, hint: str = "") -> str:
     """Return the error for a second definition; `line` is that of the first one, `hint` how this one is changed."""
-    return texts.DEFINED_TWICE.format(what=what, first=first_on(line), hint=hint)
+    return f"{what} is defined twice{first_on(line)}: change one of them{hint}"
 
 
 def first_on(line: int | None) -> str:
     """Return the line of a first definition, as messages name it."""
-    return texts.FIRST_ON_LINE.format(line=line) if line else ""
+    return f", first on line {line}" if line else ""
 
 
 def limits_reversed(what: str, low: float, high: float) -> str:
     """Return the error for a lower limit above the upper one."""
-    return texts.LIMITS_REVERSED.format(what=what, low=low, high=high)
+    return f"the lower limit {low:g} of {what} is above its upper limit {high:g}: swap them"
 
 
 WIDTH = 100

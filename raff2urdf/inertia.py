@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from raff2urdf.arrays import Array
-from raff2urdf.raff import texts
 
 ROUNDED = 1e-6
 """By what part of the largest principal moment rounded numbers may break the rules that moments of inertia obey."""
@@ -76,13 +75,13 @@ class Inertia:
         a, b, c = np.linalg.eigvalsh(self.matrix).tolist()
         tolerance = ROUNDED * max(abs(a), abs(c))
         if self.mass < 0.0:
-            return texts.MASS_NEGATIVE.format(mass=self.mass)
+            return f"its mass is negative, {self.mass:.6g} kg"
         if self.mass == 0.0 and max(abs(a), abs(c)) > 0.0:
-            return texts.MOMENTS_WITHOUT_MASS.format(moment=max(abs(a), abs(c)))
+            return f"it has moments of inertia, up to {max(abs(a), abs(c)):.6g} kg m2, but no mass: state its mass"
         if a < -tolerance:
-            return texts.MOMENT_NEGATIVE.format(moment=a)
+            return f"a principal moment of inertia is negative, {a:.6g} kg m2"
         if a + b < c - tolerance:
-            return texts.MOMENT_TOO_LARGE.format(moment=c, least=a, middle=b)
+            return f"a principal moment of inertia, {c:.6g} kg m2, exceeds the sum of the others, {a:.6g} and {b:.6g}"
         return None
 
 

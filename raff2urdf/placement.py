@@ -34,12 +34,15 @@ def cross(a: Array, b: Array) -> Array:
     return a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT]
 
 
+def _unit(vector: Array) -> Array:
+    """Return a vector (3,) of length 1, to the last bit the same on any machine."""
+    return np.asarray(vector / math.sqrt(math.fsum(x * x for x in vector.tolist())))
+
+
 def along(origin: Array, z: Array) -> Array:
     """Return a placement at a point (3,) whose z axis has a direction (3,), of any length but 0."""
-    z = z / np.linalg.norm(z)
-    aside = np.array([1.0, 0.0, 0.0]) if abs(z[0]) < 0.6 else np.array([0.0, 1.0, 0.0])
-    y = cross(z, aside)
-    y /= np.linalg.norm(y)
+    z = _unit(z)
+    y = _unit(cross(z, np.eye(3)[0 if abs(z[0]) < 0.6 else 1]))
     placement = np.eye(4)
     placement[:3, :3], placement[:3, 3] = np.column_stack([cross(y, z), y, z]), origin
     return placement

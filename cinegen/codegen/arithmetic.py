@@ -9,41 +9,24 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from cinegen.codegen.language import Language, function, literal, quotient
-from cinegen.codegen.values import (
-    AND,
-    ATOM,
-    BITS,
-    CHOICE,
-    COMPARISON,
-    EQUALITY,
-    KINDS,
-    PRODUCT,
-    SHIFT,
-    SUM,
-    UNARY,
-    Number,
-    constant_of,
-    integer,
-    product_of,
-    sum_of,
-)
+from cinegen.codegen.values import KINDS, Number, Rank, constant_of, integer, product_of, sum_of
 
 _OPERATORS: dict[type, tuple[str, int, Callable[[Any, Any], Any]]] = {
-    ast.Add: ("+", SUM, operator.add),
-    ast.Sub: ("-", SUM, operator.sub),
-    ast.Mult: ("*", PRODUCT, operator.mul),
-    ast.Div: ("/", PRODUCT, operator.truediv),
-    ast.Mod: ("%", PRODUCT, operator.mod),
-    ast.LShift: ("<<", SHIFT, operator.lshift),
-    ast.BitOr: ("|", BITS, operator.or_),
+    ast.Add: ("+", Rank.SUM, operator.add),
+    ast.Sub: ("-", Rank.SUM, operator.sub),
+    ast.Mult: ("*", Rank.PRODUCT, operator.mul),
+    ast.Div: ("/", Rank.PRODUCT, operator.truediv),
+    ast.Mod: ("%", Rank.PRODUCT, operator.mod),
+    ast.LShift: ("<<", Rank.SHIFT, operator.lshift),
+    ast.BitOr: ("|", Rank.BITS, operator.or_),
 }
 _COMPARISONS: dict[type, tuple[str, int, Callable[[Any, Any], Any]]] = {
-    ast.Lt: ("<", COMPARISON, operator.lt),
-    ast.LtE: ("<=", COMPARISON, operator.le),
-    ast.Gt: (">", COMPARISON, operator.gt),
-    ast.GtE: (">=", COMPARISON, operator.ge),
-    ast.Eq: ("==", EQUALITY, operator.eq),
-    ast.NotEq: ("!=", EQUALITY, operator.ne),
+    ast.Lt: ("<", Rank.COMPARISON, operator.lt),
+    ast.LtE: ("<=", Rank.COMPARISON, operator.le),
+    ast.Gt: (">", Rank.COMPARISON, operator.gt),
+    ast.GtE: (">=", Rank.COMPARISON, operator.ge),
+    ast.Eq: ("==", Rank.EQUALITY, operator.eq),
+    ast.NotEq: ("!=", Rank.EQUALITY, operator.ne),
 }
 
 
@@ -61,7 +44,7 @@ class Arithmetic:
         """Return a constant as it is written."""
         kind = "bool" if isinstance(value, bool) else "int" if isinstance(value, int) else "float"
         negative = not isinstance(value, bool) and (value < 0 or (value == 0 and math.copysign(1.0, value) < 0))
-        return Number(kind, literal(value, self._language), UNARY if negative else ATOM, value)
+        return Number(kind, literal(value, self._language), Rank.UNARY if negative else Rank.ATOM, value)
 
     def real(self, number: Number) -> Number:
         """Return a number as one that is no integer, where C needs that."""
@@ -69,7 +52,7 @@ class Arithmetic:
             return number
         if number.value is not None:
             return self.constant(float(number.value))
-        return Number("float", f"({self._language.real}) {number.at(UNARY)}", UNARY)
+        return Number("float", f"({self._language.real}) {number.at(Rank.UNARY)}", Rank.UNARY)
 
     def as_kind(self, kind: str, number: Number) -> Number:
         """Return a number of a kind: C converts integers to doubles by itself, but only some of them to floats."""
@@ -83,15 +66,15 @@ class Arithmetic:
         if number.kind == kind or (kind == "float" and number.kind == "int"):
             return Number(kind, number.code, number.rank)
         if kind == "int":
-            code = f"(int) {number.at(UNARY)}" if self._language.is_c else f"Math.trunc({number.code})"
-            return Number("int", code, UNARY if self._language.is_c else ATOM)
-        return Number("bool", f"{number.at(EQUALITY + 1)} != 0", EQUALITY)
+            code = f"(int) {number.at(Rank.UNARY)}" if self._language.is_c else f"Math.trunc({number.code})"
+            return Number("int", code, Rank.UNARY if self._language.is_c else Rank.ATOM)
+        return Number("bool", f"{number.at(Rank.EQUALITY + 1)} != 0", Rank.EQUALITY)
 
     def unary(self, op: ast.Not | ast.USub, number: Number) -> Number:
         """Return the negation of a truth value, or a number with the other sign."""
         if number.value is not None:
             return self.constant(not number.value if isinstance(op, ast.Not) else -number.value)
-        return Number("bool", f"!{number.at(UNARY)}", UNARY) if isinstance(op, ast.Not) else _minus(number)
+        return Number("bool", f"!{number.at(Rank.UNARY)}", Rank.UNARY) if isinstance(op, ast.Not) else _minus(number)
 
     def binary(self, op: ast.operator, a: Number, b: Number) -> Number:
         """Return a sum, product or other operation of two numbers."""
@@ -100,7 +83,7 @@ class Arithmetic:
         if isinstance(op, ast.FloorDiv):
             if a.value is not None and b.value is not None:
                 return integer(int(a.value // b.value))
-            return Number("int", quotient(a.at(ATOM), b.at(ATOM), self._language))
+            return Number("int", quotient(a.at(Rank.ATOM), b.at(Rank.ATOM), self._language))
         sign, rank, compute = _OPERATORS[type(op)]
         if a.kind == b.kind == "int":
             if isinstance(op, ast.Add | ast.Sub):
@@ -135,13 +118,13 @@ class Arithmetic:
             return self.constant(True)
         if len(terms) == 1:
             return terms[0]
-        return Number("bool", " && ".join(term.at(AND + 1) for term in terms), AND)
+        return Number("bool", " && ".join(term.at(Rank.AND + 1) for term in terms), Rank.AND)
 
     def choice(self, test: Number, a: Number, b: Number) -> Number:
         """Return the first number if a test is true, else the second."""
         kind = a.kind if a.kind == b.kind else "float"
         a, b = self.as_kind(kind, a), self.as_kind(kind, b)
-        return Number(kind, f"{test.at(CHOICE + 1)} ? {a.at(CHOICE + 1)} : {b.at(CHOICE)}", CHOICE)
+        return Number(kind, f"{test.at(Rank.CHOICE + 1)} ? {a.at(Rank.CHOICE + 1)} : {b.at(Rank.CHOICE)}", Rank.CHOICE)
 
     def mathematics(self, name: str, numbers: Sequence[Number]) -> Number:
         """Return the result of a function of `math`."""
@@ -191,4 +174,4 @@ def _simplified(op: ast.operator, a: Number, b: Number) -> Number | None:
 
 
 def _minus(number: Number) -> Number:
-    return Number(number.kind, f"-{number.at(UNARY + 1)}", UNARY)
+    return Number(number.kind, f"-{number.at(Rank.UNARY + 1)}", Rank.UNARY)

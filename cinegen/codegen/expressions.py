@@ -18,13 +18,11 @@ from cinegen.codegen.heap import BEGIN, HeapArray
 from cinegen.codegen.language import call
 from cinegen.codegen.precision import threshold
 from cinegen.codegen.values import (
-    AND,
-    EQUALITY,
-    OR,
     Ended,
     Known,
     Memories,
     Number,
+    Rank,
     Target,
     Value,
     View,
@@ -216,10 +214,10 @@ class ExpressionTranslation:
                 break
         if not terms:
             return self._arithmetic.constant(is_and)
-        rank, sign = (AND, " && ") if is_and else (OR, " || ")
+        rank, sign = (Rank.AND, " && ") if is_and else (Rank.OR, " || ")
         if len(terms) == 1:
             return terms[0]
-        inner = rank + 1 if is_and else AND + 1  # `a && b || c` is written with parentheses
+        inner = rank + 1 if is_and else Rank.AND + 1  # `a && b || c` is written with parentheses
         return Number("bool", sign.join(term.at(inner) for term in terms), rank)
 
     def _comparison(self, left: ast.expr, ops: Sequence[ast.cmpop], others: Sequence[ast.expr]) -> Number:
@@ -297,7 +295,7 @@ class ExpressionTranslation:
         for i, kind in enumerate(translated.result):
             number = Number("float", f"D[{self._context.returned + i}]")
             if kind == "bool":
-                number = Number("bool", f"{number.code} != 0", EQUALITY)
+                number = Number("bool", f"{number.code} != 0", Rank.EQUALITY)
             elif kind == "int":
                 number = self._arithmetic.converted(int, number)
             results.append(self._code.in_variable(number))

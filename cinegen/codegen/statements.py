@@ -13,19 +13,7 @@ from cinegen.codegen.expressions import ExpressionTranslation
 from cinegen.codegen.function_code import FunctionCode
 from cinegen.codegen.heap import HeapArray, key_of
 from cinegen.codegen.language import identifier
-from cinegen.codegen.values import (
-    COMPARISON,
-    KINDS,
-    Ended,
-    Memories,
-    Number,
-    Value,
-    View,
-    count_of,
-    integer,
-    kind_of,
-    sum_of,
-)
+from cinegen.codegen.values import KINDS, Ended, Memories, Number, Rank, Value, View, count_of, integer, kind_of, sum_of
 
 _UNROLLED = 4  # turns of a loop that is written out in JavaScript, whose compilers don't
 
@@ -157,7 +145,7 @@ class FunctionTranslation(ExpressionTranslation):
         change = {1: f"{name}++", -1: f"{name}--"}.get(step, f"{name} += {step}")
         first = len(self._code.lines)
         self._code.emit(
-            f"for ({name} = {begin.code}; {name} {'<' if step > 0 else '>'} {end.at(COMPARISON + 1)}; {change}) {{"
+            f"for ({name} = {begin.code}; {name} {'<' if step > 0 else '>'} {end.at(Rank.COMPARISON + 1)}; {change}) {{"
         )
         self._block(node.body)
         self._code.emit("}")
@@ -284,7 +272,7 @@ class FunctionTranslation(ExpressionTranslation):
             self._context.read.add(value.field)
         count, k = count_of(place.shape), Number("int", self._code.temporary("int"))
         source = f"{value.table}[{sum_of(value.begin, k).code}]" if isinstance(value, View) else value.code
-        self._code.emit(f"for ({k.code} = 0; {k.code} < {count.at(COMPARISON + 1)}; {k.code}++) {{")
+        self._code.emit(f"for ({k.code} = 0; {k.code} < {count.at(Rank.COMPARISON + 1)}; {k.code}++) {{")
         with self._code.indented():
             self._code.emit(f"{place.table}[{sum_of(place.begin, k).code}] = {source};")
         self._code.emit("}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import reduce
 from typing import Any
 
@@ -12,8 +13,8 @@ import numpy as np
 from cinegen.errors import CinegenError
 from cinegen.jit.memory import Memory
 
-ATOM, UNARY, PRODUCT, SUM, SHIFT, COMPARISON, EQUALITY, BITS, AND, OR, CHOICE = range(11, 0, -1)
-"""Precedence of operators in both languages, the highest first."""
+Rank = IntEnum("Rank", "CHOICE OR AND BITS EQUALITY COMPARISON SHIFT SUM PRODUCT UNARY ATOM")
+"""Precedence of operators in both languages, the lowest first."""
 
 KINDS: Mapping[object, str] = {float: "float", int: "int", bool: "bool"}
 """Kinds of numbers by their types in Python."""
@@ -29,7 +30,7 @@ class Number:
 
     kind: str
     code: str
-    rank: int = ATOM
+    rank: int = Rank.ATOM
     value: float | None = None
     least: float | None = None
 
@@ -123,12 +124,12 @@ def kind_of(table: str) -> str:
 
 def constant_of(value: float) -> Number:
     """Return a constant that a function may be translated for."""
-    return Number("float" if isinstance(value, float) else "int", str(value), ATOM, value)
+    return Number("float" if isinstance(value, float) else "int", str(value), Rank.ATOM, value)
 
 
 def integer(value: int) -> Number:
     """Return an integer that is a constant."""
-    return Number("int", str(value), ATOM if value >= 0 else UNARY, int(value))
+    return Number("int", str(value), Rank.ATOM if value >= 0 else Rank.UNARY, int(value))
 
 
 def sum_of(a: Number, b: Number, sign: int = 1) -> Number:
@@ -139,7 +140,7 @@ def sum_of(a: Number, b: Number, sign: int = 1) -> Number:
         return a
     if a.value == 0 and sign > 0:
         return b
-    return Number("int", f"{a.at(SUM)} {'+' if sign > 0 else '-'} {b.at(SUM + 1)}", SUM)
+    return Number("int", f"{a.at(Rank.SUM)} {'+' if sign > 0 else '-'} {b.at(Rank.SUM + 1)}", Rank.SUM)
 
 
 def product_of(a: Number, b: Number) -> Number:
@@ -151,7 +152,7 @@ def product_of(a: Number, b: Number) -> Number:
             return integer(0)
         if factor.value == 1:
             return other
-    return Number("int", f"{a.at(PRODUCT)} * {b.at(PRODUCT + 1)}", PRODUCT)
+    return Number("int", f"{a.at(Rank.PRODUCT)} * {b.at(Rank.PRODUCT + 1)}", Rank.PRODUCT)
 
 
 def count_of(shape: Iterable[Number]) -> Number:

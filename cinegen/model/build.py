@@ -29,8 +29,7 @@ from raff2urdf.coupling import coupling_of
 from raff2urdf.errors import raised_as
 from raff2urdf.loops.length import characteristic_length, cut_screws
 from raff2urdf.loops.mobility import loop_kind
-from raff2urdf.loops.slips import Fault
-from raff2urdf.raff import texts
+from raff2urdf.loops.slips import DRAWN_OPEN, Fault
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.readers.actuation import advice, replaced, syntax_of
 from raff2urdf.readers.srdf import Srdf
@@ -138,7 +137,7 @@ def build(
                 return build(*source._replace(urdf=exact[0], constraints=exact[1]), is_driven=is_driven)
         written = written._replace(q=q if written.near is None else written.near)
     edit = slips(Fault.ELSEWHERE) if slips is not None and gap > AT_LIMIT else None
-    remark = None if edit is None else texts.DRAWN_OPEN.format(edit=edit)
+    remark = None if edit is None else DRAWN_OPEN + edit
     return _at_home(source, written, gap, remark, is_driven)
 
 

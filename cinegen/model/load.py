@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 import sys
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -21,16 +20,14 @@ from cinegen.model.build import build, degrees_of_freedom
 from cinegen.model.group_state import with_home
 from cinegen.model.mechanism import Mechanism
 from cinegen.model.plausible import doubts
-from cinegen.model.urdf import completed, simple, with_fixed_base
+from cinegen.model.urdf import declared_joints, with_fixed_base, with_joints
 from raff2urdf import closure, readers
-from raff2urdf.constraints import without_loops
 from raff2urdf.coupling import Coupling
 from raff2urdf.errors import RaffError, raised_as
 from raff2urdf.loops.mobility import loop_kind, loop_kinds
 from raff2urdf.loops.slips import Fault
 from raff2urdf.placement import rotation
 from raff2urdf.raff import closing_edits as raff_edits
-from raff2urdf.raff import texts
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.readers import closing_edits as urdf_edits
 from raff2urdf.readers.json_lines import line_of
@@ -163,31 +160,21 @@ def _load_raff(path: Path, text: str | None, settings: _Settings) -> Mechanism:
     for name in settings.loops or {}:
         if name not in chosen.loop_names:
             raise UnknownNameError("loop", name, chosen.loop_names)
-    words = IgnoreList(settings.ignore)
-    open_loops = [name for name in chosen.loop_names if words.takes(name) or settings.ignore_loops]
-    open_couplings = [name for name in chosen.coupling_names if words.takes(name) or settings.ignore_loops]
-    words.check(str(path))
-    if open_loops or open_couplings:
-        listed = [f"loop '{name}'" for name in open_loops] + [f"coupling '{name}'" for name in open_couplings]
-        moves = "; every joint moves independently" if settings.ignore_loops else ""
-        warn(f"{path}: left out, as requested{moves}: {', '.join(listed)}")
-        named = zip(chosen.loop_names, chosen.loops, strict=True)
-        coupled = zip(chosen.coupling_names, chosen.couplings, strict=True)
-        chosen = replace(
-            chosen,
-            loops=tuple(loop for name, loop in named if name not in open_loops),
-            couplings=tuple(coupling for name, coupling in coupled if name not in open_couplings),
-        )
-    constraints: Mapping[str, Any] | None
-    urdf, constraints = describe(document, chosen, path.parent, settings.loops)
-    if settings.ignore_loops and (open_loops or open_couplings):
-        constraints = without_loops(constraints)
-    if settings.fixed_base:
-        urdf, constraints = with_fixed_base(urdf, constraints, str(path))
-    constraints = _with_actuated(urdf, constraints, settings.actuated, str(path))
-    srdf_read = _read_srdf(settings.srdf, urdf, str(path), settings.reading)
-    make = partial(build, urdf, constraints, name=str(path), srdf=srdf_read, relax=settings.relax)
-    return _made(make, partial(raff_edits.slips_of, document, chosen, loop_kinds(chosen, settings.loops)))
+    described = readers.Description(*describe(document, chosen, path.parent, settings.loops))
+    ignores_all = settings.ignore_loops and bool(chosen.loops or chosen.couplings)
+    described = readers.checked(described, path, IgnoreList(settings.ignore), ignores_all)
+    declared = described.constraints or {}
+    kept = {entry["name"] for key in ("loops", "couplings") for entry in declared.get(key, [])}
+    named = zip(chosen.loop_names, chosen.loops, strict=True)
+    coupled = zip(chosen.coupling_names, chosen.couplings, strict=True)
+    chosen = replace(
+        chosen,
+        loops=tuple(loop for name, loop in named if name in kept),
+        couplings=tuple(coupling for name, coupling in coupled if name in kept),
+    )
+    urdf, constraints, disabled, _ = _prepared(described.urdf, declared, settings, str(path), settings.srdf)
+    slips = partial(raff_edits.slips_of, document, chosen, loop_kinds(chosen, settings.loops))
+    return _made(partial(build, urdf, constraints, name=str(path), srdf=disabled, relax=settings.relax), slips)
 
 
 def robots(path: str | Path) -> list[str | None]:
@@ -218,20 +205,14 @@ def _load_xml(source: Path | URDF, text: str | None, settings: _Settings) -> Mec
             written = ExactUrdf(source.robot, source._filename_handler)
             robot, text, folder = None, written.text(), written.folder
         parsed = readers.read(path, robot, ignore_loops, ignore, reading, text)
-        urdf: str = parsed.urdf
-        constraints: Mapping[str, Any] | None = parsed.constraints
-        if settings.fixed_base:
-            urdf, constraints = with_fixed_base(urdf, constraints, str(path))
-    srdf = sidecar if settings.srdf is None else Path(settings.srdf)
-    entries = {entry["name"]: entry for entry in constraints["loops"]} if constraints else {}
+    entries = {entry["name"]: entry for entry in parsed.constraints["loops"]} if parsed.constraints else {}
     balls = {name for name, entry in entries.items() if entry["kind"] == "ball"}
     for name, kind in loops.items():
         if name not in entries:
             raise UnknownNameError("loop", name, tuple(entries))
         entries[name]["kind"] = loop_kind(kind).name.lower()
-    disabled = _read_srdf(srdf, urdf, str(path), reading)
-    placed, remarks = with_home(urdf, constraints, srdf, str(path), reading)
-    stated = _with_actuated(urdf, placed, settings.actuated, str(path))
+    srdf = sidecar if settings.srdf is None else settings.srdf
+    urdf, stated, disabled, remarks = _prepared(parsed.urdf, parsed.constraints, settings, str(path), srdf)
     packages = tuple((name, str(folder)) for name, folder in reading.search.folders.items())
     make = partial(
         build, urdf, stated, str(folder), str(path), parsed.dialects, (*parsed.notes, *remarks), disabled,
@@ -240,8 +221,8 @@ def _load_xml(source: Path | URDF, text: str | None, settings: _Settings) -> Mec
     dialect = "".join(parsed.dialects)
     slips = None if stated is None else partial(urdf_edits.slips_of, urdf, stated, str(path), dialect)
     mechanism = _made(make, slips, [note for note in parsed.notes if " has another parent" in note])
-    if constraints and not loops:
-        _check_stated(mechanism, constraints, path)
+    if stated and not loops:
+        _check_stated(mechanism, stated, path)
     for name, kind in loops.items():
         if name in balls and loop_kind(kind) is LoopKind.REVOLUTE:
             _check_hinge(mechanism, name, path)
@@ -282,9 +263,10 @@ def _made(
             raise
         raise ClosureError(f"{error}\n  {edit}") from None
     if mechanism.loops and mechanism.joints and mechanism.mobility == 0:
-        numbers = {"rows": mechanism.structure.system.rows, "rank": mechanism.loop_rank, "joints": mechanism.model.nv}
+        rows, joints = mechanism.structure.system.rows, mechanism.model.nv
+        what = f"{rows} equations of loops and couplings, of rank {mechanism.loop_rank}, hold all {joints} joints"
         edit = None if slips is None else slips(Fault.FROZEN)
-        message = "; ".join(filter(None, [texts.FROZEN.format(**numbers), edit]))
+        message = "; ".join(filter(None, [f"no joint can move: {what}", edit]))
         warn(f"{mechanism.source.name}: robot '{mechanism.name}': {message}")
     return mechanism
 
@@ -298,50 +280,41 @@ def _load_model(
 
     name = f"pinocchio.Model '{model.name}'"
     urdf, values, notes = describe_model(model, loops, couplings)
-    urdf, constraints = with_fixed_base(urdf, values, name) if fixed_base else (urdf, values)
-    mechanism = build(urdf, _with_actuated(urdf, constraints, actuated, name), name=name, notes=notes, relax=relax)
+    settings = _Settings(ReadOptions(), fixed_base=fixed_base, actuated=actuated)
+    urdf, constraints, *_ = _prepared(urdf, values, settings, name, None)
+    mechanism = build(urdf, constraints, name=name, notes=notes, relax=relax)
     if list(mechanism.model.names)[1:] != list(model.names)[1:]:
         warn(f"{name}: q has other joints than the model's, or in another order: mechanism.q_index finds each")
     return mechanism
 
 
-def _with_actuated(
-    urdf: str, constraints: Mapping[str, Any] | None, actuated: Sequence[str] | None, name: str
-) -> Mapping[str, Any] | None:
-    """Return constraints that state which joints are actuated; as they are if `actuated` is None.
+def _prepared(
+    urdf: str, constraints: Mapping[str, Any] | None, settings: _Settings, name: str, srdf: str | Path | None
+) -> tuple[str, Mapping[str, Any] | None, Srdf | None, list[str]]:
+    """Return a URDF and its constraints with the base, home and actuated joints that are asked for, what an SRDF
+    disables, and notes.
 
     Raises:
+        LoadError: the SRDF can't be read, or names other links.
         UnknownNameError: there is no such joint.
     """
-    if actuated is None:
-        return constraints
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # `build` warns
-        declared = completed(simple(parse(urdf, name), name), constraints, name)["joints"]
-    names = [joint["name"] for joint in declared]
-    for joint in actuated:
-        if joint not in names:
-            raise UnknownNameError("joint", joint, tuple(names))
-    if constraints is None:
-        entries = [{"name": joint["name"], "home": joint["home"]} for joint in declared]
-    else:
-        entries = constraints.get("joints", [{"name": joint} for joint in names])
-    stated = [{**entry, "actuated": entry["name"] in actuated} for entry in entries]
-    return {**(constraints or {"loops": []}), "joints": stated}
-
-
-def _read_srdf(path: str | Path | None, urdf: str, name: str, options: ReadOptions) -> Srdf | None:
-    """Return what an SRDF disables among the links of a URDF.
-
-    Raises:
-        LoadError: it can't be read, or names other links.
-    """
-    if path is None:
-        return None
-    with raised_as(LoadError, RaffError):
-        tree = parse(urdf, name)
-        links = [str(link.get("name")) for link in tree.iter("link")]
-        return read_srdf(Path(path), links, f"robot '{tree.get('name', '')}'", options)
+    if settings.fixed_base:
+        urdf, constraints = with_fixed_base(urdf, constraints, name)
+    disabled, remarks = None, list[str]()
+    if srdf is not None:
+        with raised_as(LoadError, RaffError):
+            tree = parse(urdf, name)
+            links = [str(link.get("name")) for link in tree.iter("link")]
+            disabled = read_srdf(Path(srdf), links, f"robot '{tree.get('name', '')}'", settings.reading)
+        constraints, remarks = with_home(urdf, constraints, Path(srdf), name, settings.reading)
+    if settings.actuated is not None:
+        declared = declared_joints(urdf, constraints, name)
+        for joint in settings.actuated:
+            if joint not in declared:
+                raise UnknownNameError("joint", joint, tuple(declared))
+        stated = {joint: {"actuated": joint in settings.actuated} for joint in declared}
+        constraints = with_joints(constraints, declared, stated)
+    return urdf, constraints, disabled, remarks
 
 
 def _check_stated(mechanism: Mechanism, constraints: Mapping[str, Any], path: Path) -> None:
@@ -351,7 +324,7 @@ def _check_stated(mechanism: Mechanism, constraints: Mapping[str, Any], path: Pa
         LoadError: they differ.
     """
     for key, value in degrees_of_freedom(mechanism.structure.system, mechanism.loop_rank).items():
-        if constraints.get(key, value) != value:
+        if constraints.get(key) not in (None, value):
             file = constraints_of(path)
             where = f"{file}:{line_of(read_text(file), [key])}" if file.is_file() else f"{path}: raff:robot"
             why = f"{constraints[key]} is stated, but the URDF with these loops has {value}"

@@ -11,11 +11,14 @@ import pinocchio as pin
 
 from cinegen.errors import LoadError, UnknownNameError
 from cinegen.joints import axis, translations
-from raff2urdf.constraints import Constraints, loop_entry
-from raff2urdf.coupling import Coupling, coupling_entry
+from raff2urdf.constraints import Constraints
+from raff2urdf.coupling import Coupling
+from raff2urdf.inertia import Inertia
+from raff2urdf.joint_dynamics import JointDynamics
 from raff2urdf.readers.loops.successive import ROTATIONS
 from raff2urdf.readers.uncounted import note_of
 from raff2urdf.readers.urdf import UNLIMITED
+from raff2urdf.readers.urdf_builder import UNBOUNDED, UrdfBuilder
 
 _FREE = {"FreeFlyer": "floating", "Spherical": "spherical"}
 _NODES = (pin.FrameType.BODY, pin.FrameType.OP_FRAME, pin.FrameType.SENSOR)
@@ -41,33 +44,33 @@ def describe_model(
         LoadError: a joint or a loop is of a kind that no URDF and no constraint expresses; or a name is used twice.
         UnknownNameError: there is no such joint.
     """
-    from yourdfpy import Robot
-
-    from raff2urdf.writers.urdf_object import ExactUrdf
-
-    nodes = _nodes(model)
-    links, joints = _bodies(model, nodes), [_joint(model, j, nodes) for j in range(1, model.njoints)]
-    frames = _frames(model, nodes)
-    links += [link for link, _ in frames]
-    joints += [joint for _, joint in frames]
-    names = [joint.name for joint in joints if joint.type in ("revolute", "continuous", "prismatic")]
+    nodes, names = _nodes(model), [name for name, joint in _joints(model) if joint.nv == 1]
+    builder = UrdfBuilder(model.name or "robot", model.names)
+    for node, body in zip(nodes, model.inertias, strict=True):
+        inertia = Inertia(float(body.mass), np.array(body.lever), np.array(body.inertia))
+        builder.add_link(node, (), inertia if body.mass else None)
+    for j in range(1, model.njoints):
+        _add_joint(builder, model, j, nodes)
+    frames = [frame for frame in model.frames if frame.type in _NODES and not _is_body(frame, nodes)]
+    for frame in frames:
+        builder.add_link(frame.name)
+        name = builder.free_name(f"{frame.name}_fixed")
+        builder.add_fixed(name, nodes[frame.parentJoint], frame.name, frame.placement.homogeneous)
     for name in (joint for coupling in couplings for joint in coupling.terms):
         if name not in names:
             raise UnknownNameError("joint", name, tuple(names))
-    robot = model.name or "robot"
-    urdf = ExactUrdf(Robot(robot, links, joints)).text()
-    coupled = [coupling_entry(coupling.name, coupling.terms, coupling.constant) for coupling in couplings]
-    closing = [_loop(constraint, f"loop{i + 1}", nodes) for i, constraint in enumerate(loops)]
-    for kind, used in (("node", [link.name for link in links]), ("loop", [loop["name"] for loop in closing])):
-        if twice := [name for name, count in Counter(used).items() if count > 1]:
+    for coupling in couplings:
+        builder.add_coupling(coupling.name, coupling.terms, coupling.constant)
+    for i, constraint in enumerate(loops, 1):
+        _add_loop(builder, constraint, getattr(constraint, "name", "") or f"loop{i}", nodes)
+    urdf, values = builder.result((), None, model.gravity.linear.tolist())
+    used = {"node": [*nodes, *(frame.name for frame in frames)], "loop": [loop["name"] for loop in values["loops"]]}
+    for kind, listed in used.items():
+        if twice := [name for name, count in Counter(listed).items() if count > 1]:
             raise LoadError(f"model '{model.name}': {kind} name '{twice[0]}' is used twice: give each its own")
-    values: Constraints = {"loops": closing, "couplings": coupled}
-    if (down := model.gravity.linear.tolist()) != [0.0, 0.0, -9.81]:
-        values["gravity"] = down
-    if any(rotors := _rotors(model)):
-        values["joints"] = [{"name": name, "armature": armature} for name, armature in rotors]
-    stated = closing or coupled or len(values) > 2
-    return urdf, values if stated else None, _left_out(model)
+    values["joints"] = [{"name": name, "armature": armature} for name, armature in _rotors(model)]
+    stated = {key: values[key] for key in ("loops", "couplings", "gravity", "joints") if values.get(key)}
+    return urdf, {"loops": [], **stated} if stated else None, _left_out(model)
 
 
 def _joints(model: pin.Model) -> list[tuple[str, Any]]:
@@ -114,70 +117,52 @@ def _nodes(model: pin.Model) -> list[str]:
     return names
 
 
-def _bodies(model: pin.Model, nodes: Sequence[str]) -> list[Any]:
-    from yourdfpy import Inertial, Link
-
-    links = []
-    for name, body in zip(nodes, model.inertias, strict=True):
-        centre = pin.SE3(np.eye(3), body.lever).homogeneous
-        links.append(Link(name, Inertial(centre, float(body.mass), np.array(body.inertia)) if body.mass else None))
-    return links
+def _is_body(frame: pin.Frame, nodes: Sequence[str]) -> bool:
+    """Return whether a frame is a joint's own body."""
+    return bool(frame.type == pin.FrameType.BODY and frame.name == nodes[frame.parentJoint])
 
 
-def _joint(model: pin.Model, j: int, nodes: Sequence[str]) -> Any:
-    from yourdfpy import Dynamics, Joint, Limit
+def _add_joint(builder: UrdfBuilder, model: pin.Model, j: int, nodes: Sequence[str]) -> None:
+    """Add a joint.
 
+    Raises:
+        LoadError: URDF has no such joint.
+    """
     joint, name, parent = model.joints[j], model.names[j], model.parents[j]
     kind = joint.shortname().removeprefix("JointModel")
     placed = model.jointPlacements[j].homogeneous
     if kind in _FREE and (kind != "FreeFlyer" or parent == 0):
-        return Joint(name, _FREE[kind], nodes[parent], nodes[j], placed)
+        builder.add_fixed(name, nodes[parent], nodes[j], placed, _FREE[kind])
+        return
     if joint.nv != 1 or not kind.startswith(("R", "P")):
         raise LoadError(
             f"model '{model.name}': joint '{name}' is of the kind {kind}, which no URDF has: build it of revolute and "
             "prismatic joints, one after the other"
         )
     at, v = joint.idx_q, joint.idx_v
-    effort, velocity = (min(float(x[v]), UNLIMITED) for x in (model.upperEffortLimit, model.upperVelocityLimit))
-    low, high = np.clip([model.lowerPositionLimit[at], model.upperPositionLimit[at]], -UNLIMITED, UNLIMITED).tolist()
-    made = Joint(name, "prismatic" if translations(joint) else "revolute", nodes[parent], nodes[j], placed, axis(joint))
-    made.limit = Limit(effort, velocity)
-    damping, dry = float(model.damping[v]), float(max(model.upperDryFrictionLimit[v], -model.lowerDryFrictionLimit[v]))
-    made.dynamics = Dynamics(damping, dry) if damping or dry else None
-    if joint.nq == 2 or (made.type == "revolute" and low == -UNLIMITED and high == UNLIMITED):
-        made.type = "continuous"
-    else:
-        made.limit.lower, made.limit.upper = low, high
-    return made
+    slides, limits = translations(joint) > 0, (float(model.lowerPositionLimit[at]), float(model.upperPositionLimit[at]))
+    is_free = joint.nq == 2 or (not slides and limits[0] <= -UNLIMITED and limits[1] >= UNLIMITED)
+    dry = float(max(model.upperDryFrictionLimit[v], -model.lowerDryFrictionLimit[v]))
+    builder.add_joint(
+        name, slides, (nodes[parent], nodes[j]), placed, axis(joint), limits=UNBOUNDED if is_free else limits,
+        velocity=float(model.upperVelocityLimit[v]), effort=float(model.upperEffortLimit[v]),
+        dynamics=JointDynamics(0.0, float(model.damping[v]), dry),
+    )  # fmt: skip
 
 
-def _frames(model: pin.Model, nodes: Sequence[str]) -> list[tuple[Any, Any]]:
-    """Return the links of frames that are fixed to the bodies of joints, each with its joint."""
-    from yourdfpy import Joint, Link
+def _add_loop(builder: UrdfBuilder, constraint: Any, name: str, nodes: Sequence[str]) -> None:
+    """Add a loop.
 
-    fixed, taken = [], {*model.names}
-    for frame in model.frames:
-        if frame.type not in _NODES or (frame.type == pin.FrameType.BODY and frame.name == nodes[frame.parentJoint]):
-            continue
-        name = f"{frame.name}_fixed"
-        while name in taken:
-            name += "_"
-        taken.add(name)
-        placed = Joint(name, "fixed", nodes[frame.parentJoint], frame.name, frame.placement.homogeneous)
-        fixed.append((Link(frame.name), placed))
-    return fixed
-
-
-def _loop(constraint: Any, name: str, nodes: Sequence[str]) -> dict[str, Any]:
+    Raises:
+        LoadError: the constraint closes no loop.
+    """
     if not isinstance(constraint, pin.RigidConstraintModel) or constraint.type.name not in _KINDS:
         kind = getattr(getattr(constraint, "type", None), "name", type(constraint).__name__)
         raise LoadError(
             f"loops: {kind} closes no loop: give pinocchio.RigidConstraintModel of the type CONTACT_6D or CONTACT_3D"
         )
     if not constraint.desired_contact_placement.isIdentity(0.0):
-        raise LoadError(
-            f"loops: {constraint.name or name}: its ends meet: move desired_contact_placement into one of them"
-        )
-    first, second = nodes[constraint.joint1_id], nodes[constraint.joint2_id]
-    placements = [placed.homogeneous for placed in (constraint.joint1_placement, constraint.joint2_placement)]
-    return loop_entry(constraint.name or name, _KINDS[constraint.type.name], first, second, placements)
+        raise LoadError(f"loops: {name}: its ends meet: move desired_contact_placement into one of them")
+    first = nodes[constraint.joint1_id], constraint.joint1_placement.homogeneous
+    second = nodes[constraint.joint2_id], constraint.joint2_placement.homogeneous
+    builder.add_loop(name, _KINDS[constraint.type.name], first, second)

@@ -7,12 +7,10 @@ import warnings
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 from lxml import etree
 
 from cinegen.errors import LoadError, warn
 from raff2urdf.constraints import Constraints
-from raff2urdf.errors import did_you_mean
 from raff2urdf.readers.loops import successive
 from raff2urdf.readers.urdf import (
     UNLIMITED,
@@ -157,12 +155,8 @@ def completed(declared: Constraints, sidecar: Mapping[str, Any] | None, name: st
     if sidecar is None:
         return declared
     known, entries = {entry["name"]: entry for entry in declared["joints"]}, sidecar.get("joints", declared["joints"])
-    for entry in entries:
-        if entry["name"] not in known:
-            near = did_you_mean(entry["name"], list(known))
-            raise LoadError(f"{name}: the constraints name joint '{entry['name']}', which the URDF lacks{near}")
-    for joint in [joint for joint in known if joint not in {entry["name"] for entry in entries}]:
-        raise LoadError(f"{name}: the constraints don't name joint '{joint}', which moves")
+    for joint in sorted(known.keys() ^ {entry["name"] for entry in entries}):
+        raise LoadError(f"{name}: of the URDF and its constraints only one has the joint '{joint}'")
     if sidecar.get("floating", declared["floating"]) != declared["floating"]:
         raise LoadError(
             f"{name}: the constraints declare that '{sidecar['floating']}' lets the base move, the URDF does not"
@@ -170,23 +164,27 @@ def completed(declared: Constraints, sidecar: Mapping[str, Any] | None, name: st
     for node in sidecar.get("nodes", []):
         if node not in declared["nodes"]:
             raise LoadError(f"{name}: the constraints name '{node}', which is no link of the URDF")
-    return {**declared, **sidecar, "joints": [_completed(known[entry["name"]], entry, name) for entry in entries]}
+    return {**declared, **sidecar, "joints": [{**known[entry["name"]], **entry} for entry in entries]}
 
 
-def _completed(declared: Mapping[str, Any], entry: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """Return the entry of a joint with everything that the URDF declares: type and limits are the URDF's.
+def declared_joints(urdf: str, constraints: Mapping[str, Any] | None, name: str) -> dict[str, Mapping[str, Any]]:
+    """Return what a URDF and its sidecar file declare of each joint, see `completed`, by name."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # `build` warns
+        declared = completed(simple(parse(urdf, name), name), constraints, name)
+    return {joint["name"]: joint for joint in declared["joints"]}
 
-    Raises:
-        LoadError: the entry gives other limits.
-    """
-    for key in ("limits", "velocity"):
-        value, urdf = (None if x is None else np.atleast_1d(x).tolist() for x in (entry.get(key), declared[key]))
-        if key in entry and value != urdf:
-            what = (
-                f"{key} of joint '{entry['name']}' are {value or 'none'} in the constraints and {urdf or 'none'} in the"
-            )
-            raise LoadError(f"{name}: {what} URDF, where they belong: remove them from the constraints")
-    return {**entry, **declared, "home": entry.get("home", declared["home"])}
+
+def with_joints(
+    constraints: Mapping[str, Any] | None,
+    declared: Mapping[str, Mapping[str, Any]],
+    stated: Mapping[str, Mapping[str, Any]],
+) -> Constraints:
+    """Return constraints that state more of some joints; `declared` is of all."""
+    bare = [{"name": name} | ({} if constraints else {"home": joint["home"]}) for name, joint in declared.items()]
+    entries = (constraints or {}).get("joints", bare)
+    joints = [{**entry, **stated.get(entry["name"], {})} for entry in entries]
+    return {**(constraints or {"loops": []}), "joints": joints}
 
 
 def _warn_of_assumptions(tree: Any, name: str) -> None:

@@ -10,21 +10,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 from statistics import median
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from raff2urdf.arrays import ArrayLike
-from raff2urdf.placement import cross
+from raff2urdf.arrays import Array, ArrayLike
+from raff2urdf.placement import along, translation
 from raff2urdf.raff.document import Document, JointType, RaffFrame, RaffLink, RaffNode, RaffPart, RaffRobot
 from raff2urdf.raff.kleinfinger import Kleinfinger, transform
 from raff2urdf.tree import home, kleinfinger, limits
 
 if TYPE_CHECKING:  # takes half a second
-    from yourdfpy import Visual
+    from yourdfpy import Geometry
 
 # One for each branch of the tree. People with any colour vision can distinguish them, and pages use none for a status.
 BRANCHES = (
@@ -33,17 +32,13 @@ BRANCHES = (
 )
 BASE = (0.45, 0.47, 0.5)
 JOINT = (0.2, 0.22, 0.25)
+Shape = tuple["Geometry", Array]
+"""A shape, and its placement (4, 4) on its link."""
 MARK = "cinegen:skeleton"
 """Beginning of the names of a URDF's collision shapes that are bars and markers, rather than shapes of the robot."""
 
 _THINNEST = 0.002  # of a robot's size: radius of bars, which would not be seen otherwise
 _FARTHEST = 100.0  # of the sum of a robot's lengths: limits beyond stand for none, as 1e6 does in many files
-
-
-@dataclass(frozen=True, slots=True)
-class _Style:
-    radius: float  # m, of a bar
-    colour: tuple[float, float, float]
 
 
 class SkeletonDrawing:
@@ -67,23 +62,21 @@ class SkeletonDrawing:
             branch[part.number] = last if forks else branch[part.pred]
             self.colours[part.number] = BRANCHES[branch[part.number] % len(BRANCHES)]
 
-    def draw(self, node: RaffNode) -> list[Visual]:
+    def draw(self, node: RaffNode) -> list[Shape]:
         """Return the shapes of one node, in its own frame."""
-        style = _Style(self.radius, self.colours[node.number])
-        shapes = list(self._joint(node, style))
+        shapes = list(self._joint(node))
         for child in self.robot.children.get(node.number, []):
-            shapes += self._bars_to(child, style)
+            shapes += self._bars_to(child)
         if not shapes and not isinstance(node, RaffFrame):
-            shapes.append(_ball(np.zeros(3), 1.2, style))
+            shapes.append(_ball(np.zeros(3), 1.2, self.radius))
         return shapes
 
-    def bars(self, node: RaffNode, radius: float) -> list[Visual]:
+    def bars(self, node: RaffNode, radius: float) -> list[Shape]:
         """Return the node's bars to its children, all of one radius (m), in its own frame: as a body, not a drawing."""
-        style = _Style(radius, self.colours[node.number])
         corners = [self.corners(child) for child in self.robot.children.get(node.number, [])]
-        return [bar for path in corners for start, end in pairwise(path) for bar in _bar(start, end, 1.0, style)]
+        return [bar for path in corners for start, end in pairwise(path) for bar in _bar(start, end, 1.0, radius)]
 
-    def corners(self, child: RaffPart) -> list[np.ndarray]:
+    def corners(self, child: RaffPart) -> list[Array]:
         """Return the corners (3,) of the bars from a node's origin to a child's joint, m, in the node's frame."""
         gamma, epsilon, _, d, _, r = self.parameters[child.number]
         corners = [np.zeros(3), np.array([0.0, 0.0, epsilon])]
@@ -93,36 +86,32 @@ class SkeletonDrawing:
         straight = isinstance(child, RaffFrame) or child.type is JointType.FIXED
         return [corners[0], corners[-1]] if straight else corners
 
-    def _joint(self, node: RaffNode, style: _Style) -> Iterator[Visual]:
-        marker = _Style(style.radius, JOINT)
+    def _joint(self, node: RaffNode) -> Iterator[Shape]:
         if isinstance(node, RaffLink) and node.own_joint is not None and node.type is not JointType.PRISMATIC:
-            yield _ball(np.zeros(3), 2.0, marker)  # a joint of several variables
-            return
-        if not isinstance(node, RaffLink) or node.type is JointType.FIXED:
-            return
-        if node.type is JointType.REVOLUTE:
-            half = np.array([0.0, 0.0, 1.6 * style.radius])
-            yield from _bar(-half, half, 1.5, marker)
-        else:
-            size = np.array([2.6, 2.6, 3.2]) * style.radius
-            yield _visual("box", rounded(size, style.radius), np.eye(4), marker)
+            yield _ball(np.zeros(3), 2.0, self.radius)  # a joint of several variables
+        elif isinstance(node, RaffLink) and node.type is JointType.REVOLUTE:
+            half = np.array([0.0, 0.0, 1.6 * self.radius])
+            yield from _bar(-half, half, 1.5, self.radius)
+        elif isinstance(node, RaffLink) and node.type is JointType.PRISMATIC:
+            size = np.array([2.6, 2.6, 3.2]) * self.radius
+            yield _shape("box", rounded(size, self.radius), np.eye(4))
             *_, rod = self.telescope_of(node)
-            yield from _bar(np.array([0.0, 0.0, -rod]), np.zeros(3), 0.6, style)
+            yield from _bar(np.array([0.0, 0.0, -rod]), np.zeros(3), 0.6, self.radius)
 
-    def _bars_to(self, child: RaffPart, style: _Style) -> Iterator[Visual]:
+    def _bars_to(self, child: RaffPart) -> Iterator[Shape]:
         """Yield bars from the node's origin to a child's joint."""
         thickness = 0.6 if isinstance(child, RaffFrame) else 1.0
         corners = self.corners(child)
         drawn = [corners[0]]
         for corner in corners[1:]:
-            if np.abs(corner - drawn[-1]).max() > 0.5 * style.radius:
-                yield from _bar(drawn[-1], corner, thickness, style)
+            if np.abs(corner - drawn[-1]).max() > 0.5 * self.radius:
+                yield from _bar(drawn[-1], corner, thickness, self.radius)
                 drawn.append(corner)
         for corner in drawn[1:-1]:
-            yield _ball(corner, thickness, style)
+            yield _ball(corner, thickness, self.radius)
         if isinstance(child, RaffLink) and child.type is JointType.PRISMATIC:
             start, end = (corners[-1] + at * self._axis(child) for at in self.telescope_of(child)[:2])
-            yield from _bar(start, end, 1.0, style)
+            yield from _bar(start, end, 1.0, self.radius)
 
     def telescope_of(self, link: RaffLink) -> tuple[float, float, float]:
         """Return what `telescope` does of a prismatic link; limits that are nowhere near the robot are none."""
@@ -136,7 +125,7 @@ class SkeletonDrawing:
         low, high = limits(self.document, link)
         return (low if abs(low) < self.farthest else -math.inf), (high if abs(high) < self.farthest else math.inf)
 
-    def _axis(self, child: RaffPart) -> np.ndarray:
+    def _axis(self, child: RaffPart) -> Array:
         """Return the z axis (3,) of a child."""
         gamma, alpha = self.parameters[child.number].gamma, self.parameters[child.number].alpha
         return np.array([math.sin(gamma) * math.sin(alpha), -math.cos(gamma) * math.sin(alpha), math.cos(alpha)])
@@ -177,42 +166,25 @@ def _lengths(parameters: Iterable[Kleinfinger]) -> list[float]:
     return [length for length in lengths if length > 1e-12] or [1.0]
 
 
-def _bar(start: np.ndarray, end: np.ndarray, thickness: float, style: _Style) -> Iterator[Visual]:
-    """Yield a cylinder from one point to another; nothing if they coincide."""
-    vector = end - start
-    length = math.sqrt(math.fsum(x * x for x in vector.tolist()))
-    if length < 1e-6 * style.radius:
-        return
-    z = vector / length
-    aside = np.array([1.0, 0.0, 0.0]) if abs(z[0]) < 0.6 else np.array([0.0, 1.0, 0.0])
-    y = cross(z, aside)
-    y /= math.sqrt(math.fsum(x * x for x in y.tolist()))
-    placement = _at((start + end) / 2.0, np.column_stack([cross(y, z), y, z]), style)
-    yield _visual("cylinder", (digits(thickness * style.radius), digits(length)), placement, style)
+def _bar(start: Array, end: Array, thickness: float, radius: float) -> Iterator[Shape]:
+    """Yield a cylinder from one point to another, of a thickness in radii; nothing if they coincide."""
+    length = math.sqrt(math.fsum(x * x for x in (end - start).tolist()))
+    if length >= 1e-6 * radius:
+        placed = along(rounded((start + end) / 2.0, radius), end - start)
+        yield _shape("cylinder", (digits(thickness * radius), digits(length)), placed)
 
 
-def _ball(centre: np.ndarray, thickness: float, style: _Style) -> Visual:
-    return _visual("sphere", (digits(thickness * style.radius),), _at(centre, np.eye(3), style), style)
+def _ball(centre: Array, thickness: float, radius: float) -> Shape:
+    return _shape("sphere", (digits(thickness * radius),), translation(rounded(centre, radius)))
 
 
-def _visual(kind: str, sizes: ArrayLike, placement: np.ndarray, style: _Style) -> Visual:
-    from yourdfpy import Visual
+def _shape(kind: str, sizes: ArrayLike, placed: Array) -> Shape:
+    from raff2urdf.writers.urdf_object import geometry
 
-    from raff2urdf.writers.urdf_object import geometry, material_of
-
-    r, g, b = style.colour
-    name = f"c{round(255 * r):02x}{round(255 * g):02x}{round(255 * b):02x}"
-    return Visual(origin=placement, geometry=geometry(kind, sizes), material=material_of(name, (r, g, b, 1.0)))
+    return geometry(kind, sizes), placed
 
 
-def _at(point: np.ndarray, rotation: np.ndarray, style: _Style) -> np.ndarray:
-    placement = np.eye(4)
-    placement[:3, :3] = rotation
-    placement[:3, 3] = rounded(point, style.radius)
-    return placement
-
-
-def rounded(values: np.ndarray, radius: float) -> np.ndarray:
+def rounded(values: Array, radius: float) -> Array:
     """Return values (n,) to a millionth of a bar's radius: no rounding errors such as 1e-17 in the file."""
     step = 10.0 ** (math.floor(math.log10(radius)) - 6)
     return np.array([digits(step * round(value / step)) for value in values.tolist()])

@@ -18,8 +18,7 @@ from raff2urdf.loops.open_loops import why_open
 from raff2urdf.loops.play import play, steps_of
 from raff2urdf.loops.play import text as play_text
 from raff2urdf.loops.selection import Candidate, determined
-from raff2urdf.loops.slips import Fault
-from raff2urdf.raff import texts
+from raff2urdf.loops.slips import DRAWN_OPEN, Fault
 from raff2urdf.raff.closing_edits import slips_of
 from raff2urdf.raff.compound import expanded
 from raff2urdf.raff.document import Document, JointType, LoopKind, RaffLink, RaffRobot
@@ -147,7 +146,7 @@ def analyse(
     gap = max((part.gap for part in parts), default=0.0)
     remarks = [part.remark for part in parts if part.remark]
     if gap > CLOSED and (edit := slips_of(document, written, kinds, Fault.ELSEWHERE)) is not None:
-        remarks.insert(0, texts.DRAWN_OPEN.format(edit=edit))
+        remarks.insert(0, DRAWN_OPEN + edit)
     everywhere = [edges(document, robot, kinds, length, values) for values in (home, *elsewhere)]
     determined = _determined(document, robot, parts, everywhere, declared)
     actuated = tuple(joint for joint, has in declared.items() if has or (has is None and joint not in determined))

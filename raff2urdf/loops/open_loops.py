@@ -15,7 +15,6 @@ from raff2urdf.escape import shell_word
 from raff2urdf.loops.near_redundancy import LARGEST_GAP, near_redundancy
 from raff2urdf.loops.play import constant_gaps
 from raff2urdf.placement import rotation, translation
-from raff2urdf.raff import texts
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.residual import ROWS, swing
 
@@ -64,12 +63,12 @@ def why_open(loops: KindedLoops, names: Sequence[str], start: Array, best: Closi
     kinds, remaining = loops.kinds, gaps(loops, best.q)
     open_loops = [i for i, gap in enumerate(remaining) if gap > CLOSED]
     jacobian = loops.evaluate(best.q)[1]
-    what = texts.LOOPS_AND_COUPLINGS if len(names) > len(kinds) else texts.LOOPS
+    what = "loops and couplings" if len(names) > len(kinds) else "loops"
     words = [kind.name.lower() for kind in kinds] + ["coupling"] * (len(names) - len(kinds))
     shown = shown_gaps(loops, best.q)
     listed = first_of([f"'{names[i]}' ({words[i]}, {shown[i]})" for i in open_loops], 8)
     lines = [
-        texts.STAY_OPEN.format(what=what, listed=listed),
+        f"the mechanism can't be closed: these {what} remain open: {listed}",
         f"these are the least gaps found, in the axes of each loop's first end; {jacobian.shape[0]} loop rows of "
         f"rank {rank(jacobian)} on {jacobian.shape[1]} joints",
     ]

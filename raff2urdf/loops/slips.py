@@ -21,7 +21,6 @@ import numpy as np
 from raff2urdf.arrays import Array
 from raff2urdf.closure import RANK, rank
 from raff2urdf.placement import inverse
-from raff2urdf.raff import texts
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.residual import ROWS, loop_residual
 
@@ -34,6 +33,10 @@ _EXACT, _ALIKE = 1e-6, 3.0  # gaps below, or within such a factor of the least, 
 _LARGEST = 1000  # parts
 _MOST = 100_000  # evaluations of a loop: about a second
 _SHOWN = 3
+
+
+DRAWN_OPEN = "the loops are open as written, and were closed elsewhere; "
+"""Before the edits of `Fault.ELSEWHERE`."""
 
 
 class Fault(Enum):
@@ -109,7 +112,7 @@ def slips(parts: Mapping[str, DrawnPart], loops: Sequence[DrawnLoop], is_drawn: 
     drawing = _Drawing(parts, loops)
     if fault is Fault.FROZEN:
         edits = [] if drawing.open else [edit.text() for edit in _freeing(drawing)][:_SHOWN]
-        return texts.FREED.format(edits=texts.OR.join(edits)) if edits else None
+        return f"one edit lets the loops move: {', or '.join(edits)}" if edits else None
     if not drawing.open:
         return None
     budget, repairs = _MOST, list[tuple[float, str]]()
@@ -123,7 +126,7 @@ def slips(parts: Mapping[str, DrawnPart], loops: Sequence[DrawnLoop], is_drawn: 
             repairs.append((gap, best.text()))
     least = min((gap for gap, _ in repairs), default=0.0)
     edits = [text for gap, text in repairs if gap <= max(_ALIKE * least, _EXACT)][:_SHOWN]
-    return texts.DRAWN_CLOSED.format(edits=texts.OR.join(edits)) if edits else None
+    return f"one edit closes the loops as written: {', or '.join(edits)}" if edits else None
 
 
 class _Drawing:
@@ -286,7 +289,7 @@ def _other_kinds(drawing: _Drawing, loops: Sequence[int]) -> Iterator[list[_Edit
 
 
 def _of_kind(edits: Sequence[Callable[[LoopKind], str]], kind: LoopKind) -> str:
-    return texts.AND.join(edit(kind) for edit in edits)
+    return " and ".join(edit(kind) for edit in edits)
 
 
 def _exchanged(part: DrawnPart) -> Iterator[Mapping[str, float]]:

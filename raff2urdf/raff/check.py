@@ -13,7 +13,6 @@ from collections.abc import Iterator, Mapping
 
 from raff2urdf.errors import Problem, defined_twice, did_you_mean, duplicates, limits_reversed, warn
 from raff2urdf.joint_dynamics import JointDynamics
-from raff2urdf.raff import texts
 from raff2urdf.raff.compound import VARIABLES, intermediate_names
 from raff2urdf.raff.document import (
     LEAST_SIZE,
@@ -68,7 +67,7 @@ def check(document: Document) -> None:
     Raises:
         RaffError: with every problem.
     """
-    problems = [] if document.robots else [document.problem(texts.NO_ROBOT.format())]
+    problems = [] if document.robots else [document.problem("the file has no robot: add 'robot NAME { }'")]
     problems += _file_problems(document)
     for robot in document.robots:
         problems += [*_tree_problems(document, robot), *_constraint_problems(document, robot)]
@@ -85,9 +84,14 @@ def _file_problems(document: Document) -> Iterator[Problem]:
         yield problem(defined_twice(f"robot '{robot.name}'", first.line("name")), robot, "name")
     for robot in {robot.name: robot for robot in reversed(document.robots)}.values():
         if not is_xml_name(robot.name):
-            yield problem(texts.BAD_NAME, robot, "name", name=robot.name, keyword="robot")
+            yield problem(_bad_name(robot.name, "robot"), robot, "name")
     for other, sensor in duplicates(document.sensors, lambda sensor: sensor.number):
         yield problem(defined_twice(f"sensor {sensor.number}", other.line("number")), sensor, "number")
+
+
+def _bad_name(name: str, keyword: str) -> str:
+    """Return why a name names nothing in XML."""
+    return f"'{name}' can't name a {keyword}: a name begins with a letter or '_', and has no marks but '_', '-' and '.'"
 
 
 def _tree_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
@@ -97,24 +101,24 @@ def _tree_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
         numbers.setdefault(part.number, part)
     for first, part in duplicates(robot.parts, lambda part: part.number):
         missing = sorted({part.pred for part in robot.parts} - numbers.keys() - {0})
-        hint = texts.TO_NUMBER.format(number=missing[0]) if len(missing) == 1 else ""
+        hint = f", probably this one to {missing[0]}, which is named and missing" if len(missing) == 1 else ""
         yield problem(defined_twice(f"the number {part.number}", first.line("number"), hint), part, "number")
     names: dict[str, RaffPart] = {}
     for part in robot.parts:
         at = (part, "name", "number")
         first = names.setdefault(part.node, part)
         if part.node in RESERVED:
-            yield problem(texts.RESERVED_NAME, *at, name=part.node, owner=RESERVED[part.node])
+            yield problem(f"the name '{part.node}' is reserved for {RESERVED[part.node]}: choose another one", *at)
         elif not is_xml_name(part.node):
-            yield problem(texts.BAD_NAME, *at, name=part.node, keyword=part.keyword)
+            yield problem(_bad_name(part.node, part.keyword), *at)
         elif first is not part and numbers[part.number] is part:
-            yield problem(texts.NAME_TAKEN, *at, name=part.node, keyword=first.keyword, number=first.number)
-    known = did_you_mean("", [texts.THE_BASE, *map(str, numbers)])
+            yield problem(f"the name '{part.node}' is that of {first.keyword} {first.number}: choose another one", *at)
+    known = did_you_mean("", ["0 (the base)", *map(str, numbers)])
     for part in robot.parts:
         if part.pred != 0 and part.pred not in numbers:
             near = _probable_parent(robot, part) or known
-            fields = {"keyword": part.keyword, "number": part.number, "pred": part.pred, "known": near}
-            yield problem(texts.NO_PARENT, part, "pred", **fields)
+            why = f"the parent of {part.keyword} {part.number} is {part.pred}, which does not exist{near}"
+            yield problem(why, part, "pred")
     yield from _cycles(document, numbers)
     for node in (robot.base, *robot.parts):
         if node.inertial is not None:
@@ -128,39 +132,39 @@ def _limit_problems(document: Document, what: str, of: RaffMotion) -> Iterator[P
     if of.limits and not of.limits[0] <= of.limits[1]:
         yield document.problem(limits_reversed(what, *of.limits), of, "limits")
     if of.velocity is not None and not min(document.metres(of.velocity), math.radians(of.velocity)) > LEAST_SPEED:
-        yield document.problem(
-            texts.VELOCITY_TOO_SMALL, of, "velocity", what=what, value=of.velocity, too_slow=TOO_SLOW
-        )
+        yield document.problem(f"the velocity limit of {what} is {of.velocity:g}: {TOO_SLOW}", of, "velocity")
     if of.effort is not None and not of.effort > 0.0:
-        yield document.problem(texts.EFFORT_TOO_SMALL, of, "effort", what=what, value=of.effort)
+        why = f"the effort limit of {what} is {of.effort:g}: it must be above 0 (N m or N), or left out"
+        yield document.problem(why, of, "effort")
     for word in JointDynamics._fields:
         value = getattr(of, word)
         if value is not None and not value >= 0.0:
-            yield document.problem(texts.BELOW_0, of, word, word=word, what=what, value=shown(value))
+            yield document.problem(f"the {word} of {what} is {shown(value)}: it must not be negative", of, word)
 
 
 def _inertial_problems(document: Document, node: RaffNode, inertial: RaffInertial) -> Iterator[Problem]:
     what = label(node)
 
-    def problem(text: str, word: str, **fields: object) -> Problem:
-        return document.problem(text, inertial, word, "inertial", what=what, **fields)
+    def problem(message: str, word: str) -> Problem:
+        return document.problem(message, inertial, word, "inertial")
 
     if inertial.mass is None and inertial.density is None:
-        yield problem(texts.NO_MASS, "inertial")
+        yield problem(f"the inertial of {what} has no 'mass' (kg), nor a 'density' (kg/m3)", "inertial")
     if inertial.mass is not None and inertial.mass < 0.0:
         yield problem(negative_mass(what, inertial.mass), "mass")
     for word in ("density", "radius"):
         value = getattr(inertial, word)
         if value is not None and not value > 0.0:
-            yield problem(texts.NOT_ABOVE_0, word, quantity=word, value=shown(value))
+            yield problem(f"the {word} of {what} is {shown(value)}: it must be above 0", word)
     if inertial.density is None and inertial.radius is not None:
-        yield problem(texts.RADIUS_OF_BARS, "radius")
+        yield problem(f"'radius' of {what} is that of bars of a 'density': add it, or remove 'radius'", "radius")
     if inertial.density is not None:
         for word in ("mass", "centre", "moments", "products"):
             if word in inertial.locations or getattr(inertial, word) != getattr(_NO_INERTIAL, word):
-                yield problem(texts.DENSITY_AND_MASS, word, other=word)
+                yield problem(f"{what} has a 'density', from which '{word}' follows: remove one of them", word)
         if inertial.radius is None and not node.filenames:
-            yield problem(texts.DENSITY_OF_NOTHING, "density")
+            why = f"{what} has a 'density' but no graphics: name files, or give the 'radius' of its bars"
+            yield problem(why, "density")
 
 
 _NO_INERTIAL = RaffInertial()
@@ -170,30 +174,33 @@ def _variable_problems(document: Document, link: RaffLink, names: Mapping[str, R
     problem, what = document.problem, f"link {link.number}"
     if link.compound is None:
         if link.variables:
-            yield problem(texts.NO_VARIABLES, link.variables[0], "name", what=what)
+            why = f"{what} has variables but no joint that has several: remove them, or write 'joint' for 'type'"
+            yield problem(why, link.variables[0], "name")
         return
     if link.type is not JointType.FIXED or "type" in link.locations:
-        yield problem(texts.TYPE_AND_JOINT, link, "type", what=what)
+        yield problem(f"{what} has both 'type' and 'joint': remove one of them", link, "type")
     known = VARIABLES[link.compound]
     for word in OF_JOINT:
         if getattr(link, word) is not None:
             first = next(iter(known))
-            yield problem(texts.IN_A_VARIABLE, link, word, compound=link.compound, what=what, word=word, first=first)
+            why = f"a {link.compound} joint has variables: write '{word}' for one of them, in 'variable {first} {{ }}'"
+            yield problem(why, link, word)
     for other, variable in duplicates(link.variables, lambda variable: variable.name):
         message = defined_twice(f"variable {variable.name} of {what}", other.line("name"))
         yield problem(message, variable, "name")
     for variable in link.variables:
         subject = f"variable {variable.name} of {what}"
         if variable.name not in known:
-            fields = {"compound": link.compound, "name": variable.name, "known": did_you_mean("", list(known))}
-            yield problem(texts.NO_SUCH_VARIABLE, variable, "name", **fields)
+            listed = did_you_mean("", list(known))
+            yield problem(f"a {link.compound} joint has no variable '{variable.name}'{listed}", variable, "name")
         elif variable.home and known[variable.name]:
-            yield problem(texts.HOME_IS_PARAMETER, variable, "home", what=subject, parameter=known[variable.name])
+            why = f"the home of {subject} is '{known[variable.name]}' of its parameters: write it there"
+            yield problem(why, variable, "home")
         yield from _limit_problems(document, subject, variable)
     for name in intermediate_names(link):
         if name in names:
             at = (names[name], "name") if "name" in names[name].locations else (link, "number")
-            yield problem(texts.NAME_NEEDED, *at, name=name, what=what)
+            yield problem(f"the name '{name}' is needed for a joint of {what}: choose another one", *at)
 
 
 def _cycles(document: Document, numbers: dict[int, RaffPart]) -> Iterator[Problem]:
@@ -210,9 +217,9 @@ def _cycles(document: Document, numbers: dict[int, RaffPart]) -> Iterator[Proble
             cycle = trail[trail.index(at) :]
             shown = " -> ".join(map(str, [*cycle[:8], *(["..."] if len(cycle) > 8 else []), at]))
             first = numbers[min(cycle)]
-            hint = texts.TO_BASE.format(keyword=first.keyword, number=first.number)
-            fields = {"keyword": numbers[at].keyword, "number": at, "shown": shown, "hint": hint}
-            yield document.problem(texts.CYCLE, numbers[at], "pred", **fields)
+            hint = f", such as to 'pred 0' in {first.keyword} {first.number}"
+            why = f"{label(numbers[at])} is part of a cycle of parents: {shown}: change the 'pred' of one of them{hint}"
+            yield document.problem(why, numbers[at], "pred")
 
 
 def _constraint_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
@@ -221,20 +228,22 @@ def _constraint_problems(document: Document, robot: RaffRobot) -> Iterator[Probl
         return
     known = did_you_mean("", [str(number) for number in sorted({0, *(part.number for part in robot.parts)})])
     sensors = {sensor.number for sensor in document.sensors}
-    declared = ", ".join(map(str, sorted(sensors))) or texts.NONE
+    declared = ", ".join(map(str, sorted(sensors))) or "none"
     for loop in robot.loops:
         for end, number in (("first", loop.first), ("second", loop.second)):
             if number not in robot.nodes:
-                yield problem(texts.NO_END, loop, end, robot=robot.name, number=number, known=known)
+                why = f"a loop ends at {number}, which does not exist{known}: add 'frame {number}', or name another one"
+                yield problem(why, loop, end)
         if loop.first == loop.second:
-            yield problem(texts.LOOP_TO_ITSELF, loop, "first", number=loop.first)
+            yield problem(f"a loop joins node {loop.first} to itself: name two different nodes", loop, "first")
     yield from _coupling_problems(document, robot)
     for constraint in robot.sensor_constraints:
         if constraint.node not in robot.nodes:
-            yield problem(texts.NO_NODE, constraint, "node", robot=robot.name, number=constraint.node, known=known)
+            why = f"a sensor constraint of robot '{robot.name}' names {constraint.node}, which does not exist{known}"
+            yield problem(why, constraint, "node")
         for number in constraint.sensors:
             if number != 0 and number not in sensors:
-                yield problem(texts.NO_SENSOR, constraint, f"sensor {number}", number=number, declared=declared)
+                yield problem(f"sensor {number} is not declared (declared: {declared})", constraint, f"sensor {number}")
 
 
 def _coupling_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
@@ -247,42 +256,51 @@ def _coupling_problems(document: Document, robot: RaffRobot) -> Iterator[Problem
     loops = robot.loop_names if ends_exist else ()
     for coupling in robot.couplings:
         if coupling.name is not None and names.setdefault(coupling.name, coupling) is not coupling:
-            yield problem(texts.NAME_OF_COUPLING, coupling, "name", name=coupling.name)
+            why = f"the name '{coupling.name}' is that of another coupling: choose another one"
+            yield problem(why, coupling, "name")
         if coupling.name in loops:
-            yield problem(texts.NAME_OF_LOOP, coupling, "name", name=coupling.name)
+            yield problem(f"the name '{coupling.name}' is that of a loop: choose another one", coupling, "name")
         drives = [(f"drive {i}", drive.link) for i, drive in enumerate(coupling.drives)]
         ends = [("follower", coupling.follower), *drives]
         for i, (word, number) in enumerate(ends):
             if number in compound:
-                yield problem(texts.COUPLES_COMPOUND, coupling, word, number=number, compound=compound[number])
+                why = f"a coupling names link {number}, whose {compound[number]} joint has several variables: write it"
+                yield problem(f"{why} as successive links, each with a 'type'", coupling, word)
             elif number not in moving:
-                yield problem(texts.COUPLES_NOTHING, coupling, word, number=number, known=known)
+                why = f"a coupling names link {number}, which is not a link that moves: name another one{known}"
+                yield problem(why, coupling, word)
             elif number in (other for _, other in ends[:i]):
-                yield problem(texts.COUPLED_TWICE, coupling, word, number=number, known=known)
+                yield problem(f"a coupling names link {number} twice: name another one{known}", coupling, word)
         yield from _drive_problems(document, coupling, moving)
 
 
 def _drive_problems(document: Document, coupling: RaffCoupling, moving: Mapping[int, RaffLink]) -> Iterator[Problem]:
     """Yield what is wrong with the drives of a coupling between links that move."""
+    follower = coupling.follower
     for i, drive in enumerate(coupling.drives):
-        if drive.link not in moving or coupling.follower not in moving:
+        if drive.link not in moving or follower not in moving:
             continue
         at, word = (coupling, f"drive {i}"), drive.kind.name.lower()
-        follows, drives = (moving[number].type for number in (coupling.follower, drive.link))
-        ends_of = {"follower": coupling.follower, "link": drive.link, "own": follows.name.lower()}
-        if drive.kind is DriveKind.RATIO and follows is not drives:
-            yield document.problem(texts.RATIO_OF_TWO_TYPES, *at, **ends_of, other=drives.name.lower())
-        if drive.kind in (DriveKind.LEAD, DriveKind.RADIUS) and follows is drives:
-            yield document.problem(texts.SCREW_OF_ONE_TYPE, *at, **ends_of, word=word)
+        follows, drives = (moving[number].type.name.lower() for number in (follower, drive.link))
+        if drive.kind is DriveKind.RATIO and follows != drives:
+            why = f"'ratio' couples joints of one type, not {follows} and {drives}: use 'lead' (a screw) or 'radius'"
+            yield document.problem(why, *at)
+        if drive.kind in (DriveKind.LEAD, DriveKind.RADIUS) and follows == drives:
+            why = f"'{word}' couples a prismatic and a revolute joint, not two {follows} ones: use 'ratio'"
+            yield document.problem(why, *at)
         if not any(drive.numbers):
-            yield document.problem(texts.DRIVES_BY_0, *at, **ends_of, word=word)
+            yield document.problem(f"link {drive.link} does not drive link {follower}: its '{word}' is 0", *at)
 
 
 def _unit_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
     """Yield a problem if all lengths are below 1 mm and the file does not state that mm are meant."""
     size, node = longest(robot)
     if not document.states_units and 0.0 < size < LEAST_SIZE:
-        yield document.problem(texts.SMALL, node, "parameters", robot=robot.name, least=LEAST_SIZE, size=shown(size))
+        why = (
+            f"all lengths of robot '{robot.name}' are below {LEAST_SIZE:g} mm, the longest is {shown(size)} "
+            "mm: did you mean metres? Write 'units m' after the first line, or 'units mm' if they are in mm"
+        )
+        yield document.problem(why, node, "parameters")
 
 
 def _probable_parent(robot: RaffRobot, part: RaffPart) -> str:
@@ -291,4 +309,4 @@ def _probable_parent(robot: RaffRobot, part: RaffPart) -> str:
     while children := {child.number for child in robot.parts if child.pred in below} - below:
         below |= children
     ends = robot.nodes.keys() - below - {child.pred for child in robot.parts}
-    return texts.DID_YOU_MEAN.format(word=ends.pop() or texts.THE_BASE) if len(ends) == 1 else ""
+    return f": did you mean '{ends.pop() or '0 (the base)'}'?" if len(ends) == 1 else ""

@@ -11,7 +11,6 @@ import numpy as np
 from raff2urdf.arrays import Array
 from raff2urdf.errors import SourceLocation
 from raff2urdf.loops.slips import DrawnLoop, DrawnPart, Fault, slips
-from raff2urdf.raff import texts
 from raff2urdf.raff.compound import expanded
 from raff2urdf.raff.document import (
     Document,
@@ -104,4 +103,4 @@ def _typed(loop: RaffLoop, before: LoopKind, kind: LoopKind) -> str:
 
 def _rewritten(after: str, before: str, where: str, at: SourceLocation | None) -> str:
     line = f" (line {at.line})" if at is not None else ""
-    return texts.REWRITE.format(after=after, before=before, where=where, line=line)
+    return f"write '{after}' for '{before}' in {where}{line}"

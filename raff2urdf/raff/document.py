@@ -13,7 +13,6 @@ from functools import cached_property
 from typing import ClassVar
 
 from raff2urdf.errors import Problem, RaffError, did_you_mean
-from raff2urdf.raff import texts
 from raff2urdf.raff.source import Located, SourceText
 
 LEAST_SIZE = 5.0
@@ -382,14 +381,14 @@ class Document:
             if name is None or robot.name == name:
                 return robot
         if name is None:
-            raise RaffError(self.source.problem(texts.NO_ROBOT.format()))
+            raise RaffError(self.source.problem("the file has no robot: add 'robot NAME { }'"))
         names = [robot.name for robot in self.robots]
-        raise RaffError(self.problem(texts.NO_SUCH_ROBOT, name=name, hint=did_you_mean(name, names)))
+        raise RaffError(self.problem(f"there is no robot '{name}'{did_you_mean(name, names)}"))
 
-    def problem(self, text: str, statement: Located | None = None, /, *words: str, **fields: object) -> Problem:
-        """Return a problem at the first of some words that the statement has; `text` is a template of the fields."""
+    def problem(self, message: str, statement: Located | None = None, *words: str) -> Problem:
+        """Return a problem at the first of some words that the statement has."""
         at = (statement.locations.get(word) for word in words) if statement is not None else ()
-        return self.source.problem(text.format(**fields) if fields else text, next(filter(None, at), None))
+        return self.source.problem(message, next(filter(None, at), None))
 
     def metres(self, length: float) -> float:
         """Convert a length of the file to metres, by a division: 211.21 mm is the double nearest to 0.21121."""

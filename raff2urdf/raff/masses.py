@@ -44,8 +44,7 @@ class RaffMasses:
             whole = sum_of(self._of_files(node, node.inertial, density))
         else:
             bars = self.skeleton.bars(node, self.document.metres(radius))
-            solids = (of_geometry(bar.geometry, density).in_frame(bar.origin) for bar in bars if bar.origin is not None)
-            whole = sum_of(solids)
+            whole = sum_of(of_geometry(shape, density).in_frame(placed) for shape, placed in bars)
         if whole.mass <= 0.0:
             lacking = "no children, and so no bars" if radius is not None else "graphics that enclose no volume"
             raise self._error(node.inertial, f"{label(node)} has a 'density', but {lacking}: give its 'mass'")

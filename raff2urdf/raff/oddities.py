@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 
 from raff2urdf.errors import Problem, duplicates, first_on
 from raff2urdf.quantities import typed_in_radians
-from raff2urdf.raff import texts
 from raff2urdf.raff.compound import VARIABLES
 from raff2urdf.raff.document import OF_JOINT, CompoundKind, Document, JointType, RaffLink, RaffNode, RaffRobot
 from raff2urdf.raff.sizes import LARGEST, label, longest, sizes
@@ -20,16 +19,18 @@ def oddities(document: Document, robot: RaffRobot) -> Iterator[Problem]:
     problem = document.problem
     size, longest_node = longest(robot)
     if document.metres(size) > LONGEST and document.units == "m":
-        yield problem(texts.LARGE, longest_node, "parameters", robot=robot.name, size=shown(size))
+        why = f"robot '{robot.name}' has a length of {shown(size)} m: if it is in mm, write 'units mm' for 'units m'"
+        yield problem(why, longest_node, "parameters")
     for first, loop in duplicates(robot.loops, lambda loop: (*sorted((loop.first, loop.second)), loop.kind)):
-        yield problem(texts.LOOP_TWICE, loop, "first", first=first_on(first.line("first")))
+        why = f"this loop was declared before{first_on(first.line('first'))}: remove one of them"
+        yield problem(why, loop, "first")
     for node in (robot.base, *robot.parts):
         yield from _angles_in_radians(document, node)
         yield from _moments_in_metres(document, node, document.metres(size))
         if node.inertial is not None and all(size <= LARGEST for _, size in sizes(document, node.inertial)):
-            why = stated_inertia(document, node.inertial).why_unphysical()
-            if why is not None:
-                yield problem(texts.NO_BODY, node.inertial, "moments", "inertial", node=label(node), why=why)
+            unphysical = stated_inertia(document, node.inertial).why_unphysical()
+            why = f"no body can have the inertia of {label(node)}: {unphysical}; no forces can be computed"
+            yield from [problem(why, node.inertial, "moments", "inertial")] if unphysical is not None else []
     for link in robot.links:
         yield from _variables_outside_limits(document, link)
         yield from _useless_efforts(document, link)
@@ -41,7 +42,7 @@ def _odd_joint(document: Document, link: RaffLink) -> Iterator[Problem]:
     if link.type is JointType.FIXED and not link.compound:
         for word in OF_JOINT:
             if getattr(link, word):
-                yield document.problem(texts.FIXED_HAS, link, word, number=link.number, word=word)
+                yield document.problem(f"link {link.number} is fixed, so '{word}' has no effect: remove it", link, word)
     elif link.limits:
         what = f"link {link.number}"
         home = link.parameters.theta if link.type is JointType.REVOLUTE else link.parameters.r
@@ -49,7 +50,8 @@ def _odd_joint(document: Document, link: RaffLink) -> Iterator[Problem]:
         if not link.limits[0] <= home <= link.limits[1]:
             yield document.problem(_outside(what, home, link.limits, degrees), link, "limits")
         elif degrees is not None:
-            yield document.problem(texts.LIMITS_IN_RADIANS, link, "limits", what=what, degrees=" ".join(degrees))
+            why = f"limits of {what} in radians: angles are in degrees, write 'limits {{ {' '.join(degrees)} }}'"
+            yield document.problem(why, link, "limits")
 
 
 LONGEST = 100.0
@@ -66,10 +68,10 @@ def _angles_in_radians(document: Document, node: RaffNode) -> Iterator[Problem]:
             digits = len(written.partition(".")[2])
             if abs(value) < math.tau and round(math.radians(part), digits) == abs(value):
                 signed = shown(math.copysign(part, value))
-                fields = {"value": shown(value), "angle": f"{signed} degrees", "degrees": signed}
-                yield document.problem(
-                    texts.ANGLE_IN_RADIANS, node, "parameters", word=word, what=label(node), **fields
+                why = (
+                    f"'{word} {shown(value)}' of {label(node)} is {signed} degrees in radians: write '{word} {signed}'"
                 )
+                yield document.problem(why, node, "parameters")
 
 
 def _degrees(link: RaffLink) -> list[str] | None:
@@ -87,8 +89,11 @@ def _moments_in_metres(document: Document, node: RaffNode, size: float) -> Itera
     if 0.01 * size < 1e3 * radius < size:
         factor = document.metres(1.0) ** -2
         moments = " ".join(f"{factor * moment:.6g}" for moment in inertial.moments)
-        fields = {"what": label(node), "size": f"{1e3 * radius:.2g}", "moments": moments}
-        yield document.problem(texts.MOMENTS_IN_M, inertial, "moments", **fields)
+        why = (
+            f"the moments of {label(node)} are those of a body of {1000.0 * radius:.2g} mm: if they are in "
+            f"kg m2, write 'moments {{ {moments} }}'"
+        )
+        yield document.problem(why, inertial, "moments")
 
 
 def _useless_efforts(document: Document, link: RaffLink) -> Iterator[Problem]:
@@ -97,7 +102,8 @@ def _useless_efforts(document: Document, link: RaffLink) -> Iterator[Problem]:
         (f"variable {variable.name} of link {link.number}", variable) for variable in link.variables
     ]:
         if of.effort is not None and (of.actuated is False or (ball and not of.actuated)):
-            yield document.problem(texts.USELESS_EFFORT, of, "effort", what=what)
+            why = f"the joint of {what} is passive, so 'effort' has no effect: remove it, or write 'actuated 1'"
+            yield document.problem(why, of, "effort")
 
 
 def _variables_outside_limits(document: Document, link: RaffLink) -> Iterator[Problem]:
@@ -111,5 +117,5 @@ def _variables_outside_limits(document: Document, link: RaffLink) -> Iterator[Pr
 
 def _outside(what: str, home: float, limits: tuple[float, float], degrees: Sequence[str] | None = None) -> str:
     low, high = map(shown, limits)
-    hint = texts.IN_RADIANS.format(low=degrees[0], high=degrees[1]) if degrees else ""
-    return texts.HOME_OUTSIDE.format(home=shown(home), what=what, low=low, high=high, hint=hint)
+    hint = f"; if these are radians, write 'limits {{ {degrees[0]} {degrees[1]} }}'" if degrees else ""
+    return f"home {shown(home)} of {what} is outside its limits {low} to {high}: change either{hint}"

@@ -12,7 +12,6 @@ from typing import Any, NoReturn
 
 from raff2urdf.errors import Problem, RaffError, SourceLocation, did_you_mean
 from raff2urdf.files import read_bytes
-from raff2urdf.raff import texts
 from raff2urdf.raff.check import check_tree
 from raff2urdf.raff.document import UNITS_PER_METRE, Document, JointType, LoopKind
 from raff2urdf.raff.source import SourceText
@@ -90,7 +89,7 @@ def parse(text: str, name: str = "<text>") -> Document:
     source = SourceText(name, tuple(lines))
     for number, line in enumerate(lines, 1):
         if len(line) > LONGEST_LINE:
-            message = texts.LONG_LINE.format(line=number, length=len(line), most=LONGEST_LINE)
+            message = f"line {number} is {len(line)} characters long; at most {LONGEST_LINE} are allowed"
             raise RaffError(Problem(message, name, SourceLocation(number, 1)))
     reading = _Reading(source)
     document = reading.run()
@@ -158,8 +157,11 @@ class _Reading:
         """The token to be read next."""
         if self.current.kind == "ILLEGAL":
             text = self.current.text
-            known = {'"': texts.OPEN_TEXT, "/": texts.LONE_SLASH}
-            self.stop(known.get(text) or texts.UNEXPECTED_CHARACTER.format(character=repr(text)), self.current)
+            known = {
+                '"': "this text is not closed on its line: a '\"' is missing",
+                "/": "a lone '/': comments begin with '//'",
+            }
+            self.stop(known.get(text) or f"unexpected character {text!r}: write a space for it", self.current)
         return self.current
 
     def take(self) -> Token:
@@ -172,13 +174,13 @@ class _Reading:
         """Return the name in the first line."""
         first = self.token
         if first.kind != "END" and first.text != "RAFF":
-            hint = texts.IS_XML if first.text.startswith("<") else ""
-            self.stop(texts.NO_HEADER.format(found=first.text, hint=hint), first)
+            hint = ": a URDF, SDF or MJCF is read by its ending" if first.text.startswith("<") else ""
+            self.stop(f"a RAFF file begins with 'RAFF <name>', not with '{first.text}'{hint}", first)
         self.take()
         if self.token.kind == "END":
-            self.stop(texts.ENDS_BEFORE_HEADER, self.token)
+            self.stop("the file ends too early: a RAFF file begins with 'RAFF <name>'", self.token)
         if self.token.line > first.line:
-            self.stop(texts.HEADER_ON_TWO_LINES, first)
+            self.stop("a RAFF file begins with 'RAFF <name>', both on one line", first)
         return self.expect("NAME").string
 
     # --- by the table ---------------------------------------------------------------------------------------------
@@ -208,7 +210,7 @@ class _Reading:
                 self.statement(inner)
             for name, member in STATEMENTS[inner.kind].items():
                 if member.required is not None and not {name, member.unless} & inner.values.keys():
-                    message = texts.LACKS.format(label=inner.label, word=name, meaning=member.required)
+                    message = f"{inner.label} has no '{name}'{member.required}: add it"
                     self.missing.append(self.source.problem(message, location))
             arguments = [inner, *arguments]
         block.add(self.report, statement, word, statement.value(self.report, *arguments), location)
@@ -244,12 +246,12 @@ class _Reading:
         token = self.token
         if token.kind == "WORD":
             hint = self.hint(word, token)
-            self.report(texts.NOT_A_NUMBER.format(word=word.text, found=token.text, hint=hint), token.location)
+            self.report(f"'{word.text}' needs a number, and '{token.text}' is not one{hint}", token.location)
             return self.take()._replace(kind="NUMBER", text="1")
         if token.kind in ("NUMBER", "END"):
             return self.expect("NUMBER")
         wanted = COUNTS.get(word.text, "a number")
-        self.report(texts.NEEDS.format(word=word.text, wanted=wanted), token.location)
+        self.report(f"'{word.text}' needs {wanted} here", token.location)
         return token._replace(kind="MISSING", text="1")
 
     def expect(self, kind: str) -> Token:
@@ -259,9 +261,9 @@ class _Reading:
             return self.take()
         if token.kind == "END":
             self.at_end(shown)
-        message = texts.EXPECTED.format(wanted=shown, found=token.text)
+        message = f"expected {shown} here, found '{token.text}'"
         if kind == "STRING" and token.kind == "WORD":
-            self.report(texts.QUOTE_IT.format(message=message), token.location)
+            self.report(f"{message}: put it in quotation marks", token.location)
             return self.take()._replace(kind="STRING", text='""')
         self.stop(message, token)
 
@@ -270,9 +272,9 @@ class _Reading:
     def at_end(self, missing: str) -> NoReturn:
         block = self.open[-1]
         if not self.problems and block.kind:
-            self.stop(texts.ENDS_INSIDE.format(label=block.label, line=block.line), self.token)
+            self.stop(f"the file ends inside {block.label}, opened on line {block.line}: a '}}' is missing", self.token)
         if not self.problems:
-            self.stop(texts.ENDS_EARLY.format(missing=missing), self.token)
+            self.stop(f"the file ends too early: {missing} is missing", self.token)
         raise _StopReadingError
 
     def hint(self, word: Token, token: Token) -> str:
@@ -280,16 +282,19 @@ class _Reading:
         if word.text == "type":
             kinds: list[IntEnum] = list(LoopKind if self.open[-1].kind == "constraint" else JointType)
             near = difflib.get_close_matches(token.text.lower(), [kind.name.lower() for kind in kinds], n=1)
-            meant = [texts.A_KIND.format(value=kind.value) for kind in kinds if kind.name.lower() in near]
+            meant = [f": write 'type {kind.value}'" for kind in kinds if kind.name.lower() in near]
             return f" ({', '.join(f'{kind.value} {kind.name.lower()}' for kind in kinds)}){''.join(meant)}"
         if match := re.fullmatch(NUMBER_WITH_UNIT, token.text):
             stated = self.open[0].values.get("units", "mm")
             units = stated if stated in UNITS_PER_METRE else "mm"
             factor = UNITS_PER_METRE[units] / UNITS_PER_METRE.get(match["unit"], UNITS_PER_METRE[units])
-            why = texts.NO_UNITS.format(units=units)
-            return texts.HAS_UNIT.format(value=f"{float(match['number']) * factor:.10g}", why=why)
+            why = (
+                f" (numbers have no unit: lengths are in the file's `units`, here {units}; angles in degrees, "
+                "masses in kg)"
+            )
+            return f": write {float(match['number']) * factor:.10g}{why}"
         if re.fullmatch(DECIMAL_COMMA, token.text):
-            return texts.DECIMAL_POINT.format(value=token.text.replace(",", "."))
+            return f": write {token.text.replace(',', '.')}"
         return ""
 
     def unfitting(self, block: Block, token: Token) -> None:
@@ -299,28 +304,28 @@ class _Reading:
         outer = [home for home in homes if home in self.closed]
         if token.kind == "}":
             label, line = self.closed.get("robot", ("", 0))
-            remedy = texts.WAS_CLOSED.format(label=label, line=line) if label else texts.REMOVE_IT
-            self.stop(texts.BRACE_TOO_MANY.format(remedy=remedy), token)
+            remedy = f"{label} was closed on line {line}" if label else "remove it"
+            self.stop(f"one '}}' too many: {remedy}", token)
         if token.kind != "WORD":
             listed = ", ".join(f"'{term}'" for term in known) or "'}'"
-            message = texts.UNEXPECTED.format(found=word, label=block.label, listed=listed)
+            message = f"unexpected '{word}' in {block.label}: expected {listed}"
         elif block.kind and word in STATEMENTS[""]:
-            message = texts.BELONGS_OUTSIDE.format(word=word, label=block.label)
+            message = f"'{word}' is inside {block.label}: it belongs outside every robot"
         elif outer and not any(opened.kind in homes for opened in self.open):
             home = max(outer, key=lambda kind: self.closed[kind][1])
             label, line = self.closed[home]
-            name = texts.A_PARAMETER_BLOCK if home == "parameters" else texts.A_BLOCK.format(kind=home)
-            closed = texts.WAS_CLOSED.format(label=label, line=line)
-            self.report(texts.IS_OUTSIDE.format(word=word, home=name, closed=closed), token.location)
+            name = "a parameter block" if home == "parameters" else f"a {home}"
+            closed = f"{label} was closed on line {line}"
+            self.report(f"'{word}' is outside {name}: {closed}; remove that '}}'", token.location)
             self.reopen(known)
             return
         elif block.kind == "parameters":
-            message = texts.UNKNOWN_PARAMETER.format(word=word, hint=did_you_mean(word, known))
+            message = f"unknown parameter '{word}'{did_you_mean(word, known)}"
         elif homes:
             listed = " or ".join(f"'{home} {{ }}'" for home in homes)
-            message = texts.BELONGS_IN.format(word=word, label=block.label, homes=listed)
+            message = f"'{word}' does not belong in {block.label}, but in {listed}"
         else:
-            message = texts.UNKNOWN_WORD.format(word=word, label=block.label, hint=did_you_mean(word, known))
+            message = f"unknown word '{word}' in {block.label}{did_you_mean(word, known)}"
         self.report(message, token.location)
         self.skip(token.line, known, block.kind != "parameters")
 

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from functools import partial
 
 from raff2urdf.errors import Problem, RaffError
-from raff2urdf.raff import texts
 from raff2urdf.raff.compound import expanded
 from raff2urdf.raff.document import Document, RaffInertial, RaffNode, RaffRobot
 from raff2urdf.tree import coupling_of, joint_dynamics
@@ -35,36 +33,38 @@ def check_sizes(document: Document, robot: RaffRobot) -> None:
 
 
 def _too_large(document: Document, robot: RaffRobot) -> Iterator[Problem]:
-    problem = partial(document.problem, largest=LARGEST)
+    problem = document.problem
     if document.gravity is not None and not max(map(abs, document.gravity)) <= LARGEST:
-        yield problem(texts.GRAVITY_TOO_LARGE)
+        yield problem(f"a number of 'gravity' is beyond {LARGEST:g} m/s2, the largest")
     for node in (robot.base, *robot.parts):
         lengths = {word: abs(document.metres(getattr(node.parameters, word))) for word in ("r", "d", "epsilon")}
         for word in (word for word, length in lengths.items() if not length <= LARGEST):
-            yield problem(texts.LENGTH_TOO_LARGE, node, "parameters", word=word, node=label(node))
+            yield problem(f"{word} of {label(node)} is beyond {LARGEST:g} m, the largest length", node, "parameters")
         for word, largest in sizes(document, node.inertial) if node.inertial is not None else ():
             if not largest <= LARGEST:
                 at = (node.inertial, word, "inertial")
-                yield problem(texts.INERTIAL_TOO_LARGE, *at, word=word, node=label(node))
+                why = f"'{word}' of the inertial of {label(node)} is beyond {LARGEST:g} in SI units, the largest"
+                yield problem(why, *at)
     for link in expanded(robot).links:
         for word, value in joint_dynamics(document, link)._asdict().items():
             if not value <= LARGEST:
-                yield problem(texts.DYNAMICS_TOO_LARGE, link, word, word=word, joint=link.joint)
+                yield problem(f"the {word} of {link.joint} is beyond {LARGEST:g} in SI units, the largest", link, word)
     yield from _large_couplings(document, robot)
 
 
 def _large_couplings(document: Document, robot: RaffRobot) -> Iterator[Problem]:
     """Yield a problem for each coefficient and constant of a coupling that is too large, or too small."""
-    problem = partial(document.problem, largest=LARGEST)
+    problem = document.problem
     for i, coupling in enumerate(robot.couplings):
         equation, follower = coupling_of(document, robot, i), coupling.follower
         terms = list(equation.terms.values())[1:]
         for j, (drive, coefficients) in enumerate(zip(coupling.drives, terms, strict=True)):
             if not SMALLEST <= max(map(abs, coefficients)) <= LARGEST:
-                fields = {"link": drive.link, "follower": follower, "least": SMALLEST}
-                yield problem(texts.COEFFICIENTS_TOO_LARGE, coupling, f"drive {j}", **fields)
+                why = f"link {drive.link} has coefficients beyond {LARGEST:g} in SI units, or all below {SMALLEST:g}"
+                yield problem(why, coupling, f"drive {j}")
         if not abs(equation.constant) <= LARGEST:
-            yield problem(texts.OFFSET_TOO_LARGE, coupling, "offset", follower=follower)
+            why = f"the 'offset' of link {follower} in a coupling is beyond {LARGEST:g} in SI units, the largest"
+            yield problem(why, coupling, "offset")
 
 
 def label(node: RaffNode) -> str:

@@ -17,7 +17,6 @@ from typing import Any
 
 from raff2urdf.axes import parse_axes
 from raff2urdf.errors import RaffError, SourceLocation, did_you_mean
-from raff2urdf.raff import texts
 from raff2urdf.raff.document import (
     UNITS_PER_METRE,
     CompoundKind,
@@ -74,7 +73,7 @@ class Block:
             self.values.setdefault(name, []).append(value)
         elif name in self.values:
             first = self.locations[name].line
-            report(texts.GIVEN_TWICE.format(word=word.text, label=self.label, line=first), location)
+            report(f"'{word.text}' is given twice in {self.label}, first on line {first}: remove one of them", location)
         else:
             self.values[name], self.locations[name] = value, location
 
@@ -97,7 +96,7 @@ def finite(report: Report, token: Token) -> float:
     """Return the number of a token."""
     value = float(token.text)
     if not math.isfinite(value):
-        report(texts.TOO_LARGE.format(found=token.text), token.location)
+        report(f"'{token.text}' is too large for a number: the largest is 1.8e308", token.location)
         return 0.0
     return value
 
@@ -106,10 +105,10 @@ def whole(report: Report, token: Token, least: int = 0) -> int:
     """Return the whole number of a token, from `least` on."""
     value = finite(report, token)
     if value != int(value) or value < least:
-        report(texts.NOT_WHOLE.format(found=token.text, least=least), token.location)
+        report(f"'{token.text}' must be a whole number from {least}", token.location)
         return least
     if value > LARGEST_WHOLE:
-        report(texts.WHOLE_TOO_LARGE.format(found=token.text, most=LARGEST_WHOLE), token.location)
+        report(f"'{token.text}' is too large for a whole number: the largest is {LARGEST_WHOLE}", token.location)
         return least
     return int(value)
 
@@ -138,7 +137,7 @@ class Choice:
         value = finite(report, token)
         if value != int(value) or not 0 <= value < len(self.words):
             known = ", ".join(f"{i} {word}" for i, word in enumerate(self.words))
-            report(texts.UNKNOWN_CHOICE.format(what=self.what, found=token.text, known=known), token.location)
+            report(f"{self.what} {token.text} is unknown (known: {known})", token.location)
             value = 0
         return self.make(int(value))
 
@@ -146,7 +145,7 @@ class Choice:
 def _compound(report: Report, token: Token) -> CompoundKind:
     kinds = [kind.value for kind in CompoundKind]
     if token.text not in kinds:
-        report(texts.UNKNOWN_JOINT.format(found=token.text, hint=did_you_mean(token.text, kinds)), token.location)
+        report(f"unknown joint '{token.text}'{did_you_mean(token.text, kinds)}", token.location)
         return CompoundKind.BALL
     return CompoundKind(token.text)
 
@@ -161,7 +160,7 @@ def _variable(_: Report, block: Block, name: Token) -> RaffVariable:
 
 def _units(report: Report, token: Token) -> str:
     if token.text not in UNITS_PER_METRE:
-        report(texts.UNKNOWN_UNIT.format(found=token.text, known=", ".join(UNITS_PER_METRE)), token.location)
+        report(f"unknown unit '{token.text}' (known: {', '.join(UNITS_PER_METRE)})", token.location)
     return token.text
 
 
@@ -208,13 +207,13 @@ def _constraint(report: Report, block: Block, keyword: Token) -> RaffLoop | Sens
     at = min([*(at for _, at in nodes), *locations.values()], default=keyword.location)
     if "sensor" in values:
         if len(nodes) != 1 or "type" in values:
-            report(texts.SENSORS_OF_ONE_NODE, at)
+            report("a constraint with sensors must name one node, and no type", at)
         sensors = {f"sensor {number}": location for number, location in values["sensor"]}
         node = nodes[0] if nodes else (0, at)
         numbers = tuple(number for number, _ in values["sensor"])
         return SensorConstraint(node[0], numbers, locations={**locations, **sensors, "node": node[1]})
     if len(nodes) != 2:
-        report(texts.TWO_NODES, at)
+        report("a constraint must name two nodes (a loop), or one node and the sensors that it may follow", at)
         return RaffLoop(0, 0)
     (first, first_at), (second, second_at) = nodes
     kind = values.get("type", LoopKind.RIGID)
@@ -228,6 +227,10 @@ def _drive(kind: DriveKind) -> Callable[..., tuple[DriveKind, tuple[float, ...],
     return value
 
 
+_NEEDS_LINKS = "a coupling must name the link that follows, and then those that drive it: link 5 link 3 ratio -2"
+_NEEDS_DRIVE = "drives a coupling: state its 'ratio', 'lead', 'radius' or 'polynomial'"
+
+
 def _coupling(report: Report, block: Block, keyword: Token) -> RaffCoupling:
     parts, locations = block.values.get("parts", []), dict(block.locations)
     numbers: list[tuple[int, SourceLocation]] = []
@@ -235,18 +238,19 @@ def _coupling(report: Report, block: Block, keyword: Token) -> RaffCoupling:
     for part in parts:
         if len(part) == 2:  # a link
             if len(numbers) - len(drives) > 1:
-                report(texts.NEEDS_DRIVE.format(link=numbers[-1][0]), numbers[-1][1])
+                report(f"link {numbers[-1][0]} {_NEEDS_DRIVE}", numbers[-1][1])
                 return RaffCoupling(0, ())
             numbers.append(part)
             locations["follower" if len(numbers) == 1 else f"drive {len(numbers) - 2}"] = part[1]
         elif len(numbers) - len(drives) != 2:
-            report(texts.DRIVES_NOTHING.format(word=part[0].name.lower()), part[2])
+            word = part[0].name.lower()
+            report(f"'{word}' belongs after a link that drives; the first link of a coupling follows", part[2])
             return RaffCoupling(0, ())
         else:
             drives.append(RaffDrive(numbers[-1][0], *part[:2]))
     if len(numbers) < 2 or len(drives) != len(numbers) - 1:
         at = numbers[-1] if numbers else (0, keyword.location)
-        report(texts.NEEDS_DRIVE.format(link=at[0]) if len(numbers) > 1 else texts.NAMES_NO_DRIVE, at[1])
+        report(f"link {at[0]} {_NEEDS_DRIVE}" if len(numbers) > 1 else _NEEDS_LINKS, at[1])
         return RaffCoupling(0, ())
     values = {word: block.values[word] for word in ("offset", "name") if word in block.values}
     return RaffCoupling(numbers[0][0], tuple(drives), **values, locations=locations)

@@ -107,7 +107,7 @@ def read(
     source = _Source(text, path, is_file, robot, ignore_loops, IgnoreList(ignore), options)
     described = READERS[kind](source)
     options.met("package", *re.findall(r"(?:package|model)://([^/\"']+)", described.urdf))
-    return _checked(described, source)
+    return checked(described, path, source.ignore, ignore_loops)
 
 
 class _Source(NamedTuple):
@@ -136,18 +136,22 @@ def _with_options(source: _Source) -> str:
     return text_of(root)
 
 
-def _checked(described: Description, source: _Source) -> Description:
-    """Return a robot without what is ignored, once it is checked."""
+def checked(described: Description, path: Path, ignore: IgnoreList, ignore_loops: bool) -> Description:
+    """Return a robot without what is ignored, once it is checked.
+
+    Raises:
+        RaffError: its constraints contradict each other, or `ignore` names none.
+    """
     from raff2urdf.constraints import check_values
 
-    described = _without(described, source.ignore, source.ignore_loops)
+    described = _without(described, ignore, ignore_loops)
     if described.constraints is not None:
-        check_values(described.constraints, str(source.path))
-    if not source.ignore_loops:
-        source.ignore.check(str(source.path))
+        check_values(described.constraints, str(path))
+    if not ignore_loops:
+        ignore.check(str(path))
     if described.left_out:
-        moves = "; every joint moves independently" if source.ignore_loops else ""
-        warn(f"{source.path}: left out, as requested{moves}: {', '.join(described.left_out)}")
+        moves = "; every joint moves independently" if ignore_loops else ""
+        warn(f"{path}: left out, as requested{moves}: {', '.join(described.left_out)}")
     return described
 
 
@@ -166,8 +170,8 @@ def _without(described: Description, ignore: IgnoreList, all_of_them: bool) -> D
     if all_of_them:
         return described._replace(constraints=without_loops(kept), left_out=tuple(left_out))
     if len(left_out) > len(described.left_out):
-        stated = ("mobility", "loop_rows", "loop_rank")
-        kept = {key: value for key, value in kept.items() if key not in stated and (key != "couplings" or value)}
+        counted = dict.fromkeys(kept.keys() & {"mobility", "loop_rows", "loop_rank"})
+        kept = {key: value for key, value in (kept | counted).items() if key != "couplings" or value}
     return described._replace(constraints=kept, left_out=tuple(left_out))
 
 

@@ -32,7 +32,7 @@ def lead(element: Any, label: str, name: str) -> float:
 
 
 def parameter(element: Any, word: str, label: str, name: str, default: float) -> float:
-    """Return the number in an element of a joint or a mimic; the arguments are those of `lead`.
+    """Return the number in an element of a joint, a mimic or an inertia; the arguments are those of `lead`.
 
     Raises:
         RaffError: it is not a number.
@@ -40,7 +40,8 @@ def parameter(element: Any, word: str, label: str, name: str, default: float) ->
     child = element.find(word)
     if child is None:
         return default
-    value = numbers(child.text or "")
+    text = child.text or ""
+    value = numbers(text)
     if value is None or len(value) != 1:
-        raise error_at(name, child, f"the {word} of {label} must be a number{SIZE}, not '{(child.text or '').strip()}'")
+        raise error_at(name, child, f"the {child.tag} of {label} must be a number, not '{text.strip()[:60]}'{SIZE}")
     return value[0]

@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from lxml import etree
@@ -14,7 +14,6 @@ from lxml import etree
 from raff2urdf.arrays import Array
 from raff2urdf.inertia import Inertia
 from raff2urdf.placement import from_origin
-from raff2urdf.raff import texts
 from raff2urdf.readers.xml_file import error_at
 
 UNLIMITED = 1e9
@@ -28,23 +27,13 @@ SIZE = f" (none beyond {LARGEST:g})"
 LEAST_SPEED = 1e-12
 """A velocity limit (rad/s, m/s) is greater."""
 
-TOO_SLOW = texts.TOO_SLOW.format(least=LEAST_SPEED)
+TOO_SLOW = f"it must be above 0, and not as slow as {LEAST_SPEED:g} rad/s or m/s; or left out"
 
 IGNORE = "--ignore-loops (in Python ignore_loops=True)"
 """The option that leaves all loops open."""
 
 SWAP = "--swap-limits (in Python swap_limits=True)"
 """The option that exchanges limits that are reversed."""
-
-
-class MovingJoint(NamedTuple):
-    """A joint of a URDF: revolute or prismatic, its limits (rad, m), velocity limit (rad/s, m/s) and effort limit
-    (N m, N), if any."""
-
-    type: str
-    limits: tuple[float, float] | None = None
-    velocity: float | None = None
-    effort: float | None = None
 
 
 def joints(tree: Any) -> list[Any]:
@@ -123,7 +112,12 @@ def origin(element: Any, name: str) -> Array:
         RaffError: it does not consist of numbers.
     """
     stated = element.find("origin")
-    return np.eye(4) if stated is None else from_origin(three(stated, "xyz", name), three(stated, "rpy", name))
+    return np.eye(4) if stated is None else placement(stated, name)
+
+
+def placement(element: Any, name: str) -> Array:
+    """Return the placement (4, 4) that an element's own `xyz` and `rpy` give."""
+    return from_origin(three(element, "xyz", name), three(element, "rpy", name))
 
 
 def three(element: Any, word: str, name: str, default: str = "0 0 0") -> tuple[float, float, float]:
@@ -268,7 +262,7 @@ def swap_limits(tree: Any) -> list[str]:
 
 def negative_mass(label: str, mass: float) -> str:
     """Return the error of a mass (kg) below 0."""
-    return texts.NEGATIVE_MASS.format(what=label, mass=mass)
+    return f"the mass of {label} is {mass:g} kg: it must not be negative"
 
 
 def lacks(inertial: Any) -> str | None:

@@ -146,7 +146,7 @@ class UrdfBuilder:
             values["balls"] = self._balls
         if self._couplings:
             values["couplings"] = self._couplings
-        return ExactUrdf(self._robot).checked().text(), values
+        return ExactUrdf(self._robot).text(), values
 
 
 def shapes(kind: str, sizes: ArrayLike, file: str = "", height: float = 0.0) -> Iterator[Shape]:

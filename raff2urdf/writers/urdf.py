@@ -106,7 +106,7 @@ def tree(
         if not visuals and node.filenames != ():  # `filename { }` shows nothing
             visuals = [_visual(shape, graphics, out) for shape in bodies.of(node)]
             bars = enumerate(skeleton.draw(node))
-            collisions = [Collision(f"{MARK} {i}", bar.origin, bar.geometry) for i, bar in bars]
+            collisions = [Collision(f"{MARK} {i}", placed, shape) for i, (shape, placed) in bars]
         return Link(name=node.node, visuals=visuals, collisions=collisions, inertial=inertial(masses.of(node)))
 
     placement = transform(kleinfinger(document, robot.base.parameters))
@@ -118,7 +118,7 @@ def tree(
     for part in robot.parts:
         links.append(body(part))
         joints.append(_joint(document, robot, part))
-    return ExactUrdf(Robot(robot.name, links, joints), folder=out or "").checked(), missing
+    return ExactUrdf(Robot(robot.name, links, joints), folder=out or ""), missing
 
 
 def _visual(shape: Shape, graphics: Graphics, out: Path | None) -> Visual:

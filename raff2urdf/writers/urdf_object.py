@@ -54,16 +54,6 @@ class ExactUrdf(yourdfpy.URDF):  # type: ignore[misc]  # yourdfpy has no types
         with self._named(""):
             return text_of(self.write_xml().getroot())
 
-    def checked(self) -> ExactUrdf:
-        """Return the same URDF.
-
-        Raises:
-            RaffError: it lacks what every URDF has.
-        """
-        if not self.validate():
-            raise RaffError(f"robot '{self.robot.name}' can't be written as URDF: {self.errors[0].msg}")
-        return self
-
     def _write_link(self, xml_parent: etree._Element, link: yourdfpy.Link) -> None:
         with self._named(f"link '{link.name}' of "):
             super()._write_link(xml_parent, link)

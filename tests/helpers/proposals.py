@@ -2,7 +2,6 @@
 
 import ast
 import re
-import string
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,13 +14,9 @@ PROPOSAL = re.compile(rf"(?:^|[:;,.(] )(?:or |then )?(?:{VERBS})\b|--[a-z]{{2}}\
 ANYTHING = "\0"
 
 
-def text_of(node: ast.AST, *, is_format: bool) -> str | None:
+def text_of(node: ast.AST) -> str | None:
     """A text of the sources, in which one character stands for every placeholder."""
     match node:
-        case ast.Constant(value=str(text)) if is_format and "{" in text:
-            return "".join(
-                literal + ANYTHING * (name is not None) for literal, name, _, _ in string.Formatter().parse(text)
-            )
         case ast.Constant(value=str(text)):
             return text
         case ast.JoinedStr(values=values):
@@ -29,27 +24,25 @@ def text_of(node: ast.AST, *, is_format: bool) -> str | None:
     return None
 
 
-def templates(node: ast.AST, *, is_format: bool) -> Iterator[tuple[int, str]]:
+def templates(node: ast.AST) -> Iterator[tuple[int, str]]:
     """Lines and texts below a node of a source, without its docstrings."""
     for child in ast.iter_child_nodes(node):
         if isinstance(child, ast.Expr) and isinstance(child.value, ast.Constant):
             continue
-        text = text_of(child, is_format=is_format)
+        text = text_of(child)
         if text is not None:
             yield child.lineno, text
         if not isinstance(child, ast.Constant):
             inside = child
             if isinstance(child, ast.JoinedStr):
                 inside = ast.Tuple([v for v in child.values if isinstance(v, ast.FormattedValue)], ast.Load())
-            yield from templates(inside, is_format=is_format)
+            yield from templates(inside)
 
 
 def proposals(path: Path) -> list[tuple[int, str]]:
     """Lines and texts of the templates in a source that propose something."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
-    return [
-        (n, t) for n, t in templates(tree, is_format=path.name == "texts.py") if " " in t.strip() and PROPOSAL.search(t)
-    ]
+    return [(n, t) for n, t in templates(tree) if " " in t.strip() and PROPOSAL.search(t)]
 
 
 def pattern(template: str) -> re.Pattern[str]:

@@ -163,7 +163,7 @@ def test_an_inertial_that_simulators_compute_is_unknown(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("text", "why"), [
     ("<mass>-1</mass>", "m.sdf:2: the mass of link 'a' is -1 kg: it must not be negative"),
     ("<inertia><ixy>9e12</ixy><iyy>9e12</iyy></inertia><pose>0 0 0 0 0 0.7</pose>", "m.sdf:2: the inertia of link"),
-    ("<inertia><iyz>1 2</iyz></inertia>", "m.sdf:2: <iyz> of link 'a' must be a number, not '1 2'"),
+    ("<inertia><iyz>1 2</iyz></inertia>", "m.sdf:2: the iyz of link 'a' must be a number, not '1 2'"),
 ])  # fmt: skip
 def test_wrong_masses_of_an_sdf_are_refused_with_their_line(tmp_path: Path, text: str, why: str) -> None:
     with pytest.raises(cinegen.CinegenError, match=why):

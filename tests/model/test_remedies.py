@@ -36,7 +36,6 @@ import raff2urdf
 import raff2urdf.cli
 import raff2urdf.urdf2raff.cli
 from cinegen.model import ForwardKinematics, Mechanism
-from cinegen.model.build import build
 from cinegen.model.healing.heal_file import heal_file
 from cinegen.model.motion_limits import motion_limits
 from cinegen.model.plausible import check_joint, check_lengths, check_revolution, check_speed
@@ -314,8 +313,6 @@ def test_the_remedy_of_a_message_works(text: str, says: str, old: str, new: str)
 # --- constraints files --------------------------------------------------------------------------------------------
 
 OF_CONSTRAINTS: list[tuple[Callable[[Values], object], str, Callable[[Values, re.Match[str]], object]]] = [
-    (lambda file: file["joints"][0].update(limits=[-1, 1]), "where limits belong: remove this key",
-     lambda file, _: file["joints"][0].pop("limits")),
     (lambda file: file["joints"][0].update(type="prismatic"),
      r"its type is prismatic here and (\w+) in the URDF: correct one",
      lambda file, said: file["joints"][0].update(type=said[1])),
@@ -756,13 +753,6 @@ def marked(folder: Path, mark: str = "") -> Path:
     return saved(folder, "r.urdf", BARS_FILES["r.urdf"], **{"r.constraints.json": f"{mark}{json.dumps(file)}"})
 
 
-def limited(**limits: object) -> Values:
-    """Constraints of the four-bar, with limits of its first joint."""
-    file: Values = json.loads(CONSTRAINTS)
-    file["joints"][0].update(limits)
-    return file
-
-
 HINGE = {"closing_pin": "revolute"}
 
 
@@ -875,9 +865,6 @@ OF_CALLS: list[tuple[Callable[[Path], object], str, Callable[[Path, re.Match[str
      lambda folder, said: cinegen.load(folder / "bent.raff", loops={"frame4-frame5": said[1]})),
     (lambda folder: heal_file(marked(folder, "\ufeff")),
      "is not UTF-8 text without a byte-order mark: (save) it as UTF-8", lambda folder, said: heal_file(marked(folder))),
-    (lambda _: build(BARS_FILES["r.urdf"], limited(velocity=3.0)),
-     "URDF, where they belong: remove (them) from the constraints",
-     lambda _, said: build(BARS_FILES["r.urdf"], limited())),
     # meshes
     (lambda folder: cinegen.load(drawing(folder, "bad.stl")).visual, "the mesh .* can't be read: .*: (export) it again",
      lambda folder, said: cinegen.load(drawing(folder, "good.stl")).visual),

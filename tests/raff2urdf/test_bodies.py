@@ -468,9 +468,9 @@ def test_what_collides_are_bars_and_markers_as_before(name: str) -> None:
                 continue
             expected = skeleton.draw(nodes[link.name])
             assert len(link.collisions) == len(expected)
-            for collision, bar in zip(link.collisions, expected, strict=True):
-                assert collision.geometry == bar.geometry
-                assert np.array_equal(collision.origin, bar.origin)
+            for collision, (shape, placed) in zip(link.collisions, expected, strict=True):
+                assert collision.geometry == shape
+                assert np.array_equal(collision.origin, placed)
 
 
 # --- skeleton colours -------------------------------------------------------------------------------------------------

@@ -18,8 +18,7 @@ from raff2urdf.raff.compound import VARIABLES, expanded
 from raff2urdf.raff.document import CompoundKind
 from raff2urdf.raff.kleinfinger import transform
 from raff2urdf.readers.loops import successive
-from raff2urdf.readers.loops.successive import moving
-from raff2urdf.readers.urdf import joints
+from raff2urdf.readers.urdf import joints, limits, velocity
 from raff2urdf.readers.urdf_file import parse
 from raff2urdf.tree import home, kleinfinger, placements
 
@@ -108,11 +107,12 @@ def test_limits_velocity_and_actuated_are_of_a_variable() -> None:
     words = "variable tz { limits { 0 90 } velocity 10 actuated 1 } variable z { actuated 0 }"
     document = raff2urdf.loads(text("cylindrical", words))
     rotation, translation = constraints(document, document.robot(), None)["joints"]
-    hinge, slide = moving(describe(document, document.robot(), Path())[0], "").values()
-    assert (hinge.limits, hinge.velocity) == (None, None)
+    urdf = parse(describe(document, document.robot(), Path())[0], "")
+    hinge, slide = (joint for joint in joints(urdf) if joint.get("type") != "fixed")
+    assert (limits(hinge), velocity(hinge)) == (None, None)
     assert rotation["actuated"] is False
     assert rotation["home"] == np.radians(15.0)
-    assert (slide.limits, slide.velocity) == ((0.0, 0.09), 0.01)
+    assert (limits(slide), velocity(slide)) == ((0.0, 0.09), 0.01)
     assert translation["actuated"]
     assert translation["home"] == 0.07
 

@@ -16,7 +16,6 @@ from strategies import documents
 from raff2urdf import RaffError, constraints, constraints_check, loads
 from raff2urdf.loops.mobility import analyse
 from raff2urdf.raff.document import Document, RaffRobot
-from raff2urdf.readers.urdf import MovingJoint
 
 SCHEMA = json.loads(files("raff2urdf").joinpath("constraints.schema.json").read_text(encoding="utf-8"))
 
@@ -155,9 +154,7 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
 
 
 def test_a_wrong_name_is_told_by_its_line(values: constraints.Constraints) -> None:
-    known = constraints_check.UrdfSummary(
-        values["nodes"], {joint["name"]: MovingJoint(joint["type"]) for joint in values["joints"]}
-    )
+    known = constraints_check.UrdfSummary(values["nodes"], {joint["name"]: joint["type"] for joint in values["joints"]})
     text = constraints.dumps(values)
     assert constraints.loads(text, "some.json", known) == values
     changes = [("loops/0/second/node", "nowhere"), ("nodes/1", "elsewhere"), ("joints/1/name", "wheel")]
@@ -213,24 +210,3 @@ def test_a_loop_that_is_listed_twice_is_refused(values: constraints.Constraints)
     refused(
         constraints.dumps(changed(values, "loops", 2 * values["loops"])), "$.loops[1].name: 'coupler-link3' is listed"
     )
-
-
-JOINTS = {
-    "joint1": MovingJoint("revolute", (-1.0, 1.0), 2.0),
-    "joint2": MovingJoint("revolute"),
-    "joint3": MovingJoint("prismatic"),
-}
-
-
-def test_limits_of_version_1_are_those_of_the_urdf(values: constraints.Constraints) -> None:
-    urdf = constraints_check.UrdfSummary(values["nodes"], JOINTS)
-    old = changed(changed(values, "joints/0/limits", [-1.0, 1.0]), "joints/0/velocity", 2.0)
-    old = changed(changed(old, "joints/1/limits", None), "version", 1)
-    assert constraints.loads(constraints.dumps(old), urdf=urdf) == {**values, "version": 1}
-    for path, value, says in [
-        ("joints/0/limits", [1.0, -1.0], "limit 1.0, -1.0 of joint 'joint1' is -1.0, 1.0 in the URDF, where limits"),
-        ("joints/0/limits", None, "limit none of joint 'joint1' is -1.0, 1.0 in the URDF"),
-        ("joints/1/limits", [-1.0, 1.0], "limit -1.0, 1.0 of joint 'joint2' is none in the URDF"),
-        ("joints/0/velocity", 3.0, "velocity 3.0 of joint 'joint1' is 2.0 in the URDF"),
-    ]:
-        refused(constraints.dumps(changed(old, path, value)), says, urdf=urdf)

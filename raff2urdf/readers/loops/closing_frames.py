@@ -16,10 +16,9 @@ import numpy as np
 
 from raff2urdf.arrays import Array
 from raff2urdf.escape import shell_word
-from raff2urdf.placement import from_origin
 from raff2urdf.readers.loops.declaration import Declaration
 from raff2urdf.readers.loops.loop_joint import LoopJoint
-from raff2urdf.readers.urdf import links, three
+from raff2urdf.readers.urdf import links, placement
 from raff2urdf.readers.urdf_tree import UrdfTree
 
 _CLOSING = re.compile(r"((?:.*[^a-z0-9])?closing_.+)_([12])(_z)?")
@@ -75,5 +74,5 @@ def _end(tree: UrdfTree, element: Any) -> tuple[str, Array]:
     """Return the link of a frame, and the frame's placement (4, 4) on it."""
     if element.tag == "link":
         return str(element.get("name")), np.eye(4)
-    placed = from_origin(three(element, "xyz", tree.name), three(element, "rpy", tree.name))
-    return tree.link(element, element.get("link"), f"the frame '{element.get('name')}'"), placed
+    label = f"the frame '{element.get('name')}'"
+    return tree.link(element, element.get("link"), label), placement(element, tree.name)

@@ -18,11 +18,11 @@ import numpy as np
 
 from raff2urdf.arrays import Array
 from raff2urdf.errors import did_you_mean
-from raff2urdf.placement import from_origin, translation
+from raff2urdf.placement import translation
 from raff2urdf.readers.loops.declaration import Declaration, declared, label_of, local, tag_of
 from raff2urdf.readers.loops.joint_couplings import COUPLING
 from raff2urdf.readers.loops.loop_joint import KINDS, LoopJoint
-from raff2urdf.readers.urdf import origin, three
+from raff2urdf.readers.urdf import origin, placement, three
 from raff2urdf.readers.urdf_tree import UrdfTree, along
 
 _Reader = Callable[[UrdfTree, Any], LoopJoint]
@@ -94,7 +94,7 @@ def _constraint(tree: UrdfTree, element: Any) -> LoopJoint:
         links.append(tree.link(end, end.get("link"), f"<{word}> of {label_of(element)}"))
         at = _optional(element, f"{word}_origin")
         at = at if at is not None else end.find("origin")
-        starts.append(np.eye(4) if at is None else _pose(tree, at))
+        starts.append(np.eye(4) if at is None else placement(at, tree.name))
         stated = _optional(element, f"{word}_axis")
         axes.append(None if stated is None else tree.vector(stated))
     shared = _optional(element, "axis")
@@ -123,7 +123,7 @@ def _loop_joint(tree: UrdfTree, element: Any) -> LoopJoint:
     if len(ends) != 2:
         raise tree.error(element, f"{label_of(element)} must name two links, by <link1> and <link2>")
     links = [tree.link(end, end.get("link"), f"<{end.tag}> of {label_of(element)}") for end in ends]
-    return _with_axes(tree, element, links, [_pose(tree, end) for end in ends])
+    return _with_axes(tree, element, links, [placement(end, tree.name) for end in ends])
 
 
 def _with_axes(tree: UrdfTree, element: Any, links: list[str], starts: list[Array]) -> LoopJoint:
@@ -159,7 +159,7 @@ def _bushing(tree: UrdfTree, element: Any) -> LoopJoint:
         frame = frames.get(str(end.get("name")))
         placed = end if frame is None else frame
         links.append(tree.link(placed, end.get("name") if frame is None else frame.get("link"), f"<{tag_of(end)}>"))
-        starts.append(np.eye(4) if frame is None else _pose(tree, frame))
+        starts.append(np.eye(4) if frame is None else placement(frame, tree.name))
     stiffness = [three(child(tree, element, word), "value", tree.name) for word in _STIFF]
     rotations, translations = ([i for i in range(3) if not values[i] > 0.0] for values in stiffness)
     kinds = {(0, 0): "rigid", (1, 0): "revolute", (3, 0): "ball", (0, 1): "prismatic", (1, 1): "cylindrical"}
@@ -172,11 +172,6 @@ def _bushing(tree: UrdfTree, element: Any) -> LoopJoint:
         )
     axis = np.eye(3)[(rotations or translations or [2])[0] if kind != "ball" else 2]
     return _cut(tree, element, kind, links, [along(start, axis) for start in starts])
-
-
-def _pose(tree: UrdfTree, element: Any) -> Array:
-    """Return the placement (4, 4) that an element's own xyz and rpy give."""
-    return from_origin(three(element, "xyz", tree.name), three(element, "rpy", tree.name))
 
 
 def _cut(tree: UrdfTree, element: Any, kind: str, links: list[str], placed: list[Array]) -> LoopJoint:

@@ -18,7 +18,7 @@ import numpy as np
 from lxml import etree
 
 from raff2urdf.placement import with_z
-from raff2urdf.readers.urdf import MOMENTS, MovingJoint, axis, effort, joints, limits, links, remove, velocity
+from raff2urdf.readers.urdf import MOMENTS, axis, joints, links, remove
 from raff2urdf.readers.urdf_file import parse
 from raff2urdf.readers.xml_file import error_at
 
@@ -33,8 +33,8 @@ SPHERICAL: tuple[Step, ...] = tuple(ROTATIONS.values())
 _FAR = "1e9"  # limit of a prismatic joint without limits in a URDF
 
 
-def moving(text: str, name: str) -> dict[str, MovingJoint]:
-    """Return the moving joints of a URDF by name, once each has one variable.
+def moving(text: str, name: str) -> dict[str, str]:
+    """Return the types of a URDF's moving joints, revolute or prismatic, by name, once each has one variable.
 
     Raises:
         RaffError: not a URDF.
@@ -42,12 +42,7 @@ def moving(text: str, name: str) -> dict[str, MovingJoint]:
     tree = parse(text, name)
     replace_compound(tree, name, keep_root=True)
     return {
-        str(joint.get("name")): MovingJoint(
-            "prismatic" if joint.get("type") == "prismatic" else "revolute",
-            limits(joint),
-            velocity(joint),
-            effort(joint),
-        )
+        str(joint.get("name")): str(joint.get("type")).replace("continuous", "revolute")
         for joint in joints(tree)
         if joint.get("type") not in ("fixed", "floating")
     }

@@ -17,18 +17,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 from lxml import etree
 
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.graphics.names import MissingFileError
-from raff2urdf.placement import inverse, roll_pitch_yaw
-from raff2urdf.readers.sdf.model import PROXY, TWO_AXES
-from raff2urdf.readers.sdf.poses import SdfPoses, named, pose
+from raff2urdf.readers.sdf.model import TWO_AXES
+from raff2urdf.readers.sdf.poses import MERGED
 from raff2urdf.readers.urdf import numbers
 from raff2urdf.readers.xml_file import FILE, error_at, parse_xml, read_text
 
-_MODEL = "__model__"
 _ENDINGS = (".sdf", ".world", ".xml", ".urdf")
 _TRUE = ("1", "true")
 _MOST = 20  # files that include each other
@@ -156,13 +153,12 @@ def _placed(include: Any, place: _Place) -> Any:
         file.text = inner.name_of((file.text or "").strip())
     _expand(model, inner)
     parent = include.getparent()
-    if not merges:
-        parent.replace(include, model)
-        return model
-    if parent.tag != "model":
+    if merges and parent.tag != "model":
         raise error_at(name, include, f"only a model can merge the included '{uri}' with itself: leave out merge")
-    _merge(include, model, name)
-    return parent
+    if merges:
+        model.set(MERGED, "1")
+    parent.replace(include, model)
+    return model
 
 
 def _of_file(element: Any, name: str) -> Any:
@@ -234,50 +230,3 @@ def _model_in(place: _Place, include: Any, name: str, uri: str) -> Any:
             model.getparent().remove(model)
             return model
     raise error_at(name, include, f"the included '{uri}' has no model: name one that has")
-
-
-def _merge(include: Any, model: Any, name: str) -> None:
-    """Replace an <include> by the content of its model, and a frame that stands for the model's own one."""
-    parent, proxy = include.getparent(), f"_merged__{model.get('name', '')}__model__"
-    file = model.get(FILE)
-    poses = SdfPoses(name, model, np.eye(4), "")
-    at, written = pose(model, name), model.find("pose")
-    if model.get("placement_frame"):
-        at = at @ inverse(poses.of(model.get("placement_frame"), model))
-    frame = etree.Element("frame", {"name": proxy, "attached_to": poses.canonical(), PROXY: "1", FILE: file})
-    around = _MODEL if written is None else written.get("relative_to", _MODEL)
-    placed = etree.SubElement(frame, "pose", relative_to=around)
-    placed.text = " ".join(repr(float(x)) for x in (*at[:3, 3], *roll_pitch_yaw(at)))
-    position = parent.index(include)
-    parent.remove(include)
-    parent.insert(position, frame)
-    for element in [child for child in model.iterchildren("*") if child.tag not in ("pose", "static")]:
-        _relate(element, proxy)
-        element.set(FILE, element.get(FILE, file))
-        position += 1
-        parent.insert(position, element)
-
-
-def _relate(element: Any, frame: str) -> None:
-    """Let an element of a model that is merged refer to a frame where it refers to the model's own one."""
-    if element.tag in ("link", "model"):
-        placed = element.find("pose")
-        placed = etree.SubElement(element, "pose") if placed is None else placed
-        if not (placed.get("relative_to") or placed.get("frame")):
-            placed.set("relative_to", frame)
-    if element.tag == "frame" and not element.get("attached_to"):
-        element.set("attached_to", frame)
-    referring = [element, *element.iterfind("pose"), *element.iterfind("axis/xyz"), *element.iterfind("axis2/xyz")]
-    for part in referring:
-        for word in ("relative_to", "attached_to", "expressed_in"):
-            if part.get(word) == _MODEL:
-                part.set(word, frame)
-    for end in (*element.iterfind("parent"), *element.iterfind("child")):
-        if element.tag == "joint" and named(end) == _MODEL:
-            end.text = frame
-    for axis in (*element.iterfind("axis"), *element.iterfind("axis2")):
-        direction = axis.find("xyz")
-        if axis.findtext("use_parent_model_frame", "0").strip() in _TRUE:
-            direction = etree.SubElement(axis, "xyz") if direction is None else direction
-            direction.text = direction.text or "0 0 1"
-            direction.set("expressed_in", direction.get("expressed_in") or frame)

@@ -9,8 +9,9 @@ import numpy as np
 from yourdfpy import Material, Visual
 
 from raff2urdf.inertia import Inertia
+from raff2urdf.readers.screw import parameter
 from raff2urdf.readers.sdf.poses import pose
-from raff2urdf.readers.urdf import LARGEST, SIZE, negative_mass, numbers
+from raff2urdf.readers.urdf import LARGEST, negative_mass, numbers
 from raff2urdf.readers.urdf_builder import Shape, material, shapes
 from raff2urdf.readers.urdf_file import SHAPES
 from raff2urdf.readers.xml_file import error_at
@@ -24,18 +25,12 @@ def inertia_of(element: Any, link: str, file: str) -> Inertia:
         RaffError: a number can't be read or meant.
     """
 
-    def value(path: str, default: float) -> float:
-        stated = element.find(path)
-        values = [default] if stated is None else numbers(stated.text or "")
-        if values is None or len(values) != 1:
-            what = f"<{stated.tag}> of link '{link}' must be a number, not '{(stated.text or '').strip()[:60]}'{SIZE}"
-            raise error_at(file, stated, what)
-        return values[0]
-
-    mass = value("mass", 1.0)
+    label = f"link '{link}'"
+    mass = parameter(element, "mass", label, file, 1.0)
     if mass < 0.0:
-        raise error_at(file, element.find("mass"), negative_mass(f"link '{link}'", mass))
-    moments = [[value(f"inertia/i{''.join(sorted(i + j))}", float(i == j)) for j in "xyz"] for i in "xyz"]
+        raise error_at(file, element.find("mass"), negative_mass(label, mass))
+    words = [[f"inertia/i{''.join(sorted(i + j))}" for j in "xyz"] for i in "xyz"]
+    moments = [[parameter(element, words[i][j], label, file, float(i == j)) for j in range(3)] for i in range(3)]
     inertia = Inertia(mass, np.zeros(3), np.array(moments)).in_frame(pose(element, file))
     if not inertia.largest <= LARGEST:
         raise error_at(file, element, f"the inertia of link '{link}' is beyond {LARGEST:g}: check its units")

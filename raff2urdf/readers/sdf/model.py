@@ -20,7 +20,7 @@ from raff2urdf.readers.sdf.poses import SdfPoses, named, pose
 from raff2urdf.readers.urdf import UNLIMITED, check_friction, direction, limit_value, number
 from raff2urdf.readers.urdf_builder import UNBOUNDED
 from raff2urdf.readers.urdf_file import MEANT, by_name
-from raff2urdf.readers.xml_file import NAMESPACE, error_at, own_element
+from raff2urdf.readers.xml_file import error_at, own_element
 from raff2urdf.tree import WORLD
 
 LOOP_KINDS = {
@@ -28,8 +28,6 @@ LOOP_KINDS = {
 }  # fmt: skip
 """Kinds of loops by the joint that closes them."""
 
-PROXY = f"{{{NAMESPACE}}}proxy"
-"""Attribute of a frame that stands for the frame of a model that is merged with another one."""
 
 TWO_AXES = ("universal", "revolute2")
 GEARBOX = "gearbox"  # couples two joints, and connects nothing
@@ -135,10 +133,12 @@ class SdfModelReader:
         return error_at(self.name, element, message)
 
     def _gather(self, poses: SdfPoses, model: SdfModel) -> None:
-        for nested in by_name(list(poses.model.iterchildren("model")), self.name, poses.prefix).values():
-            self._gather(poses.nested(nested), model)
-        links, joints, frames = (list(poses.model.iterchildren(tag)) for tag in ("link", "joint", "frame"))
-        for name, link in by_name(links, self.name, poses.prefix).items():
+        nested, links, joints, frames = (
+            by_name(list(poses.children(tag)), self.name, poses.prefix) for tag in ("model", "link", "joint", "frame")
+        )
+        for inner in nested.values():
+            self._gather(poses.nested(inner), model)
+        for name, link in links.items():
             if name == WORLD:
                 if next(link.iterchildren("inertial", "visual", "collision"), None) is not None:
                     raise self._error(link, f"a link can't be called '{WORLD}', which is the world itself: rename it")
@@ -146,17 +146,18 @@ class SdfModelReader:
                 continue
             model.links[poses.prefix + name] = link
             model.placements[poses.prefix + name] = poses.of_element(link)
-        for name, frame in by_name(frames, self.name, poses.prefix).items():
-            if poses.prefix + name not in model.links and not frame.get(PROXY):
+        for name, frame in frames.items():
+            if poses.prefix + name not in model.links:
                 model.frames[poses.prefix + name] = poses.link(name, frame)
                 model.placements[poses.prefix + name] = poses.of_element(frame)
-        named = by_name(joints, self.name, poses.prefix)
 
         def read(joint: Any) -> None:
             model.joints.append(self._joint(joint, poses, model.notes))
 
-        run_all(partial(read, joint) for joint in named.values())
-        model.driven |= {(poses.prefix + joint, axis) for joint, axis, _ in drives.of_plugins(poses.model)}
+        run_all(partial(read, joint) for joint in joints.values())
+        model.driven |= {
+            (poses.prefix + joint, axis) for whole in poses.merged for joint, axis, _ in drives.of_plugins(whole)
+        }
         if poses.prefix and poses.model.findtext("static", "").strip() in ("1", "true"):
             model.notes.append(f"<static> of the nested model '{poses.prefix[:-2]}' is not read")
 
@@ -211,7 +212,7 @@ class SdfModelReader:
         if expressed:
             frame = poses.of(expressed, xyz)
         elif element.findtext("use_parent_model_frame", "0").strip() in ("1", "true"):
-            frame = poses.placed
+            frame = poses.around(element)
         axis: Array = frame[:3, :3] @ vector
         low = self._number(element, "limit/lower", label, -math.inf)
         high = self._number(element, "limit/upper", label, math.inf)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from raff2urdf.errors import did_you_mean, warn
 from raff2urdf.placement import from_origin, from_quaternion, inverse
 from raff2urdf.readers.loops.implausible import in_degrees
 from raff2urdf.readers.urdf import SIZE, numbers
-from raff2urdf.readers.xml_file import error_at
+from raff2urdf.readers.xml_file import NAMESPACE, error_at
 from raff2urdf.tree import WORLD
 
 
@@ -39,10 +40,14 @@ def pose(element: Any, name: str) -> Array:
     return from_quaternion(values[:3], (w, x, y, z))
 
 
+MERGED = f"{{{NAMESPACE}}}merged"
+"""Attribute of a model whose links, joints and frames belong to the model around it."""
+
+
 class SdfPoses:
     """Poses of the links, joints, frames and nested models of one model, in the outermost model's frame.
 
-    Names are looked up in the model itself; `inner::name` is in a nested model.
+    Names are looked up in the model itself, with all that are merged with it; `inner::name` is in a nested model.
 
     Args:
         name: of the file, in errors.
@@ -53,9 +58,12 @@ class SdfPoses:
 
     def __init__(self, name: str, model: Any, placed: Array, prefix: str) -> None:
         self.name, self.model, self.placed, self.prefix = name, model, placed, prefix
+        self.merged = [model]
+        for each in self.merged:
+            self.merged += [inner for inner in each.iterchildren("model") if inner.get(MERGED)]
         self.elements: dict[str, Any] = {}
         for tag in ("link", "model", "frame", "joint"):  # files before 1.7 give a joint and a link the same name
-            for element in model.iterchildren(tag):
+            for element in self.children(tag):
                 self.elements.setdefault(str(element.get("name", "")), element)
         for reserved in ("__model__", WORLD, ""):
             self.elements.pop(reserved, None)
@@ -63,11 +71,16 @@ class SdfPoses:
         self._nested: dict[Any, SdfPoses] = {}
         self._pending: set[Any] = set()
 
+    def children(self, tag: str) -> Iterator[Any]:
+        """Yield the elements of a tag, with those of merged models."""
+        inner = (element for model in self.merged for element in model.iterchildren(tag))
+        return (element for element in inner if not element.get(MERGED))
+
     def of(self, name: str, where: Any) -> Array:
         """Return the pose of what has this name; `where` is the element that names it."""
         poses, name = self.owner(name)
         if name in ("__model__", ""):
-            return poses.placed
+            return self.around(where) if poses is self else poses.placed
         if name in poses.elements:
             return poses.of_element(poses.elements[name])
         if name == WORLD:
@@ -95,12 +108,22 @@ class SdfPoses:
     def nested(self, model: Any) -> SdfPoses:
         """Return the poses of a nested model."""
         if model not in self._nested:
-            prefix, placed = f"{self.prefix}{model.get('name')}::", self.of_element(model)
-            if model.get("placement_frame"):  # the frame that the pose places
-                inner = SdfPoses(self.name, model, np.eye(4), prefix)
-                placed = placed @ inverse(inner.of(model.get("placement_frame"), model))
-            self._nested[model] = SdfPoses(self.name, model, placed, prefix)
+            prefix = f"{self.prefix}{model.get('name')}::"
+            self._nested[model] = SdfPoses(self.name, model, self._of_model(model), prefix)
         return self._nested[model]
+
+    def around(self, element: Any) -> Array:
+        """Return the frame of the model that holds an element: this one, or one that is merged with it."""
+        model = next(element.iterancestors("model"), None)
+        return self._of_model(model) if model in self.merged[1:] else self.placed
+
+    def _of_model(self, model: Any) -> Array:
+        """Return the frame of an inner model."""
+        placed = self.of_element(model)
+        if model.get("placement_frame"):  # the frame that the pose places
+            inner = SdfPoses(self.name, model, np.eye(4), "")
+            placed = placed @ inverse(inner.of(model.get("placement_frame"), model))
+        return placed
 
     def link(self, name: str, where: Any, wrong: str = "") -> str:
         """Return the full name of the link that a name refers to: what a frame is attached to, a joint's child.
@@ -132,23 +155,25 @@ class SdfPoses:
             passed.add(element)
             child, where = element.find("child"), element
             name = element.get("attached_to", "") if element.tag == "frame" else "" if child is None else named(child)
-        return self.canonical()
+        return self.canonical(next(where.iterancestors("model"), self.model))
 
-    def canonical(self) -> str:
-        """Return the full name of the link that the model's own frame is attached to."""
-        name = self.model.get("canonical_link")
+    def canonical(self, model: Any = None) -> str:
+        """Return the full name of the link that the frame of the model, or of a merged one, is attached to."""
+        model = model if model in self.merged else self.model
+        name = model.get("canonical_link")
         if name:
-            return self.link(name, self.model, f"the canonical link '{name}' does not exist")
-        for link in self.model.iterchildren("link"):
-            return self.prefix + str(link.get("name", ""))
-        for model in self.model.iterchildren("model"):
-            return self.nested(model).canonical()
-        raise error_at(self.name, self.model, f"the model '{self.model.get('name', '')}' has no link: add one")
+            return self.link(name, model, f"the canonical link '{name}' does not exist")
+        for inner in model.iterchildren("link", "model"):
+            if inner.tag == "link" or inner in self.merged:
+                return self.canonical(inner) if inner in self.merged else self.prefix + str(inner.get("name", ""))
+        for nested in model.iterchildren("model"):
+            return self.nested(nested).canonical()
+        raise error_at(self.name, model, f"the model '{model.get('name', '')}' has no link: add one")
 
     def owner(self, name: str) -> tuple[SdfPoses, str]:
         """Return the poses of the model, this or a nested one, that a name refers to, and the name in it."""
         if name not in self.elements:
-            for model in self.model.iterchildren("model"):
+            for model in self.children("model"):
                 if name.startswith(f"{model.get('name')}::"):
                     return self.nested(model).owner(name[len(str(model.get("name"))) + 2 :])
         return self, name
