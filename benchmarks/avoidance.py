@@ -43,6 +43,7 @@ from cinegen.planning import plan
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "examples" / "papers"))
 from enclosing_potentials import FIELDS
+from firas import firas
 from literal_vortices import plan_literally
 
 METHODS = ("none", "literal", "vortex 1", "vortex", "firas", "spherical", "elliptical", "rrtconnect", "plan")
@@ -73,7 +74,9 @@ def result(family: str, number: int, method: str) -> Result:
     elif method == "vortex 1":
         found = plan(scene, planner="vortex", attempts=1, shorten=False, seconds=60.0)
     else:
-        found = plan(scene, field=FIELDS.get(method, method), planner="vortex", shorten=False, seconds=60.0)
+        found = plan(
+            scene, field={**FIELDS, "firas": firas}.get(method, method), planner="vortex", shorten=False, seconds=60.0
+        )
     spent = time.perf_counter() - begin
     steps = sum(len(attempt.path) for attempt in found.attempts)
     straight = float(np.linalg.norm(found.trace[-1] - found.trace[0]))

@@ -7,6 +7,7 @@ from typing import Any
 import coal
 import numpy as np
 import pinocchio as pin
+from trimesh.remesh import subdivide
 
 from cinegen.arrays import Array
 from cinegen.collision.body import Body
@@ -68,10 +69,9 @@ def excess(body: Body) -> float:
     if body.exact is None:
         return 0.0
     corners, faces = kind_of(body.shape).surface(body.shape)
-    triangles = corners[faces]
-    while len(triangles) < _POINTS:
-        triangles = _quartered(triangles)
-    points = np.concatenate([triangles.mean(axis=1), np.unique(triangles.reshape(-1, 3), axis=0)])
+    while len(faces) < _POINTS:
+        corners, faces = subdivide(corners, faces)
+    points = np.concatenate([corners[faces].mean(axis=1), corners])
     return float(_distances(points, body.exact.shape, body.exact.placement).max())
 
 
@@ -83,14 +83,6 @@ def _distances(points: Array, shape: coal.CollisionGeometry, placement: pin.SE3)
     pose = coal.Transform3s(placement.rotation, placement.translation)
     places = (coal.Transform3s(np.eye(3), position) for position in points)
     return np.array([measure(place, pose, request, coal.DistanceResult()) for place in places])
-
-
-def _quartered(triangles: Array) -> Array:
-    """Return the four quarters of each triangle (n, 3, 3)."""
-    a, b, c = np.moveaxis(triangles, 1, 0)
-    ab, bc, ca = (a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0
-    quarters = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
-    return np.concatenate([np.stack(quarter, axis=1) for quarter in quarters])
 
 
 # --- how deep meshes overlap -------------------------------------------------------------------------------------

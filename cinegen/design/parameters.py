@@ -127,12 +127,8 @@ class Parameters:
         self._index = {parameter.alias: i for i, parameter in enumerate(self.all)} | self._index
         self._relax: bool | None = None  # nominal loops may be healed; those of other values only if these are
         self.mechanism = self._built(self.document)
-        tied = resolve(
-            (ties,) if isinstance(ties, str) else tuple(ties),
-            self.find,
-            [parameter.name for parameter in self.all],
-            [parameter.dimension for parameter in self.all],
-        )
+        texts = (ties,) if isinstance(ties, str) else tuple(ties)
+        tied = resolve(texts, self.find, [parameter.dimension for parameter in self.all])
         chosen = set(self.matching((names,) if isinstance(names, str) else names))
         varying = [k for k, i in enumerate(tied.free) if i in chosen or (tied.matrix[sorted(chosen), k] != 0.0).any()]
         if not varying:

@@ -28,13 +28,12 @@ from cinegen.ik.joints import checked_names
 from cinegen.model import Mechanism
 from cinegen.planning.attempt import Attempt, PlanStatus
 from cinegen.planning.clearance_barrier import path_clearance
-from cinegen.planning.descent import AvoidanceField
 from cinegen.planning.goal_configurations import Refusal, free_goals
 from cinegen.planning.locked_joints import with_joints_locked
 from cinegen.planning.path_constraints import Kept, projection
 from cinegen.planning.sampling.path_sampler import RRT_CONNECT, PathSampler
 from cinegen.planning.sampling.shortcuts import path_length
-from cinegen.planning.search import DIRECT, FieldFunction, Search
+from cinegen.planning.search import DIRECT, NONE, VORTEX, FieldFunction, Search
 from raff2urdf.command.extras import install
 
 STEPS = 3000
@@ -65,7 +64,7 @@ class Plan:
     reason: str
     _clearance: Clearance
     mesh_check: MeshCheck
-    field: str | None = AvoidanceField.VORTEX.value
+    field: str | None = VORTEX
 
     def __bool__(self) -> bool:
         return self.status is PlanStatus.REACHED
@@ -149,7 +148,7 @@ def plan(
     tasks: Iterable[Task | Range] = (),
     seconds: float = 10.0,
     planner: Planner | str = Planner.AUTO,
-    field: AvoidanceField | str | FieldFunction = AvoidanceField.VORTEX,
+    field: str | FieldFunction = VORTEX,
     steps: int = STEPS,
     attempts: int = 40,
     shorten: bool = True,
@@ -173,7 +172,7 @@ def plan(
       times as long. When it finds a path first, their attempt is INTERRUPTED. The rest of the time is its own.
 
     With constraints along the path or weights of joints, vortices are left out: no field obeys them. Other fields serve
-    for comparison, with the same safety distance and without sampling: FIRAS makes one attempt.
+    for comparison, with the same safety distance and without sampling.
 
     Args:
         scene: a scene; or a mechanism, for which `scene_for` makes one.
@@ -188,8 +187,8 @@ def plan(
             in the middle only. Frames are constrained by a scene's `path`.
         seconds: time limit, s; the final check against the meshes may take longer.
         planner: one of `Planner` or its value.
-        field: one of `AvoidanceField` or its value; or a function that makes the objective of another field, for one
-            attempt.
+        field: `vortex`; `none`: only the safety distance is kept; or a function that makes the objective of another
+            field, for one attempt.
         steps: largest number of steps of an attempt along a field.
         attempts: largest number of attempts along a field.
         shorten: whether the path is shortened.
@@ -210,10 +209,11 @@ def plan(
     if seed < 0:
         raise PlanningError(f"seed must be 0 or above, not {seed}")
     deadline, planner = time.monotonic() + seconds, Planner(planner)
-    field = AvoidanceField(field) if isinstance(field, str) else field
-    name = field.value if isinstance(field, AvoidanceField) else getattr(field, "__name__", "custom")
+    if isinstance(field, str) and field not in (VORTEX, NONE):
+        raise PlanningError(f"unknown field '{field}'; use {VORTEX}, {NONE}, or a function that makes an objective")
+    name = field if isinstance(field, str) else getattr(field, "__name__", "custom")
     missing = ""
-    if planner is Planner.AUTO and field is not AvoidanceField.VORTEX:
+    if planner is Planner.AUTO and field != VORTEX:
         planner = Planner.VORTEX
     elif planner is Planner.AUTO and not find_spec("ompl"):
         planner, missing = Planner.VORTEX, f"; no configurations were sampled: {install('sampling')}"

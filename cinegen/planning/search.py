@@ -21,7 +21,6 @@ from cinegen.model.motion_plane import motion_plane
 from cinegen.planning.attempt import Attempt, PlanStatus, attempt, checked
 from cinegen.planning.attraction import Attraction, ConfigurationAttraction, DeflectedAttraction, TaskAttraction
 from cinegen.planning.clear_motion import clear_motion
-from cinegen.planning.descent import AvoidanceField, Descent, Potential
 from cinegen.planning.goal_configurations import TOLERANCE, goal_distance, goal_poses
 from cinegen.planning.path_constraints import Projection
 from cinegen.planning.sampling.path_sampler import PathSampler
@@ -31,6 +30,9 @@ from raff2urdf.quantities import TIME, shown
 
 FieldFunction = Callable[[Scene, Clearance, float], Objective]
 """Makes the objective of a field from a scene, its clearance and the field's reach, m."""
+
+VORTEX, NONE = "vortex", "none"
+"""Fields by name: vortices; and none, for comparison: only the safety distance is kept."""
 
 _REACH = 0.5  # characteristic lengths: default reach of fields
 _CONFIGURATIONS = 6  # goal configurations that are tried
@@ -93,7 +95,7 @@ class Search:
             if motion is not None:
                 yield Attempt(DIRECT, PlanStatus.REACHED, motion, (), "")
 
-    def along(self, field: AvoidanceField | FieldFunction, steps: int, attempts: int, ends: float) -> Iterator[Attempt]:
+    def along(self, field: str | FieldFunction, steps: int, attempts: int, ends: float) -> Iterator[Attempt]:
         """Yield attempts along a field, in turn with sampling; no further one after a value of `time.monotonic`, or
         after that has found a path."""
         distance, safety = goal_distance(self.scene), self.scene.safety
@@ -117,7 +119,7 @@ class Search:
             )
             made = attempt(
                 self.clearance, self.scene.start, objective, remaining, lambda q: distance(q) < TOLERANCE, safety,
-                steps, strategy, isinstance(objective, Descent), ends, interrupted,
+                steps, strategy, callable(field), ends, interrupted,
             )  # fmt: skip
             if made.status is PlanStatus.REACHED and self.shorten:
                 made = replace(made, path=self._shortened(self._to_goal(made.path)))
@@ -164,12 +166,12 @@ class Search:
 
 
 def _strategies(
-    scene: Scene, field: AvoidanceField | FieldFunction, clearance: Clearance, goals: tuple[Array, ...]
+    scene: Scene, field: str | FieldFunction, clearance: Clearance, goals: tuple[Array, ...]
 ) -> Iterator[tuple[str, Objective, Callable[[Array], float]]]:
     """Yield what is followed, in order: a description, an objective, and the distance from the goal."""
     reach = scene.influence or _REACH * scene.mechanism.length
     task = TaskAttraction(scene.mechanism, scene.node, next(goal_poses(scene)), scene.translation, scene.rotation)
-    if field in (AvoidanceField.VORTEX, AvoidanceField.NONE):
+    if isinstance(field, str):
         for attraction, direction in _detours(scene, field, task, goals):
             strength = 0.0 if direction is None else STRENGTH
             vortices = Vortices(
@@ -177,17 +179,13 @@ def _strategies(
             )
             label = f"{attraction.label}, {'no field' if direction is None else direction.value}"
             yield label, DeflectedAttraction(attraction, vortices), attraction.remaining
-    elif isinstance(field, AvoidanceField):
-        potential = Potential(scene, clearance.links, reach)
-        descent = Descent(scene.mechanism, potential.value, potential.gradient)
-        yield f"{task.label}, {field.value}", descent, task.remaining
     else:
         name = getattr(field, "__name__", "custom field")
         yield f"{task.label}, {name}", field(scene, clearance, reach), task.remaining
 
 
 def _detours(
-    scene: Scene, field: AvoidanceField, task: TaskAttraction, goals: tuple[Array, ...]
+    scene: Scene, field: str, task: TaskAttraction, goals: tuple[Array, ...]
 ) -> Iterator[tuple[Attraction, DetourDirection | None]]:
     """Yield attractions with detour directions, in the order in which they are tried."""
     attractions: list[Attraction] = [] if scene.goal_joints else [task]
@@ -196,7 +194,7 @@ def _detours(
             ConfigurationAttraction(scene.mechanism, q, f"all joints to configuration {i} at the goal")
             for i, q in enumerate(goals[:_CONFIGURATIONS], 1)
         ]
-    if field is AvoidanceField.NONE:
+    if field == NONE:
         yield from product(attractions, (None,))
         return
     D = DetourDirection

@@ -11,6 +11,7 @@ from cinegen.planning import plan
 from cinegen.plotting import draw_plan
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "papers"))
+from firas import firas
 from vortex_figures import figure1, figure2, figure3, figure4
 
 WALL = {
@@ -39,9 +40,9 @@ FIGURES = {
     "avoid_vortex_potential": figure2,
     "avoid_rod_and_vortex": figure3,
     "avoid_discarding": figure4,
-    "avoid_rod_firas": partial(way, "rod", "firas"),
+    "avoid_rod_firas": partial(way, "rod", firas),
     "avoid_rod": partial(way, "rod"),
-    "avoid_disc_firas": partial(way, "disc", "firas"),
+    "avoid_disc_firas": partial(way, "disc", firas),
     "avoid_disc": partial(way, "disc"),
     "avoid_discs": partial(way, "discs"),
     "avoid_generic": partial(way, "generic"),

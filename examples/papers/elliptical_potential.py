@@ -12,12 +12,12 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from firas import CONTACT, nan_at_contact
 from numba import types
 from numpy.typing import ArrayLike, NDArray
 from vortex_field import FieldError, require_positive
 
 from cinegen.jit.compiled import compiled, entry, prepare
-from cinegen.planning.descent import CONTACT, nan_at_contact
 
 Array = NDArray[np.float64]
 

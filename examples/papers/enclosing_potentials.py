@@ -22,6 +22,7 @@ import numpy as np
 import pinocchio as pin
 from elliptical_potential import Elliptical
 from enclosures import BoundingBox, Enclosure, capsule_axis
+from firas import FADING, STRENGTH, Descent, LinkPoints, Potential, nan_at_contact
 from numpy.typing import ArrayLike, NDArray
 from vortex_field import require_positive
 
@@ -33,7 +34,6 @@ from cinegen.model import Mechanism
 from cinegen.model.motion_plane import motion_plane
 from cinegen.planning import plan
 from cinegen.planning.clearance_barrier import stop_distance
-from cinegen.planning.descent import FADING, STRENGTH, Descent, LinkPoints, Potential, nan_at_contact
 
 Array = NDArray[np.float64]
 

@@ -20,6 +20,7 @@ from __future__ import annotations
 import sys
 
 import numpy as np
+from firas import LONGEST, Descent, GoalPotential, LinkPoints
 from numpy.typing import ArrayLike, NDArray
 from vortex_field import Vortex, facing
 
@@ -27,7 +28,6 @@ from cinegen.collision import Clearance, Scene, load_scene
 from cinegen.ik import State
 from cinegen.model.motion_plane import motion_plane
 from cinegen.planning import Plan, plan
-from cinegen.planning.descent import LONGEST, Descent, GoalPotential, LinkPoints
 from cinegen.planning.vortices import folding, rotation_axis
 
 Array = NDArray[np.float64]

@@ -75,10 +75,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from firas import closeness
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.collision import PlanningError
-from cinegen.planning.descent import closeness
 
 Array = NDArray[np.float64]
 

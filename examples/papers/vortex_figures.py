@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from elliptical_potential import Elliptical, finite_vector
+from firas import nan_at_contact
 from numpy.typing import ArrayLike, NDArray
 from vortex_field import FieldError, Vortex, facing, require_positive
 
-from cinegen.planning.descent import nan_at_contact
 from cinegen.planning.vortices import rotation_axis
 
 if TYPE_CHECKING:

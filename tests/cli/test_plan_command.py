@@ -8,7 +8,9 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
+from firas import firas
 
+import cinegen
 from cinegen.cli import main
 from cinegen.collision import load_scene, obstacle_kinds
 from cinegen.collision.body import PlacedShape
@@ -74,20 +76,27 @@ def test_only_paths_of_robots_without_loops_are_called_proved(root, typed, scene
     assert "no contact on this path: proved where shapes are more than" in " ".join(typed("rod").split())
 
 
-def test_what_repels_gets_stuck_and_it_is_said_where_and_by_what(root, typed):
+@pytest.fixture
+def repelled(monkeypatch):
+    """Every plan follows a repulsive potential, which gets stuck in front of the rod."""
+    monkeypatch.setattr(cinegen.planning, "plan", lambda scene, **settings: plan(scene, **settings | {"field": firas}))
+
+
+@pytest.mark.usefixtures("repelled")
+def test_what_repels_gets_stuck_and_it_is_said_where(root, typed):
     """Figure 5; vortices get there in figure 6."""
-    said = " ".join(typed("rod", "--field", "firas", code=1).split())
+    said = " ".join(typed("rod", code=1).split())
     assert " from 'rod'" in said
-    assert "Try --field vortex: where it does not reach the goal, configurations are sampled." in said
-    found = plan(load_scene(root / "robots/scenes/rod.toml"), field="firas")
+    assert "Try --planner auto: it also samples configurations" in said
+    found = plan(load_scene(root / "robots/scenes/rod.toml"), field=firas)
     words = said.split("stuck: tool at x ")[1]
     x, y = words.split(" m,")[0].split(", y ")
     assert [float(x), float(y)] == pytest.approx(found.trace[-1][:2], abs=5e-4)
     left = float(words.split(" m, ")[1].split(" m from its goal")[0])
     assert left == pytest.approx(math.dist(found.trace[-1][:2], (0.6, 0.3)), abs=5e-4)
-    mm = " ".join(typed("rod", "--field", "firas", "--units", "mm", code=1).split())
+    mm = " ".join(typed("rod", "--units", "mm", code=1).split())
     assert f"stuck: tool at x {1e3 * float(x):g}, y {1e3 * float(y):g} mm, {1e3 * left:g} mm from its goal" in mm
-    document = json.loads(typed("rod", "--field", "firas", "--json", code=1))
+    document = json.loads(typed("rod", "--json", code=1))
     assert (document["status"], document["field"], len(document["attempts"])) == ("stuck", "firas", 1)
 
 
@@ -163,9 +172,10 @@ def test_a_way_is_recorded_for_replay_and_export(typed, tmp_path, capsys):
     assert rows[-1, 1:] == pytest.approx(expected[-1], abs=1e-9)
 
 
+@pytest.mark.usefixtures("repelled")
 def test_a_way_that_ends_early_is_recorded_as_far_as_it_came_and_none_is_not(typed, scene, tmp_path):
     path = tmp_path / "way.jsonl"
-    assert "up to where the path ends" in typed("rod", "--field", "firas", "-o", path, code=1)
+    assert "up to where the path ends" in typed("rod", "-o", path, code=1)
     assert len(Recording.load(path).times) > 2
     none = tmp_path / "none.jsonl"
     said = typed(scene(obstacle=[{"kind": "disc", "radius": 0.1}]), "-o", none, code=1)
@@ -173,10 +183,10 @@ def test_a_way_that_ends_early_is_recorded_as_far_as_it_came_and_none_is_not(typ
     assert not none.exists()
 
 
-@pytest.mark.usefixtures("session_in_a_thread")
+@pytest.mark.usefixtures("session_in_a_thread", "repelled")
 def test_the_page_of_what_got_stuck_leaves_the_exit_code(typed, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    options = ["--field", "firas", "--view", "--seconds", "0.2", "--no-browser"]
+    options = ["--view", "--seconds", "0.2", "--no-browser"]
     assert "page: http://127.0.0.1:" in typed("rod", *options, code=1)
     assert not list(tmp_path.iterdir())
 

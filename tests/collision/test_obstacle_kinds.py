@@ -11,6 +11,7 @@ import pytest
 import trimesh
 from clearings import apart, at
 from example_robots import UR5, load
+from firas import firas
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes_of_tables import refused, scene_with, to_point
@@ -357,7 +358,7 @@ def test_what_is_wrong_with_triangles_and_points_is_reported(tmp_path):
 
 def test_a_repulsive_potential_refuses_a_mesh_that_is_not_convex():
     with pytest.raises(cinegen.CinegenError, match="need convex obstacles: 'mesh 1' is not"):
-        plan(scene_with(as_values(cup()), mobile={"radius": RADIUS}), field="firas")
+        plan(scene_with(as_values(cup()), mobile={"radius": RADIUS}), field=firas)
 
 
 def test_a_pointer_of_git_lfs_is_told(tmp_path):

@@ -11,13 +11,13 @@ import pytest
 from descents import ROBOTS, apart, attraction, bodies, figure, moved, slopes
 from enclosing_potentials import EllipticalPotential, Gains, Spherical, SphericalPotential, spherical
 from enclosures import Enclosure
+from firas import CONTACT
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from cinegen.collision.body import Body
 from cinegen.planning import plan
-from cinegen.planning.descent import CONTACT
 
 points = arrays(float, 3, elements=st.floats(-2.0, 2.0).map(lambda x: round(x, 4)))
 around_start = st.lists(st.floats(-0.25, 0.25), min_size=3, max_size=3)

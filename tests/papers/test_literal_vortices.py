@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from firas import Firas
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -12,7 +13,6 @@ from polygons import convex, distance, holds, normal
 from vortex_field import Vortex, facing
 
 from cinegen.collision import load_scene, scene_of
-from cinegen.planning.descent import Firas
 from cinegen.planning.vortices import folding, rotation_axis
 
 X, Y, Z = np.eye(3)

@@ -4,12 +4,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from clearings import among, around, ball, measured, point_among
+from firas import closeness
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from repository import load
 from vortex_field import Vortex, facing
 
-from cinegen.planning.descent import closeness
 from cinegen.planning.vortices import Vortices
 
 seeds = st.integers(0, 2**32 - 1)

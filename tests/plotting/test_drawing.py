@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from clearings import apart
+from firas import firas
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -299,7 +300,7 @@ def test_a_half_space_is_seen_on_its_edge_only(offset, turn, x, y):
 
 @pytest.fixture(scope="module")
 def found(root):
-    """`found("rod", "firas")`: what became of a scene of the repository."""
+    """`found("rod", firas)`: what became of a scene of the repository."""
     return cache(
         lambda name, field="vortex": plan(load_scene(root / f"robots/scenes/{name}.toml"), field=field, seconds=600.0)
     )
@@ -338,7 +339,7 @@ def area(corners):
     return 0.5 * abs(float(x @ np.roll(y, 1) - y @ np.roll(x, 1)))
 
 
-@pytest.mark.parametrize(("name", "field"), [("rod", "vortex"), ("rod", "firas")])
+@pytest.mark.parametrize(("name", "field"), [("rod", "vortex"), ("rod", firas)])
 def test_a_way_is_drawn_from_the_start_to_where_it_ends(found, name, field):
     way = found(name, field)
     chart, strip = draw_plan(way).axes

@@ -41,12 +41,6 @@ def run(
     page: PageOptions,
     robot: SceneRobotOptions,
     scene: Path = typer.Argument(..., metavar="SCENE", help="robot, obstacles, start and goal: a .toml or .json file"),
-    field: Literal["vortex", "firas"] = option(
-        None,
-        "field around obstacles; for comparison: firas, a repulsive potential",
-        "vortex",
-        unless="--modes, --planner rrtconnect",
-    ),
     timeout: float = option("S", "time limit, s", 10.0, min=0, max=10_000_000),
     planner: Literal["auto", "vortex", "rrtconnect"] = option(
         None,
@@ -88,7 +82,7 @@ def run(
     settings: dict[str, Any] = {"mode": mode, "singular": singular}
     if not modes:
         joints = lock.replace(",", " ").split() if lock else ()
-        settings = {"locked": joints, "planner": planner, "field": field}
+        settings = {"locked": joints, "planner": planner}
     path, change = _planned(loaded, bool(modes), {**settings, "seconds": timeout})
     if json:
         document = _document(path) | ({"mode_change": change_document(change)} if change is not None else {})
@@ -96,7 +90,7 @@ def run(
     elif change is not None:
         _print([*change_lines(change), *_result(path)[1:]], change_advice(change, singular, timeout))
     else:
-        _print(_result(path), "" if path else _advice(path, field, timeout))
+        _print(_result(path), "" if path else _advice(path, timeout))
     moves = bool((path.path[1:] != path.path[0]).any())
     _write(path, moves, plot, plot_joints, recording, json)
     if view:
@@ -238,8 +232,7 @@ def _status(plan: Plan) -> str:
     end = plan.trace[-1][: scene.translation]
     left = math.dist(end, scene.goal.translation[: scene.translation])
     text = f"{plan.status.value}: {scene.node} at {_point(end)}, {_length_text(left)} from its goal: {plan.reason}"
-    complete = plan.attempts[-1].blocked_by or plan.field == "firas"
-    return text if complete else text + _nearest(plan)
+    return text if plan.attempts[-1].blocked_by else text + _nearest(plan)
 
 
 def _nearest(plan: Plan) -> str:
@@ -277,7 +270,7 @@ def _meshes(plan: Plan) -> str:
     return f"{text}; not checked: {', '.join(left_out)}" if left_out else text
 
 
-def _advice(plan: Plan, field: str, seconds: float) -> str:
+def _advice(plan: Plan, seconds: float) -> str:
     """Return what may help to reach the goal."""
     from cinegen.planning import PlanStatus
 
@@ -295,8 +288,6 @@ def _advice(plan: Plan, field: str, seconds: float) -> str:
             return "Bring the goal nearer, or leave more of it free: its orientation, or z."
         case PlanStatus.TIME_LIMIT:
             return f"Try --timeout {6.0 * seconds:g}, or a smaller safety distance (safety): there may be no path."
-        case _ if field != "vortex":
-            return "Try --field vortex: where it does not reach the goal, configurations are sampled."
         case _:
             return (
                 "Try --planner auto: it also samples configurations, keeps the same distances, and leaves local minima."

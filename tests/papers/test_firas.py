@@ -4,13 +4,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from descents import ROBOTS, apart, attraction, bodies, figure, moved, slopes
+from firas import STRENGTH, GoalPotential, Potential, firas
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from cinegen.collision import scene_of
 from cinegen.planning import PlanStatus, plan
-from cinegen.planning.descent import STRENGTH, GoalPotential, Potential
 
 
 def potential(scene, reach, **more):
@@ -20,7 +20,7 @@ def potential(scene, reach, **more):
 # --- the gradient ----------------------------------------------------------------------------------------------------
 
 
-def firas(scene, q, reach, task):
+def by_formula(scene, q, reach, task):
     """The total potential far from the goal, by its formula: at half its range it pushes with task / length."""
     k = task / scene.mechanism.length * (reach / 2.0) ** 2 / (2.0 / reach - 1.0 / reach)
     distances = np.concatenate([apart(scene, q, body) for each in scene.obstacles for body in each.bodies])
@@ -36,8 +36,8 @@ def test_firas_has_the_gradient_of_its_total_potential_for_an_arm(step, reach):
     scene = figure("rod")
     q = moved(scene, scene.start, step)
     found = potential(scene, reach)
-    assert found.value(q) == pytest.approx(firas(scene, q, reach, STRENGTH), rel=1e-6)
-    wanted = slopes(scene, lambda q: firas(scene, q, reach, STRENGTH), q, 1e-5)
+    assert found.value(q) == pytest.approx(by_formula(scene, q, reach, STRENGTH), rel=1e-6)
+    wanted = slopes(scene, lambda q: by_formula(scene, q, reach, STRENGTH), q, 1e-5)
     assert found.gradient(q) == pytest.approx(wanted, abs=2e-4 * (1.0 + np.abs(wanted).max()))
 
 
@@ -70,7 +70,7 @@ def is_lowest(scene, found, q, away):
 @pytest.mark.parametrize("which", ["rod", "disc"])
 def test_firas_stops_in_a_minimum_of_the_field_in_figures_5_and_7(which):
     scene = figure(which)
-    found = plan(scene, field="firas")
+    found = plan(scene, field=firas)
     assert found.status is PlanStatus.STUCK
     assert found.field == "firas"
     assert len(found.attempts) == 1
@@ -86,6 +86,6 @@ def test_firas_stops_in_a_minimum_of_the_field_in_figures_5_and_7(which):
 def test_descent_only_goes_down():
     scene = figure("rod")
     total = potential(scene, 0.5 * scene.mechanism.length)
-    values = [total.value(q) for q in plan(scene, field="firas", steps=15).path]
+    values = [total.value(q) for q in plan(scene, field=firas, steps=15).path]
     assert values[0] - values[-1] > 0.1
     assert np.diff(values).max() < 1e-9

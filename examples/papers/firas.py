@@ -11,8 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from enum import Enum
-from typing import NamedTuple, NoReturn
+from typing import NamedTuple
 
 import numpy as np
 
@@ -49,21 +48,6 @@ _AT_LIMIT = 1e-9  # rad or characteristic lengths
 _ARMIJO = 1e-4  # fraction of the decrease promised by the slope that a step must achieve
 _LEAST_FACTOR = 0.1  # smallest factor by which a step that was too long is shortened
 _MOST_TRIALS = 50  # of a line search
-
-
-class AvoidanceField(Enum):
-    """Field that `plan` follows around obstacles."""
-
-    VORTEX = "vortex"
-    """Vortex fields."""
-    FIRAS = "firas"
-    """Antigradient of equation 3. Makes one attempt only."""
-    NONE = "none"
-    """No field: only the safety distance is kept. Makes attempts as `VORTEX` does."""
-
-    @classmethod
-    def _missing_(cls, value: object) -> NoReturn:
-        raise PlanningError(f"unknown field {value!r}; use one of {', '.join(field.value for field in cls)}")
 
 
 class GoalPotential:
@@ -216,7 +200,7 @@ class Potential:
         mechanism, half = scene.mechanism, 0.5 * reach
         bodies = [body for obstacle in scene.obstacles for body in obstacle.bodies]
         if hollow := [each.name for each in scene.obstacles if any(piece.interior for piece in each.pieces)]:
-            raise PlanningError(f"repulsive potentials need convex obstacles: '{hollow[0]}' is not; use field='vortex'")
+            raise PlanningError(f"repulsive potentials need convex obstacles: '{hollow[0]}' is not; use vortices")
         self.goal, self._links, self._fading = GoalPotential(scene), LinkPoints(mechanism, links, bodies), fading
         self.firas = Firas(STRENGTH / mechanism.length * half**2 / (1.0 / half - 1.0 / reach), reach)
 
@@ -324,3 +308,9 @@ def line_search(function: Callable[[float], float], slope: float, longest: float
             return lowest if lowest < step and function(lowest) < value else step
         step = max(lowest, _LEAST_FACTOR * step) if math.isfinite(lowest) else _LEAST_FACTOR * step
     return 0.0
+
+
+def firas(scene: Scene, clearance: Clearance, reach: float) -> Descent:
+    """Return the objective that descends a `Potential`: `plan(scene, field=firas)`."""
+    potential = Potential(scene, clearance.links, reach)
+    return Descent(scene.mechanism, potential.value, potential.gradient)
