@@ -9,7 +9,7 @@ distance and look at the same distances; so none of them collides, and what diff
     literal     De Medio and Oriolo's paper as it reads: folding (mobile: the shorter way), one attempt
     vortex 1    the first attempt of `cinegen plan --planner vortex`
     vortex      `cinegen plan --planner vortex`: other ways round, and postures at the goal, are tried in turn
-    firas, spherical, elliptical    potentials instead of vortices, by steepest descent with a line search
+    firas       a potential instead of vortices, by steepest descent with a line search
     rrtconnect  RRT-Connect (OMPL), 10 s, shortened; does not count as local
     plan        `cinegen plan`: vortex and sampling in turn, 10 s together, shortened
 
@@ -42,10 +42,9 @@ from random_scenes import FAMILIES
 from cinegen.planning import plan
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "examples" / "papers"))
-from enclosing_potentials import FIELDS
 from literal_vortices import plan_literally
 
-METHODS = ("none", "literal", "vortex 1", "vortex", "firas", "spherical", "elliptical", "rrtconnect", "plan")
+METHODS = ("none", "literal", "vortex 1", "vortex", "firas", "rrtconnect", "plan")
 
 
 class Result(NamedTuple):
@@ -73,7 +72,7 @@ def result(family: str, number: int, method: str) -> Result:
     elif method == "vortex 1":
         found = plan(scene, planner="vortex", attempts=1, shorten=False, seconds=60.0)
     else:
-        found = plan(scene, field=FIELDS.get(method, method), planner="vortex", shorten=False, seconds=60.0)
+        found = plan(scene, field=method, planner="vortex", shorten=False, seconds=60.0)
     spent = time.perf_counter() - begin
     steps = sum(len(attempt.path) for attempt in found.attempts)
     straight = float(np.linalg.norm(found.trace[-1] - found.trace[0]))

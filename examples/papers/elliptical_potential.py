@@ -2,8 +2,7 @@
 
 R. Volpe and P. Khosla, "Artificial potentials with elliptical isopotential contours for obstacle avoidance", 26th IEEE
 Conference on Decision and Control, 1987; "Manipulator control with superquadric artificial potential functions: theory
-and experiments", IEEE Transactions on Systems, Man, and Cybernetics 20(6), 1990. `enclosing_potentials.py` plans with
-it, and `vortex_figures.py` draws it.
+and experiments", IEEE Transactions on Systems, Man, and Cybernetics 20(6), 1990. `vortex_figures.py` draws it.
 """
 
 from __future__ import annotations

@@ -1,18 +1,13 @@
-"""Lines of the varieties are shared with the tests of singularities."""
+"""What tests of papers share."""
 
-import sys
 from functools import partial
-from pathlib import Path
 
 import pytest
 
 from cinegen.planning import plan
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "singularities"))
-
 
 @pytest.fixture
 def unhurried(monkeypatch):
     """No plan ends because the machine is busy."""
-    for module in ("literal_vortices", "enclosing_potentials"):
-        monkeypatch.setattr(f"{module}.plan", partial(plan, seconds=600.0))
+    monkeypatch.setattr("literal_vortices.plan", partial(plan, seconds=600.0))

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from cinegen.collision import scene_of
 from cinegen.planning import PlanStatus, plan
-from cinegen.planning.descent import STRENGTH, GoalPotential, Potential
+from cinegen.planning.descent import STRENGTH, Descent, GoalPotential, Potential
 
 
 def potential(scene, reach, **more):
@@ -89,3 +89,15 @@ def test_descent_only_goes_down():
     values = [total.value(q) for q in plan(scene, field="firas", steps=15).path]
     assert values[0] - values[-1] > 0.1
     assert np.diff(values).max() < 1e-9
+
+
+def test_a_function_may_make_the_field():
+    scene = figure("rod")
+
+    def own_firas(scene, clearance, reach):
+        total = potential(scene, reach)
+        return Descent(scene.mechanism, total.value, total.gradient)
+
+    found = plan(scene, field=own_firas)
+    assert found.field == "own_firas"
+    np.testing.assert_array_equal(found.path, plan(scene, field="firas").path)

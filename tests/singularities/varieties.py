@@ -257,15 +257,14 @@ def _gap(lines, length, rank):
     return np.linalg.svd(vectors, compute_uv=False)[rank - 1]
 
 
-def placed(maker, rng, noise=0.0, others=None, clear=0.05):
+def placed(maker, rng, noise=0.0, clear=0.05):
     """Lines of a variety that span it well (smallest singular value at least `clear`), among other lines."""
     length = 10.0 ** rng.uniform(-3.0, 3.0)
     turn, shift = rotation(rng), length * rng.normal(size=3)
     while True:
         built = maker(rng)
         count = len(built.segments)
-        extra = rng.integers(0, 7 - count) if others is None else others
-        segments = built.segments + [tuple(rng.normal(size=(2, 3))) for _ in range(extra)]
+        segments = built.segments + [tuple(rng.normal(size=(2, 3))) for _ in range(rng.integers(0, 7 - count))]
         plain = [PlueckerLine.through(*ends) for ends in segments]
         if _gap(plain, 1.0, len(plain) - 1) < clear or any(np.linalg.norm(e) > 20.0 for s in segments for e in s):
             continue
@@ -280,7 +279,6 @@ def placed(maker, rng, noise=0.0, others=None, clear=0.05):
     return result
 
 
-def nearness(lines, length, origin=None):
-    """The smallest singular value of all lines, moments about an origin or else the middle of the lines."""
-    frame = LineFrame.of(lines, length) if origin is None else LineFrame(origin, length)
-    return float(np.linalg.svd(frame.coordinates(lines), compute_uv=False)[-1])
+def nearness(lines, length):
+    """The smallest singular value of all lines, moments about their middle."""
+    return float(np.linalg.svd(LineFrame.of(lines, length).coordinates(lines), compute_uv=False)[-1])
