@@ -1,8 +1,7 @@
-"""Calibration of synthetic robots: errors against the Cramer-Rao bound, what gross outliers change, and right files.
+"""Calibration of synthetic robots: errors against the Cramer-Rao bound, and what gross outliers change.
 
     python benchmarks/calibration.py [COUNT]              # robots of each kind; 40 unless given
     python benchmarks/calibration.py covariance [COUNT]   # chi-square per rank; 40 unless given
-    python benchmarks/calibration.py right [COUNT]        # files without a mistake: are all accepted? 200 unless given
 
 Each robot has random errors in all parameters (0.3 mm, 0.05 degrees) and is measured in 40 poses of its joints' range:
 full poses of the end with noise of 0.05 mm and 0.01 degrees. Then 5 % of the readings are 20 to 1000 sigma off, and the
@@ -12,8 +11,6 @@ that is wrong by an unknown amount tells nothing: the second is the best that is
 `covariance` compares the combinations that are estimated with the truth, in the covariance that `calibrate` states.
 Their squares have a mean of 1 if it is right; the error of that mean is the one that the robots' own means have. What
 was drawn is shown beside it: the mean square of the noise along the combinations, which no covariance changes.
-`right` has robots with one and three times the expected errors, in 12 to 40 poses, of which positions or full poses are
-read with a fifth to five times the noise. None may be refused; warnings are counted.
 """
 
 from __future__ import annotations
@@ -21,9 +18,8 @@ from __future__ import annotations
 import sys
 import time
 import warnings
-from collections import Counter
 from dataclasses import replace
-from itertools import cycle, product
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +28,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests/helpers"))
 
 from calibration_data import POSE, changes, errors_of, everything, exact, noisy
 
-from cinegen.design import Design, DesignError, Measurements, Parameters, calibrate
+from cinegen.design import Design, Measurements, Parameters, calibrate
 
 ROBOTS = ("arm7", "five_bar", "delta4", "gough", "scara")
 
@@ -78,34 +74,6 @@ def covariance(count: int) -> None:
             f"of the noise drawn {np.mean(drawn):.3f}; largest {largest:.2g} sigma",
             flush=True,
         )
-
-
-def right(count: int) -> None:
-    """Print how many files without a mistake are refused."""
-    told, cpu = Counter[str](), 0.0
-    kinds = product(ROBOTS, (1.0, 3.0), (False, True))
-    for seed, (name, errors, poses) in zip(range(count), cycle(kinds), strict=False):
-        parameters = everything(name)
-        coordinates = 6 if poses and name != "five_bar" else 2 if name == "five_bar" else 3
-        rng = np.random.default_rng([8, seed])
-        noise, lines = 5.0 ** rng.uniform(-1.0, 1.0), int(rng.integers(12, 41))
-        *_, measured = synthetic(parameters, coordinates, seed, errors, noise, lines)
-        with warnings.catch_warnings(record=True) as met:
-            warnings.simplefilter("always")
-            began = time.process_time()
-            try:
-                calibrate(parameters, measured, folds=0)
-            except DesignError as error:
-                print(f"{name} {seed}, {errors:g} expected errors, {noise:.2g} noise, {lines} poses: {error}")
-                told["refused"] += 1
-            cpu += time.process_time() - began
-        for one in met:
-            print(f"{name} {seed}, {errors:g} expected errors: {one.message}")
-        told["with a warning"] += bool(met)
-    print(
-        f"{count} right files: {told['refused']} refused, {told['with a warning']} with a warning; "
-        f"{cpu / count:.2f} CPU s each"
-    )
 
 
 def main(count: int) -> None:
@@ -165,7 +133,6 @@ def main(count: int) -> None:
 
 
 if __name__ == "__main__":
-    modes = {"covariance": (covariance, 40), "right": (right, 200)}
-    mode, default = modes.get(sys.argv[1] if len(sys.argv) > 1 else "", (main, 40))
-    words = [word for word in sys.argv[1:] if word not in modes]
-    mode(int(words[0]) if words else default)
+    mode = covariance if sys.argv[1:2] == ["covariance"] else main
+    numbers = [word for word in sys.argv[1:] if word.isdigit()]
+    mode(int(numbers[0]) if numbers else 40)

@@ -1,10 +1,9 @@
 """What the cockpit costs at rest and in motion, with one page and with four: a Gough platform at 1 kHz, 60 states a
 second; and how long a user waits for the robot.
 
-    python benchmarks/cockpit.py [--seconds 10] [--rounds 3] [--robot robots/gough.raff] [--browser] [--bodies 1000]
+    python benchmarks/cockpit.py [--seconds 10] [--rounds 3] [--robot robots/gough.raff]
 
-`--browser` also drags the part in a headless chromium and times it there: from the pointer's event to the robot's new
-state applied in the page. `--bodies` only opens a page of a chain of so many links, and says what its picture costs.
+`page_frames.py` measures what the page itself costs.
 """
 
 from __future__ import annotations
@@ -13,12 +12,9 @@ import argparse
 import asyncio
 import json
 import multiprocessing
-import shutil
 import statistics
-import tempfile
 import time
 import warnings
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import psutil
@@ -29,7 +25,6 @@ from cinegen.cockpit import Cockpit
 from cinegen.session import arrange
 
 CLIENTS = 4
-FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run")
 
 
 async def look(url: str, sizes: list[int]) -> None:
@@ -135,102 +130,6 @@ async def drag(url: str, robot: str, node: str, count: int) -> list[float]:
     return waited
 
 
-def in_a_browser(url: str, count: int) -> list[float]:
-    """The same with a mouse in a real page."""
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=list(FLAGS))
-        tab = chromium.new_page(viewport={"width": 700, "height": 450}, bypass_csp=True)
-        tab.goto(url)
-        tab.wait_for_function("document.documentElement.dataset.view === 'ready'", timeout=60_000)
-        x, y = tab.evaluate(TOUCH)
-        tab.mouse.move(x, y)
-        tab.mouse.down()
-        tab.mouse.move(x + 8, y)
-        tab.wait_for_function("cockpit.state.tasks.some((task) => task.source === 'pointer')")
-        tab.evaluate(TIME)
-        for number in range(count):
-            tab.mouse.move(x + 8 + 4 * (number % 5), y + 3 * (number % 4))
-            tab.wait_for_timeout(30 + 7 * (number % 5))
-        waited: list[float] = tab.evaluate("window.waited")
-        chromium.close()
-    return [ms / 1000.0 for ms in waited]
-
-
-TOUCH = """() => {
-  const box = cockpit.viewer.renderer.domElement.getBoundingClientRect();
-  for (let y = 10; y < box.height; y += 5) for (let x = 10; x < box.width; x += 5) {
-    const at = { clientX: box.left + x, clientY: box.top + y };
-    if (cockpit.pick.touched(at) !== null) return [at.clientX, at.clientY];
-  }
-}"""
-"""Where on the screen a robot can be touched."""
-
-TIME = """() => {
-  window.waited = [];
-  let begun = null;
-  const target = () => JSON.stringify(cockpit.state.tasks.find((task) => task.source === "pointer")?.target);
-  window.addEventListener("pointerrawupdate", () => { begun ??= { at: performance.now(), target: target() }; }, true);
-  new MutationObserver(() => {  // of the number of the last state applied
-    if (begun !== null && target() !== begun.target) {
-      window.waited.push(performance.now() - begun.at);
-      begun = null;
-    }
-  }).observe(document.documentElement, { attributeFilter: ["data-frame"] });
-}"""
-"""Times each event of the pointer, from when the page hears of it until it has applied a state with another target."""
-
-
-PICTURE = """async () => {
-  const { view, viewer } = cockpit;
-  const { info } = viewer.renderer;
-  info.autoReset = false;
-  info.reset();
-  viewer.set_dirty();
-  viewer.render();
-  const { calls, triangles } = info.render;
-  info.autoReset = true;
-  const times = [];
-  for (let frames = 0, last = performance.now(); frames < 20; frames += 1) {
-    view.changed();
-    await new Promise(requestAnimationFrame);
-    times.push(performance.now() - last);
-    last = performance.now();
-  }
-  return [calls, triangles, times.sort((a, b) => a - b)[10]];
-}"""
-"""Draw calls and triangles of a picture, and the median time of one in a motion, ms."""
-
-
-def picture(bodies: int) -> None:
-    """Print what a chain of links costs until it is seen, and then."""
-    from playwright.sync_api import sync_playwright
-
-    link = "link {} {{ parameters {{ theta 20 d {} r 5 }} type 2 pred {} }}"
-    links = "\n".join(link.format(i, 100 * (i > 1), i - 1) for i in range(1, bodies + 1))
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, "chain.raff")
-        path.write_text(f"RAFF Chain\nrobot chain {{\nbase {{ }}\n{links}\n}}\n")
-        begin = time.perf_counter(), time.process_time()
-        mechanism = cinegen.load(path)
-        print(f"loaded in {time.perf_counter() - begin[0]:.1f} s, {time.process_time() - begin[1]:.1f} s of a core")
-    begin = time.perf_counter(), time.process_time()
-    with Cockpit(arrange({"robot": mechanism}), port=7900) as cockpit, sync_playwright() as playwright:
-        print(f"served in {time.perf_counter() - begin[0]:.1f} s, {time.process_time() - begin[1]:.1f} s of a core")
-        messages = cockpit.page.scene().values()
-        print(f"{len(messages)} drawing commands, {sum(map(len, messages)) / 1e6:.1f} MB")
-        chromium = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=list(FLAGS))
-        tab = chromium.new_page(viewport={"width": 1440, "height": 900}, bypass_csp=True)
-        start = time.perf_counter()
-        tab.goto(cockpit.url, wait_until="commit")
-        tab.wait_for_function("document.documentElement.dataset.view === 'ready'", timeout=300_000)
-        print(f"whole picture after {time.perf_counter() - start:.1f} s")
-        calls, triangles, frame = tab.evaluate(PICTURE)
-        print(f"{calls} draw calls and {triangles} triangles with the shadow; {frame:.0f} ms a frame in motion")
-        chromium.close()
-
-
 def summary(waited: list[float]) -> str:
     ordered = sorted(waited)
     return (
@@ -243,13 +142,8 @@ def main() -> None:
     parser.add_argument("--robot", default="robots/gough.raff")
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--browser", action="store_true")
-    parser.add_argument("--bodies", type=int)
     options = parser.parse_args()
     warnings.simplefilter("ignore", cinegen.CinegenWarning)
-    if options.bodies:
-        picture(options.bodies)
-        return
     mechanism = cinegen.load(options.robot)
     with Cockpit(arrange({"robot": mechanism}), port=7900) as cockpit:
         for count in (1, CLIENTS):
@@ -258,9 +152,6 @@ def main() -> None:
         compare(cockpit, options.seconds, options.rounds)
         print(f"the solver meanwhile:\n{cockpit.runner.report()}")
         print(f"a user waits: {summary(asyncio.run(drag(cockpit.session_url, 'robot', mechanism.end, 200)))}")
-        if options.browser:
-            waited = in_a_browser(cockpit.url, 30)
-            print(f"in a browser, from the pointer's event to the state applied: {summary(waited)}")
 
 
 if __name__ == "__main__":

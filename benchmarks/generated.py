@@ -1,7 +1,6 @@
 """Generated C and JavaScript beside Python: differences over many closed configurations, and the time of a tick.
 
     python benchmarks/generated.py [COUNT] [ROBOT ...]
-    python benchmarks/generated.py float [ROBOT ...]
 
 Actuated joints move to COUNT random values (100,000 unless given), one after the other; all robots of robots/ unless
 named. C and JavaScript then move to those that Python reached, and to some of the others, which they may not reach.
@@ -10,8 +9,6 @@ Rounding moves a configuration by about the machine's epsilon, divided by the sm
 joints in the loops: no less can be expected of two programs that round in different ways. So differences are listed as
 they are (rad, m), where that singular value is at least 0.01; and divided by this expectation, for all. Where they are
 largest, errors of all three are computed with mpmath: see `exact_loops.py`.
-
-`float` measures the time of C in single precision beside doubles; they take turns.
 
 Needs gcc and node.
 """
@@ -71,29 +68,15 @@ double microseconds(void);
 double microseconds(void) {
   static robot_robot robot;
   robot_init(&robot);
-  REAL *target = robot_target(&robot, 0), begin = target[9];
+  double *target = robot_target(&robot, 0), begin = target[9];
   const clock_t start = clock();
   for (int i = 0; i < TICKS; i++) {
-    target[9] = begin + (REAL) (0.05 * sin(i * 1e-3));
+    target[9] = begin + 0.05 * sin(i * 1e-3);
     robot_tick(&robot);
   }
   return 1e6 * (double) (clock() - start) / CLOCKS_PER_SEC / TICKS;
 }
-double microseconds_of_forward(void);
-double microseconds_of_forward(void) {
-  static robot_robot robot;
-  REAL values[robot_ACTUATED], home[robot_ACTUATED];
-  robot_init(&robot);
-  robot_actuated(&robot, home);
-  const clock_t start = clock();
-  for (int i = 0; i < TICKS; i++) {
-    for (int k = 0; k < robot_ACTUATED; k++) values[k] = home[k] + (REAL) (0.1 * sin(i * 1e-3 + k));
-    robot_forward(&robot, values);
-  }
-  return 1e6 * (double) (clock() - start) / CLOCKS_PER_SEC / TICKS;
-}
 """.replace("TICKS", str(TICKS))
-ROUNDS = 15
 
 
 def in_python(mechanism: cinegen.Mechanism, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -109,33 +92,26 @@ def in_python(mechanism: cinegen.Mechanism, values: np.ndarray) -> tuple[np.ndar
     return q, frames
 
 
-def library(folder: Path, mechanism: cinegen.Mechanism, language: Language) -> ctypes.CDLL:
-    """Return the generated C code with its clocks, compiled."""
-    for name, text in generate(mechanism, language, name="robot").items():
-        (folder / name).write_text(text)
-    (folder / "clock.c").write_text(CLOCK)
-    command = ["gcc", "-std=gnu99", "-O2", f"-DREAL={language.real}", "-shared", "-fPIC", "robot.c", "clock.c"]
-    subprocess.run([*command, "-o", f"{language.value}.so", "-lm"], cwd=folder, check=True)
-    code = ctypes.CDLL(str(folder / f"{language.value}.so"))
-    code.microseconds.restype = code.microseconds_of_forward.restype = ctypes.c_double
-    return code
-
-
 def in_c(folder: Path, mechanism: cinegen.Mechanism, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Return the same from C, and the time of a tick, us."""
-    code, doubles = library(folder, mechanism, Language.C), ctypes.POINTER(ctypes.c_double)
+    for name, text in {**generate(mechanism, Language.C, name="robot"), "clock.c": CLOCK}.items():
+        (folder / name).write_text(text)
+    command = ["gcc", "-std=gnu99", "-O2", "-shared", "-fPIC", "robot.c", "clock.c", "-o", "robot.so", "-lm"]
+    subprocess.run(command, cwd=folder, check=True)
+    code, doubles = ctypes.CDLL(str(folder / "robot.so")), ctypes.POINTER(ctypes.c_double)
+    code.microseconds.restype = ctypes.c_double
     code.robot_q.restype = code.robot_node.restype = doubles
     code.robot_forward.restype = ctypes.c_bool
     robot = ctypes.create_string_buffer(1 << 20)
     code.robot_init(robot)
     q = np.ctypeslib.as_array(code.robot_q(robot), (mechanism.model.nq,))
     frame = np.ctypeslib.as_array(code.robot_node(robot, len(mechanism.nodes) - 1), (12,))
-    found, frames = np.full((len(values), len(q)), np.nan), np.full((len(values), 12), np.nan)
-    for i, given in enumerate(np.ascontiguousarray(values)):
-        if code.robot_forward(robot, given.ctypes.data_as(doubles)):
+    reached, frames = np.full((len(values), len(q)), np.nan), np.full((len(values), 12), np.nan)
+    for i, row_values in enumerate(np.ascontiguousarray(values)):
+        if code.robot_forward(robot, row_values.ctypes.data_as(doubles)):
             code.robot_place(robot)
-            found[i], frames[i] = q, frame
-    return found, frames, float(code.microseconds())
+            reached[i], frames[i] = q, frame
+    return reached, frames, float(code.microseconds())
 
 
 def in_node(folder: Path, mechanism: cinegen.Mechanism, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
@@ -172,27 +148,8 @@ def conditioning(mechanism: cinegen.Mechanism, q: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.svd(jacobians, compute_uv=False)[:, rank - 1])
 
 
-def floats(names: list[str]) -> None:
-    """Print times of `tick` and `forward` in doubles, and those of floats by them: medians and quartiles."""
-    for name in names:
-        mechanism = cinegen.load(name)
-        with tempfile.TemporaryDirectory() as folder:
-            double, single = (library(Path(folder), mechanism, one) for one in (Language.C, Language.C_FLOAT))
-        for function in ("microseconds", "microseconds_of_forward"):
-            both = [(getattr(double, function)(), getattr(single, function)()) for _ in range(ROUNDS)]
-            ratios = np.percentile([b / a for a, b in both], (25, 50, 75))
-            kind = "forward" if "forward" in function else "tick"
-            print(
-                f"{name:20}{kind:10}{np.median([a for a, _ in both]):8.2f} us in doubles; floats by doubles "
-                f"{ratios[1]:.2f} ({ratios[0]:.2f} to {ratios[2]:.2f})"
-            )
-
-
 def main() -> None:
     """Print a table."""
-    if sys.argv[1:2] == ["float"]:
-        floats(sys.argv[2:] or ["delta4", "five_bar"])
-        return
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 100_000
     names = sys.argv[2:] or sorted(path.stem for path in ROBOTS.glob("*.raff") if path.stem != "two_arms")
     print(f"{count} values. Largest differences of configurations and frames from Python, with a singular value of at")

@@ -20,34 +20,20 @@ import time
 from statistics import mean, median
 
 import numpy as np
+from bench import ROBOTS
 
 from cinegen.hexapod import Hexapod
 
-DIETMAIER = (  # 40 real modes: P. Dietmaier, "The Stewart-Gough platform of general geometry ...", ARK 1998
-    [
-        [0, 0, 0],
-        [1.107915, 0, 0],
-        [0.549094, 0.756063, 0],
-        [0.735077, -0.223935, 0.525991],
-        [0.514188, -0.526063, -0.368418],
-        [0.590473, 0.094733, -0.205018],
-    ],
-    [
-        [0, 0, 0],
-        [0.542805, 0, 0],
-        [0.956919, -0.528915, 0],
-        [0.665885, -0.353482, 1.402538],
-        [0.478359, 1.158742, 0.107672],
-        [-0.137087, -0.235121, 0.353913],
-    ],
-    [1, 0.645275, 1.086284, 1.503439, 1.281933, 0.771071],
-)
+sys.path.append(str(ROBOTS.parent / "tests/hexapod"))
+from test_hexapod import DIETMAIER_BASE, DIETMAIER_LENGTHS, DIETMAIER_PLATFORM
+
+DIETMAIER = tuple(np.array(part, dtype=float) for part in (DIETMAIER_BASE, DIETMAIER_PLATFORM, DIETMAIER_LENGTHS))
 
 
 def example(rng: np.random.Generator, family: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Base and platform (6, 3), lengths (6,)."""
     if family == "Dietmaier":
-        return tuple(np.array(part, dtype=float) for part in DIETMAIER)
+        return DIETMAIER
     base, platform = rng.normal(size=(2, 6, 3))
     if family != "general":
         base[:, 2] = platform[:, 2] = 0.0

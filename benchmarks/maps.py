@@ -8,9 +8,6 @@ Each row is a ratio of two ways that take turns: the medians of all rounds stand
 from __future__ import annotations
 
 import argparse
-import json
-import subprocess
-import sys
 import tempfile
 import time
 import warnings
@@ -18,7 +15,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from statistics import median
 
-from bench import PANDA, ROBOTS
+from bench import PANDA
 
 import cinegen
 from cinegen.cluster import connected, each
@@ -27,19 +24,7 @@ from cinegen.workspace import GridAxis, MapSpecification, Region, make_map
 from cinegen.workspace.chunks import back_and_forth
 
 BATCH = 20_000  # configurations that `evaluate` gets at once
-GROWN = 100  # times: the larger map whose memory is looked at
 TASKS = 500  # that do nothing
-MEMORY = """
-import json, resource, sys
-import cinegen
-from cinegen.workspace import GridAxis, MapSpecification, Region, make_map
-robot, path, cells = sys.argv[1:]
-mechanism = cinegen.load(robot)
-axes = [GridAxis(name, -3.0, 3.0, count) for name, count in zip(mechanism.actuated, (int(cells), 100, 100))]
-make_map(MapSpecification(mechanism, Region(tuple(axes)), ("sigma_1",)), path, workers=2, most=5000)
-both = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
-print(json.dumps([resource.getrusage(who).ru_maxrss / 1024 for who in both]))
-"""
 
 
 def over(mechanism: cinegen.Mechanism, names: Sequence[str], side: int, node: str = "") -> MapSpecification:
@@ -88,14 +73,6 @@ def row(what: str, first: float, second: float, unit: str, mark: str = "") -> No
     print(f"{what:<62}{first:>10,.0f}{second:>10,.0f} {unit:<4}{second / first:>6.2f}  {mark}", flush=True)
 
 
-def memory(cells: int) -> tuple[float, float]:
-    """MB at most: of the process that calls, scheduler included, and of one that works."""
-    with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-c", MEMORY, ROBOTS / "planar_3r.raff", Path(folder) / "map.zarr", str(cells)]
-        own, others = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-        return own, others
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("rounds", nargs="?", type=int, default=5)
@@ -124,9 +101,6 @@ def main() -> None:
         for _ in each(one, abs, range(TASKS)):
             pass
         print(f"a task that does nothing: {1e3 * (time.perf_counter() - begin) / TASKS:.2f} ms")
-    (small, small_work), (large, large_work) = memory(1), memory(GROWN)
-    row(f"memory of who calls; for a map {GROWN} times larger", small, large, "MB", "flat")
-    row(f"memory of who works; for a map {GROWN} times larger", small_work, large_work, "MB", "flat")
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from cinegen.errors import CinegenError
 from raff2urdf.command.command_line import UsageError
 from raff2urdf.errors import first_of, raised_as
 from raff2urdf.escape import terminal
-from raff2urdf.files import GENERATED, STANDARD, check_new, read_bytes, write_all, writing
+from raff2urdf.files import GENERATED, STANDARD, check_new, write_all, writing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,15 +29,6 @@ _METADATA: dict[str, dict[str, str | None]] = {
 }
 # The same file each time; texts of a PDF in TrueType fonts, which programs can edit.
 _REPRODUCIBLE: dict[Any, Any] = {"svg.hashsalt": "cinegen", "pdf.fonttype": 42}
-
-
-def read(file: Path) -> str:
-    """Return a file's text.
-
-    Raises:
-        raff2urdf.RaffError: it can't be read.
-    """
-    return read_bytes(file).decode(errors="replace")
 
 
 def check_outputs(*paths: Path | None, force: bool = False, json: bool = False, remakeable: bool = True) -> None:

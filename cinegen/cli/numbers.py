@@ -144,16 +144,6 @@ def configuration_at(mechanism: Mechanism, at: str, node: str | None) -> Any:
     return q
 
 
-def interval(text: str, option: str, dimension: Dimension) -> tuple[float, float]:
-    """Return both ends of `LOW..HIGH`, SI units and radians; a unit behind the second is that of both.
-
-    Raises:
-        UsageError: it is not an interval.
-    """
-    with refused_as(UsageError, option):
-        return parse_range(text, dimension)
-
-
 def interval_of(mechanism: Mechanism, name: str, text: str, option: str) -> tuple[float, float]:
     """Return both ends of the range `LOW..HIGH` of a coordinate or joint, m or rad; 0 and 1 for an unknown name, which
     the caller refuses.
@@ -167,7 +157,8 @@ def interval_of(mechanism: Mechanism, name: str, text: str, option: str) -> tupl
     dimension = dimension_of(mechanism, name)
     if dimension is None:
         return 0.0, 1.0
-    ends = interval(text, f"{option}: {name}", dimension)
+    with refused_as(UsageError, f"{option}: {name}"):
+        ends = parse_range(text, dimension)
     if not ends[0] < ends[1]:
         raise UsageError(f"{option}: {name}: '{text}' is no range: give the lower end first")
     if name in mechanism.joints:

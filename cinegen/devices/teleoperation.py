@@ -11,15 +11,13 @@ import pinocchio as pin
 from cinegen.arrays import Array
 from cinegen.errors import CinegenError, UnknownNameError
 from cinegen.ik import FrameTask
+from cinegen.ik.tasks.values import ROTATIONS, TRANSLATIONS, is_count
 from cinegen.sensor import NO_TWIST, Reading, Sensor, SensorState, SensorStatus, Twist
 from raff2urdf.axes import UNCHANGED, parse_axes
 from raff2urdf.errors import RaffError, raised_as
 
 REST = 0.1
 """Time in which a target comes to rest when its sensor falls silent, s."""
-
-_TRANSLATIONS = {0: (0, 0, 0), 1: (1, 0, 0), 2: (1, 1, 0), 3: (1, 1, 1)}
-_ROTATIONS = {0: (0, 0, 0), 1: (0, 0, 1), 2: (1, 1, 0), 3: (1, 1, 1)}
 
 
 @dataclass(frozen=True)
@@ -54,15 +52,15 @@ class TwistMapping:
             raise CinegenError(f"speed and turning must be finite and 0 or more, not {self.speed} and {self.turning}")
         if not 0.0 <= self.dead < 1.0:
             raise CinegenError(f"the dead zone must be in [0, 1), not {self.dead}")
-        if self.translation not in _TRANSLATIONS or self.rotation not in _ROTATIONS:
+        if not (is_count(self.translation) and is_count(self.rotation)):
             raise CinegenError(f"translation and rotation must be 0 to 3, not {self.translation} and {self.rotation}")
         with raised_as(CinegenError, RaffError):
             parse_axes(self.axes)
 
     @property
-    def commanded(self) -> tuple[int, ...]:
+    def commanded(self) -> tuple[float, ...]:
         """(6,) 1 for commanded axes, 0 for the others."""
-        return _TRANSLATIONS[self.translation] + _ROTATIONS[self.rotation]
+        return TRANSLATIONS[self.translation] + ROTATIONS[self.rotation]
 
     def velocity(self, twist: Twist) -> Array:
         """Return the velocity (6,) of a deflection, m/s and rad/s in the axes of the command frame."""

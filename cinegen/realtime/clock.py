@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import TracebackType
 from typing import Any, NamedTuple, Self
@@ -61,20 +61,17 @@ class Clock:
             leaves the scheduling unchanged. A real-time tick blocks all other programs on its core while it runs, so
             one core remains for them: as many loops as there are other cores can be in real time on a machine.
             `TimingReport.scheduling` reports the result.
-        cores: cores on which the loop may run; all if empty.
 
     Raises:
         ClockError: a value is out of range.
     """
 
-    def __init__(
-        self, period: float = 0.001, *, spin: float | None = None, priority: int = 0, cores: Iterable[int] = ()
-    ) -> None:
+    def __init__(self, period: float = 0.001, *, spin: float | None = None, priority: int = 0) -> None:
         self._spin = spin
         self.period = period
         if priority not in range(100):
             raise ClockError(f"a clock's priority must be from 0 to 99, not {priority}")
-        self.priority, self.cores = priority, frozenset(cores)
+        self.priority = priority
         self._command: Any = None
         self._channel: Channel = Channel.local(period)
         self._worker: LoopWorker | None = None
@@ -176,7 +173,7 @@ class Clock:
             Exception: exception of the factory.
         """
         count = self._begin(seconds, Channel.shared(self.period))
-        settings = {"period": self.period, "spin": self._spin, "priority": self.priority, "cores": self.cores}
+        settings = {"period": self.period, "spin": self._spin, "priority": self.priority}
         worker = LoopProcess(_serve_there, settings, self._channel, count, factory, arguments)
         self._worker, self._scheduling = worker, worker.scheduling
         return self
@@ -296,7 +293,7 @@ class Clock:
 
     @contextmanager
     def _prepared(self) -> Iterator[str]:
-        with scheduling.quiet_interpreter(), scheduling.scheduled(self.priority, self.cores) as description:
+        with scheduling.quiet_interpreter(), scheduling.scheduled(self.priority) as description:
             self._scheduling = description
             self._looping = True
             try:

@@ -19,8 +19,6 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
-from cinegen.realtime.channel import ClockError
-
 _SHORT = 1e-4  # s: switch interval while a loop sleeps
 _LONG = 1e-3  # s: during a tick, also for a tick that released the lock and wants it back
 _RESERVED = "\0cinegen real-time loop "  # names of reservations, each with its number
@@ -65,31 +63,22 @@ def quiet_interpreter() -> Iterator[None]:
 
 
 @contextmanager
-def scheduled(priority: int, cores: frozenset[int]) -> Iterator[str]:
+def scheduled(priority: int) -> Iterator[str]:
     """Schedule the calling thread in real time, where that is permitted; yield a description of the result.
 
     Args:
         priority: priority of SCHED_FIFO; 0 leaves the scheduling unchanged, and so do other loops in real time on all
             cores but one.
-        cores: cores on which the thread may run; all if empty.
-
-    Raises:
-        ClockError: the thread may run on none of these cores.
     """
     scheduling = "ordinary scheduling"
     if not hasattr(os, "sched_setscheduler"):
-        yield f"{scheduling} (this system offers no real-time scheduling)" if priority or cores else scheduling
+        yield f"{scheduling} (this system offers no real-time scheduling)" if priority else scheduling
         return
-    policy, parameters, allowed = os.sched_getscheduler(0), os.sched_getparam(0), os.sched_getaffinity(0)
-    if cores:
-        try:
-            os.sched_setaffinity(0, cores)
-        except (OSError, OverflowError, ValueError) as error:
-            raise ClockError(f"a clock can't run on cores {_listed(cores)}; allowed are {_listed(allowed)}") from error
-    reservation = _reservation(len(allowed)) if priority else None
+    policy, parameters, cores = os.sched_getscheduler(0), os.sched_getparam(0), len(os.sched_getaffinity(0))
+    reservation = _reservation(cores) if priority else None
     try:
         if priority and reservation is None:
-            scheduling += f" (no real time: one of {len(allowed)} cores must remain for other programs)"
+            scheduling += f" (no real time: one of {cores} cores must remain for other programs)"
         elif reservation is not None:
             try:  # threads and processes that a tick starts are scheduled as usual
                 fifo = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
@@ -98,7 +87,7 @@ def scheduled(priority: int, cores: frozenset[int]) -> Iterator[str]:
             except OSError as error:
                 scheduling += f" (no real time: {(error.strerror or str(error)).lower()})"
                 reservation.close()
-        yield scheduling + (f", on cores {_listed(cores)}" if cores else "")
+        yield scheduling
     finally:
         for reset in (0, os.SCHED_RESET_ON_FORK):  # this flag may be permitted to be set, but not to be cleared
             with suppress(OSError):
@@ -106,9 +95,6 @@ def scheduled(priority: int, cores: frozenset[int]) -> Iterator[str]:
                 break
         if reservation is not None:
             reservation.close()
-        if cores:
-            with suppress(OSError):
-                os.sched_setaffinity(0, allowed)
 
 
 def _reservation(cores: int) -> socket.socket | None:
@@ -125,7 +111,3 @@ def _reservation(cores: int) -> socket.socket | None:
         except OSError:
             name.close()
     return None
-
-
-def _listed(cores: frozenset[int] | set[int]) -> str:
-    return ", ".join(str(core) for core in sorted(cores))

@@ -1,7 +1,6 @@
 """The clock: deadlines, skipped ticks, errors and records. No test asks how punctual this machine is."""
 
 import contextlib
-import functools
 import gc
 import math
 import os
@@ -335,18 +334,6 @@ def test_the_report_says_how_the_loop_was_scheduled(monkeypatch):
     assert "offers no real-time" in Clock(priority=7).run(lambda tick: None, 0.001).scheduling
 
 
-@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="this system has no such choice")
-def test_a_loop_runs_on_the_cores_it_is_given():
-    core = min(os.sched_getaffinity(0))
-    seen = set()
-    report = Clock(0.001, cores=[core]).run(lambda tick: seen.update(os.sched_getaffinity(0)), 0.005)
-    assert seen == {core}
-    assert report.scheduling.endswith(f"on cores {core}")
-    for impossible in ([4095], [-1]):
-        with pytest.raises(ClockError, match="can't run on cores"):
-            Clock(cores=impossible).run(lambda tick: None, 0.001)
-
-
 # --- mailboxes -------------------------------------------------------------------------------------------------------
 
 
@@ -516,8 +503,6 @@ def test_what_the_factory_raises_is_raised_at_once():
     with pytest.raises(ClockError, match="function at the top level"):
         clock.spawn(lambda: print)
     assert not clock.running
-    with pytest.raises(ClockError, match="can't run on cores"):
-        Clock(cores=[-1]).spawn(functools.partial(troubled, "none"))
 
 
 def test_a_process_that_does_not_end_is_ended(tmp_path):
@@ -575,11 +560,11 @@ def test_a_core_remains_for_other_programs(monkeypatch):
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1, 2})
     monkeypatch.setattr(scheduling, "_RESERVED", f"\0cinegen test {os.getpid()} ")
     with contextlib.ExitStack() as loops:
-        found = [loops.enter_context(scheduling.scheduled(7, frozenset())) for _ in range(3)]
+        found = [loops.enter_context(scheduling.scheduled(7)) for _ in range(3)]
     none = "ordinary scheduling (no real time: one of {} cores must remain for other programs)"
     assert found == ["SCHED_FIFO 7", "SCHED_FIFO 7", none.format(3)]
-    with scheduling.scheduled(7, frozenset()) as again:
+    with scheduling.scheduled(7) as again:
         assert again == "SCHED_FIFO 7"
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})
-    with scheduling.scheduled(7, frozenset()) as only:
+    with scheduling.scheduled(7) as only:
         assert only == none.format(1)

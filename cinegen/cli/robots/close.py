@@ -5,12 +5,12 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from cinegen.cli.files import read
 from cinegen.cli.options import FILE, RobotOptions
 from cinegen.errors import CinegenError
 from raff2urdf.command.command_line import option
 from raff2urdf.command.output import until_stopped, write_at_once
 from raff2urdf.errors import raised_as
+from raff2urdf.files import read_bytes
 
 
 def run(
@@ -29,7 +29,9 @@ def run(
     from cinegen.devices import Lines, start_from
 
     with raised_as(CinegenError, CinegenError, f"--start {start}: ", ": name a line that `cinegen close` wrote"):
-        lines = Lines(mechanism, None if start is None else start_from(mechanism, read(start)))
+        lines = Lines(
+            mechanism, None if start is None else start_from(mechanism, read_bytes(start).decode(errors="replace"))
+        )
     if sys.stdin is not None:
         with until_stopped():
             lines.serve(sys.stdin.buffer, write_at_once)
