@@ -7,13 +7,13 @@ import re
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from raff2urdf.constraints import Constraints, check_values, constraints, for_urdf
-from raff2urdf.errors import NearlyRedundantError, RaffError, RaffWarning
+from raff2urdf.errors import NearlyRedundantError, RaffError, RaffWarning, run_all
 from raff2urdf.files import GENERATED, check_new, has_digest, is_stream, read_bytes, stem_of, write_all, writing
 from raff2urdf.graphics.meshes import Graphics
 from raff2urdf.loops.mobility import Analysis, analyse, loop_kinds
@@ -289,8 +289,10 @@ def convert(
         contents |= dict(reversed(written.items()))
         if not overwrite:
             older = conversion.file.exists() and not has_digest(conversion.file)
-            for target in conversion.files:
-                check_new(target, is_companion=older and target != conversion.file)
+            run_all(
+                partial(check_new, target, is_companion=older and target != conversion.file)
+                for target in conversion.files
+            )
     with writing(RaffError):
         write_all(contents)
     return conversions

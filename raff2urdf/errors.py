@@ -25,6 +25,13 @@ class SourceLocation:
 MOST_CHARACTERS = 4000  # of a message
 
 
+def shortened(text: str) -> str:
+    """Return the begin and the end of a message that quotes a very long text."""
+    if len(text) <= MOST_CHARACTERS:
+        return text
+    return f"{text[: MOST_CHARACTERS // 2]} ... {text[-MOST_CHARACTERS // 2 :]}"
+
+
 @dataclass(frozen=True, slots=True)
 class Problem:
     """A problem in a text: what is wrong, where, and the likely remedy."""
@@ -35,9 +42,7 @@ class Problem:
     text: str = ""  # the line of the location, without its end
 
     def __str__(self) -> str:
-        message = self.message
-        if len(message) > MOST_CHARACTERS:  # it quotes the file
-            message = f"{message[: MOST_CHARACTERS // 2]} ... {message[-MOST_CHARACTERS // 2 :]}"
+        message = shortened(self.message)
         if self.location is None:
             return f"{self.source}: {message}" if self.source else message
         head = f"{self.source}:{self.location.line}:{self.location.column}: {message}"

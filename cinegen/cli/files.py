@@ -6,12 +6,13 @@ import io
 import json
 import sys
 from collections.abc import Sized
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cinegen.errors import CinegenError
 from raff2urdf.command.command_line import UsageError
-from raff2urdf.errors import first_of, raised_as
+from raff2urdf.errors import first_of, raised_as, run_all
 from raff2urdf.escape import terminal
 from raff2urdf.files import GENERATED, STANDARD, check_new, write_all, writing
 
@@ -43,15 +44,14 @@ def check_outputs(*paths: Path | None, force: bool = False, json: bool = False, 
 
     Raises:
         UsageError: two outputs go to standard output.
-        raff2urdf.RaffError: a file exists.
+        raff2urdf.RaffError: files exist; names all of them.
     """
     outputs = [path for path in paths if path is not None]
     if STANDARD in outputs:
         if json or outputs.count(STANDARD) > 1 or sys.stdout is sys.stderr:
             raise UsageError("only one output can go to standard output (-): name a file for the other")
         sys.stdout = sys.stderr  # `raff2urdf.command.output.run` restores it
-    for path in outputs if not force else ():
-        check_new(path, remakeable)
+    run_all(partial(check_new, path, remakeable) for path in outputs if not force)
 
 
 def write(path: Path, content: str | bytes) -> None:

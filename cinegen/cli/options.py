@@ -58,7 +58,7 @@ BASE = option(
     "base pose of a robot: ROBOT.NODE, x,y,z[,roll,pitch,yaw] (m and degrees), or ROBOT.NODE@x,y,z...", (), "--base",
 )  # fmt: skip
 ROBOT = option("NAME", "the robot of this name")
-WORKERS = option("N", "processes on this machine (default: its cores)")
+WORKERS = option("N", "processes on this machine (default: its cores)", unless="--scheduler")
 SCHEDULER = option("URL", "scheduler of a Dask cluster, such as tcp://node1:8786")
 ACTUATED = option("JOINTS", "actuated joints, such as joint1,joint2 (default: those of the file, or else chosen)")
 FIXED_BASE = flag("--fixed-base", "hold a floating base: nothing moves it")

@@ -11,7 +11,9 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from fnmatch import fnmatchcase
+from fnmatch import translate
+from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +23,7 @@ import raff2urdf
 from cinegen.arrays import Array, ArrayLike
 from cinegen.design.errors import DesignError
 from cinegen.design.ties import Ties, resolve
-from cinegen.errors import warn
+from cinegen.errors import read_all, warn
 from cinegen.model.build import build
 from cinegen.model.mechanism import Mechanism
 from raff2urdf.conversion import describe
@@ -199,32 +201,27 @@ class Parameters:
         joint's own variable is matched by its full name only.
 
         Raises:
-            DesignError: a pattern matches nothing.
+            DesignError: patterns match nothing; names all of them.
         """
-        chosen: set[int] = set()
-        for pattern in (text.strip() for text in patterns):
-            if not is_pattern(pattern):
-                chosen.add(self.find(pattern))
-                continue
-            both = [
-                i
-                for i, parameter in enumerate(self.all)
-                if fnmatchcase(parameter.name, pattern) or fnmatchcase(parameter.alias, pattern)
-            ]
-            matched = [i for i in both if not self.all[i].joint]
-            if not matched:
-                why = "matches no parameter"
-                if both:
-                    of = ", ".join(self.all[i].name for i in both[:6])
-                    why = (
-                        f"matches only variables of moving joints ({of}), whose written value is their home: name them"
-                    )
-                raise DesignError(
-                    f"'{pattern}' {why}; parameters are NODE.WORD, such as link2.d (words: {', '.join(WORDS)})"
-                    f"{'' if both else did_you_mean(pattern, [parameter.name for parameter in self.all])}"
-                )
-            chosen.update(matched)
-        return sorted(chosen)
+        reads = {pattern: partial(self._matched, pattern.strip()) for pattern in patterns}
+        return sorted({*chain.from_iterable(read_all(reads, DesignError).values())})
+
+    def _matched(self, pattern: str) -> list[int]:
+        if not is_pattern(pattern):
+            return [self.find(pattern)]
+        matches = re.compile(translate(pattern)).match
+        both = [i for i, each in enumerate(self.all) if any(map(matches, (each.name, each.alias)))]
+        matched = [i for i in both if not self.all[i].joint]
+        if not matched:
+            why = "matches no parameter"
+            if both:
+                of = ", ".join(self.all[i].name for i in both[:6])
+                why = f"matches only variables of moving joints ({of}), whose written value is their home: name them"
+            raise DesignError(
+                f"'{pattern}' {why}; parameters are NODE.WORD, such as link2.d (words: {', '.join(WORDS)})"
+                f"{'' if both else did_you_mean(pattern, [parameter.name for parameter in self.all])}"
+            )
+        return matched
 
     def own_variable(self, joint: str) -> Parameter:
         """Return the parameter that is the offset of a joint's encoder.
@@ -315,25 +312,27 @@ class Parameters:
 
     def _bounds(self, bounds: Mapping[str, tuple[float, float] | str]) -> Array:
         limits = np.tile([-np.inf, np.inf], (len(self.names), 1))
-        for pattern, interval in bounds.items():
-            for i in self.matching([pattern]):
-                if i not in self._free:
-                    if is_pattern(pattern):
-                        continue
-                    self.index(self.all[i].name)
-                k = self._free.index(i)
-                parameter = self.free[k]
-                with refused_as(DesignError, f"bounds of {parameter.name}"):
-                    low, high = parse_range(interval, parameter.dimension) if isinstance(interval, str) else interval
-                if not low < high:
-                    raise DesignError(f"bounds of {parameter.name}: {low:g} is not below {high:g}")
-                if not low <= self.values[k] <= high:
-                    texts = [shown(x, parameter.dimension) for x in (self.values[k], low, high)]
-                    raise DesignError(
-                        f"{parameter.name} is {texts[0]} in the file, outside its bounds {texts[1]} to {texts[2]}"
-                    )
-                limits[k] = low, high
+        read_all({text: partial(self._bound, limits, text, each) for text, each in bounds.items()}, DesignError)
         return limits
+
+    def _bound(self, limits: Array, pattern: str, interval: tuple[float, float] | str) -> None:
+        for i in self.matching([pattern]):
+            if i not in self._free:
+                if is_pattern(pattern):
+                    continue
+                self.index(self.all[i].name)
+            k = self._free.index(i)
+            parameter = self.free[k]
+            with refused_as(DesignError, f"bounds of {parameter.name}"):
+                low, high = parse_range(interval, parameter.dimension) if isinstance(interval, str) else interval
+            if not low < high:
+                raise DesignError(f"bounds of {parameter.name}: {low:g} is not below {high:g}")
+            if not low <= self.values[k] <= high:
+                texts = [shown(x, parameter.dimension) for x in (self.values[k], low, high)]
+                raise DesignError(
+                    f"{parameter.name} is {texts[0]} in the file, outside its bounds {texts[1]} to {texts[2]}"
+                )
+            limits[k] = low, high
 
     def _warn_of_changes(self, written: Array) -> None:
         full = self.full(self.values)

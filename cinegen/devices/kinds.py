@@ -124,8 +124,8 @@ KINDS: Mapping[str, tuple[Callable[[str, Mechanism | None, str | None, Array | N
 
 def scheme(url: str) -> str:
     """Return the scheme of a sensor's URL; empty for the name of a port."""
-    match = re.match(r"([A-Za-z][A-Za-z0-9+.]+):", url)  # two letters at least: C: is a drive
-    return match[1].lower() if match else ""
+    match = re.match(r"([A-Za-z][A-Za-z0-9+.]+):|.+?://", url, re.DOTALL)  # two letters at least: C: is a drive
+    return (match[1] or match[0].removesuffix("://")).lower() if match else ""
 
 
 def open_sensor(

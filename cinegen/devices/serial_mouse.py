@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 import time
 from typing import Any, NamedTuple
 
@@ -13,6 +14,7 @@ from cinegen.devices.magellan import Magellan
 from cinegen.devices.mouse_events import MouseEvent, MouseFault, MouseKeys, MouseModel, MouseMotion
 from cinegen.devices.spaceball import Spaceball
 from cinegen.devices.threaded_sensor import DeviceLostError, ThreadedSensor, WrongDeviceError
+from raff2urdf.errors import raised_as
 
 _POLL = 0.05  # s, longest wait of a read
 _QUIET = 2.0  # s without a byte, after which the device is queried
@@ -48,11 +50,12 @@ class SerialMouse(ThreadedSensor):
         """Open the port, identify the device, and pass on its readings.
 
         Raises:
-            DeviceLostError: the device is gone.
+            DeviceLostError: the device is gone, or the URL is malformed.
             WrongDeviceError: no 3D mouse answers.
             serial.SerialException: there is no such port, or it is gone.
         """
-        port = serial.serial_for_url(self.url, baudrate=9600, timeout=_POLL, write_timeout=1.0, exclusive=True)
+        with raised_as(DeviceLostError, (ValueError, re.error)):  # the text behind hwgrep:// may be no expression
+            port = serial.serial_for_url(self.url, baudrate=9600, timeout=_POLL, write_timeout=1.0, exclusive=True)
         try:
             mouse = self._magellan(port) or self._spaceball(port)
             if mouse is None:

@@ -102,8 +102,9 @@ class InverseDynamics(OneThread):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Notes of the mechanism's file on what forces leave out, such as springs."""
-        return tuple(note for note in self.mechanism.source.notes if is_uncounted(note))
+        """Notes on what forces leave out: of the mechanism's file, such as springs, and unknown masses."""
+        unknown = note_of({"masses": self.tree.lacking if self.counts_massless else ()})
+        return (*filter(is_uncounted, self.mechanism.source.notes), *unknown)
 
     @property
     def notes_at_rest(self) -> tuple[str, ...]:

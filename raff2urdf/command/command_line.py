@@ -23,7 +23,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.exceptions import TyperException
 
 from raff2urdf.command.output import STOPPED, unescaped
-from raff2urdf.errors import near_names, raised_as
+from raff2urdf.errors import near_names, raised_as, shortened
 from raff2urdf.escape import terminal
 from raff2urdf.quantities import Dimension, QuantityError, parse
 
@@ -256,6 +256,7 @@ def run_app(app: typer.Typer, program: str, arguments: Sequence[str] | None = No
 
 def print_error(text: str) -> None:
     """Print an error on standard error: at a terminal, its position in red, unless `NO_COLOR` is set."""
+    text = "\n".join(map(shortened, text.split("\n")))
     if sys.stderr.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb":
         place, colon, rest = terminal(text).partition(": ")
         text = f"\x1b[1;31m{place}{colon}\x1b[0m{rest}"

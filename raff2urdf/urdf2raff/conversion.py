@@ -5,10 +5,11 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from raff2urdf import readers
-from raff2urdf.errors import RaffError, RaffWarning, did_you_mean, first_of, raised_as
+from raff2urdf.errors import RaffError, RaffWarning, did_you_mean, first_of, raised_as, run_all
 from raff2urdf.files import check_new, is_stream, write_all, writing
 from raff2urdf.loops.mobility import loop_kind
 from raff2urdf.raff.check import check
@@ -117,8 +118,7 @@ def _write(path: Path, out: Path, imported: RaffImport, graphics: Mapping[Path, 
     with raised_as(RaffError, RaffError, f"{path}: "):
         text = dumps(imported.document, _head(path, imported), imported.notes)
     contents = {**graphics, out: text.encode()}
-    for target, content in contents.items() if not overwrite else ():
-        check_new(target, remakeable=False, content=content)
+    run_all(partial(check_new, to, False, content) for to, content in contents.items() if not overwrite)
     with writing(RaffError):
         write_all(contents)
 

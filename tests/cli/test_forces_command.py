@@ -36,6 +36,7 @@ def test_velocities_are_in_degrees_and_the_power_is_printed(typed):
     text = typed("planar_3r", *words, "--acceleration", "joint1=1.5rad/s2", "--velocity", "joint1=1rad/s")
     assert f"{2.0 * 0.9**2 * 1.5:.4g} N m" in text
     assert "power" in text
+    assert "note: forces leave out the masses of link1, link2, link3\n" in text
 
 
 def test_torques_along_a_recorded_motion(root, typed, tmp_path, capsys):

@@ -64,6 +64,12 @@ def test_errors_and_warnings_control_no_terminal(root, tmp_path, capsys):
     assert r"\u001b]0;owned\u0007" in said.err
 
 
+def test_an_error_quotes_the_ends_of_a_very_long_text(typed):
+    said = typed("info", "planar_3r", "--robot", f"begin{'x' * 1_000_000}end", code=1).err
+    assert len(said) < 5000
+    assert re.search("beginx+ [.]{3} x+end", said)
+
+
 def test_whatever_reaches_a_stream_of_a_command_is_text(capsys):
     def command():
         print("out\x1b[2J\x9b2J\u202e")

@@ -116,6 +116,7 @@ MISTAKES: list[tuple[str, int, str]] = [
     ("cinegen modes five_bar --values joint3=1 joint3=2", 2, "--values: joint3 is given twice"),
     # options without effect
     ("cinegen plan disc --modes any --planner rrtconnect", 2, "--planner has no effect with --modes: leave one out"),
+    ("cinegen check-proof p.json --workers 2 --scheduler tcp://x:1", 2, "--workers has no effect with --scheduler"),
     ("cinegen demo --list --port 7001", 2, "--port has no effect with --list: leave it out"),
     ("cinegen demo clock --port 7001", 2, "--port has no effect on an example"),
     ("cinegen singular run.jsonl --at x=1", 2, "--at has no effect on a recording (run.jsonl): leave it out"),

@@ -50,6 +50,9 @@ def test_names_and_values():
     ("arguments", "message"),
     [
         ({"names": "lnk2.d"}, "did you mean 'link2.d'"),
+        ({"names": ["link9.d", "lnk2.d", "q*.d"]}, "'link9.d' (known: link1.d, link2.d"),
+        ({"names": ["link9.d", "lnk2.d", "q*.d"]}, "did you mean 'link2.d'"),
+        ({"names": ["link9.d", "lnk2.d", "q*.d"]}, "'q*.d' matches no parameter"),
         ({"names": "link1.t*"}, "variables of moving joints (link1.theta)"),
         ({"ties": ["link2.d = link2.alpha"]}, "a length and an angle"),
         ({"ties": ["link2.d = 2*link4.d + 10"]}, "'10' has no unit: write it, such as 10mm"),
@@ -62,6 +65,7 @@ def test_names_and_values():
         ({"ties": ["link2.d = 2*link4.d", "link2.d = 3*link5.d"]}, "ties of link2.d: 'link2.d = 2*link4.d' and"),
         ({"names": "link2.d", "ties": ["link2.d = 250mm"]}, "tied to a constant"),
         ({"bounds": {"link2.d": "1..2deg"}}, "bounds of link2.d: "),
+        ({"bounds": {"link2.d": "1..2deg", "link4.d": "2..1m"}}, "bounds of link4.d: 2 is not below 1"),
         ({"bounds": {"link2.d": (1.0, 2.0)}}, "link2.d is 0.25 m in the file, outside its bounds 1 m to 2 m"),
     ],
 )

@@ -65,6 +65,7 @@ def test_a_path_of_a_robot_has_one_of_its_shapes(robot):
     ("url", "why"),
     [
         ("spnaw:", "sensor 2, 'spnaw:': no kind of sensor 'spnaw:', did you mean 'spnav'"),
+        ("${jndi:x://y", "no kind of sensor '${jndi:x:'"),
         ("gamepad:7", "write gamepad:"),
         ("path:circle", "needs a robot"),
         ("tcp://0.0.0.0:7070?no-token", "a port there needs a token; leave out ?no-token"),

@@ -41,6 +41,15 @@ def magellan(tmp_path):
     device.unplug()
 
 
+@pytest.mark.parametrize("url", ["://x", "hwgrep://("])
+def test_a_malformed_url_is_a_status_and_no_defect(url):
+    mouse = SerialMouse(url)
+    mouse.start()
+    wait(lambda: mouse.status.state is SensorState.LOST)
+    mouse.close()
+    assert not mouse.exception_log.messages
+
+
 def reads(mouse: SerialMouse, twist: tuple[float, ...], device: Device, counts: tuple[int, ...]) -> None:
     """Waits until a movement is read; a device goes on sending while it is deflected."""
     newest = []

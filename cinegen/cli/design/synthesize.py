@@ -7,7 +7,7 @@ from pathlib import Path
 import typer
 
 from cinegen.cli.files import check_outputs, print_result, write
-from cinegen.cli.options import FILE, JSON, ROBOT, SCHEDULER, force_option, output_option
+from cinegen.cli.options import FILE, JSON, ROBOT, SCHEDULER, WORKERS, force_option, output_option
 from cinegen.cli.progress import Progress
 from raff2urdf.command.command_line import option
 from raff2urdf.files import output_path, stem_of
@@ -25,7 +25,7 @@ def run(
         "report with pictures, tables and maps of before and after; needs the plot extra",
         endings=(".html", ".htm"),
     ),
-    workers: int | None = option("N", "processes on this machine that share the starts (default: its cores)"),
+    workers: int | None = WORKERS,
     scheduler: str | None = SCHEDULER,
     robot: str | None = ROBOT,
     force: bool = force_option(),
