@@ -182,9 +182,8 @@ def _variable_problems(document: Document, link: RaffLink, names: Mapping[str, R
     known = VARIABLES[link.compound]
     for word in OF_JOINT:
         if getattr(link, word) is not None:
-            first = next(iter(known))
-            why = f"a {link.compound} joint has variables: write '{word}' for one of them, in 'variable {first} {{ }}'"
-            yield problem(why, link, word)
+            remedy = f"write '{word}' for one of them, in 'variable {next(iter(known))} {{ }}'"
+            yield problem(f"the {link.compound} joint of {what} has several variables: {remedy}", link, word)
     for other, variable in duplicates(link.variables, lambda variable: variable.name):
         message = defined_twice(f"variable {variable.name} of {what}", other.line("name"))
         yield problem(message, variable, "name")

@@ -14,14 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from raff2urdf.arrays import Array
 from raff2urdf.errors import RaffError
 from raff2urdf.files import read_bytes
+from raff2urdf.placement import rotation
 from raff2urdf.raff.document import UNITS_PER_METRE
 from raff2urdf.readers import holds_xml
 from raff2urdf.readers.loops.sidecar import constraints_of
 from raff2urdf.readers.xml_file import read_text
-from raff2urdf.residual import skew
 
 _NUMBER = re.compile(rb"[^\s,\[\]]+")
 _ELEMENT = re.compile(
@@ -91,15 +90,9 @@ class Adjustable:
         matrix = np.array([number.value for number in self.numbers]).reshape(3, 4)
         moved = matrix.copy()
         moved[:, 3] += matrix[:, :3] @ np.asarray(change[:3])
-        moved[:, :3] = matrix[:, :3] @ _rotation(np.asarray(change[3:]))
+        angle = float(np.linalg.norm(change[3:]))
+        moved[:, :3] = matrix[:, :3] @ rotation(np.asarray(change[3:]) / (angle or 1.0), angle)[:3, :3]
         return [float(value) for value in moved.ravel()]
-
-
-def _rotation(vector: Array) -> Array:
-    """Return the rotation (3, 3) by a small rotation vector (3,), exactly orthogonal to rounding."""
-    angle = float(np.linalg.norm(vector))
-    cross = skew(vector / angle) if angle > 0.0 else np.zeros((3, 3))
-    return np.asarray(np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross))
 
 
 def adjustables(path: Path) -> list[Adjustable]:
