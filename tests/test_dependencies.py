@@ -16,7 +16,7 @@ POSIX = {"fcntl", "grp", "posix", "pty", "pwd", "resource", "syslog", "termios",
 UNTOLD = {"pinocchio": {"pin"}, "coal": {"coal"}}
 """Distributions of packages whose metadata don't name them: cmeel puts them in a folder of its own."""
 
-EXTRAS = ("plot", "maps", "cluster", "mjcf", "xacro", "dxf", "robots", "film", "sampling", "design", "https", "pink")
+EXTRAS = ("plot", "maps", "cluster", "mjcf", "xacro", "dxf", "robots", "film", "sampling", "https", "pink")
 
 
 installed = cache(packages_distributions)

@@ -108,9 +108,9 @@ def _row(text: str, find: Callable[[str], int], dimensions: Sequence[Dimension],
         except (ValueError, ZeroDivisionError):
             factor = math.nan
         if not math.isfinite(factor):
-            raise DesignError(f"'{text}': '{body}' has a factor that is not a number: write it as 2*{names[0]}")
+            raise DesignError(f"'{text}': '{body}' is not a factor times a name, such as 2*{names[0]}")
         row[find(names[0])] += -factor if sign else factor
-    kinds = {dimensions[i] for i in np.flatnonzero(row)} or {dimension}
+    kinds = {dimensions[i] for i in np.flatnonzero(row).tolist()} or {dimension}
     for constant in constants:
         with refused_as(DesignError, f"'{text}'"):
             row[-1] += (value := parse(constant, next(iter(kinds))))

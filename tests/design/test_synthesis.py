@@ -313,7 +313,6 @@ def test_a_region_is_proved_with_the_result_or_the_task_is_not_done(monkeypatch)
         (changed(tolerances={"sigma": {"link*.d": "0.05mm"}}), "of no use without accuracy"),
         (changed(objective=[{"maximise": "region"}], reach={"axes": "xy", "points": [[0, 0.4]]}), "axes must be"),
         (changed(objective=[{"maximise": "region"}], reach={"axes": ["x", "y"], "points": [[0, 0.4]]}), "not single"),
-        (changed(search={"method": "evolutoin"}), "must be 'sobol' or 'evolution', not 'evolutoin'"),
         (changed(constraints={"mass": "1g"}, reach=NEAR, starts=1), "violate mass by"),
         (changed(objectiv=[]), "unknown key 'objectiv': did you mean 'objective'"),
         (changed(objective=[{"maximise": "condition"}]), "better in the opposite direction: write minimise"),

@@ -15,7 +15,7 @@ from cinegen.design import synthesize
 from cinegen.plotting import synthesis_report
 from cinegen.plotting.sheet import new_figure
 from cinegen.plotting.synthesis.levels import RegionField, draw_field
-from cinegen.plotting.synthesis.page import ReportPage, drawing
+from cinegen.plotting.synthesis.page import drawing, page_of
 
 CHROMIUM = shutil.which("chromium")
 PICTURES = os.environ.get("CINEGEN_PICTURES")
@@ -80,13 +80,9 @@ def report(found):
 
 def test_a_report_is_complete_and_escaped(found, report):
     page = Read(report)
-    sections = re.findall(r"<h2>(.*?)</h2>", report)
-    assert sections == [
-        "Task", "Robot before and after", "Parameters", "Objectives", "Condition number over the region",
-        "Pareto front", "Starts", "What was checked, and what is not proved", "The task as it was given",
-    ]  # fmt: skip
-    assert FILE in page.text
-    assert page.text.count(PATTERN) == 5  # title (twice), task, objectives, the task as given
+    assert page.tags.count("figure") == 4
+    assert FILE.removesuffix(".raff") not in page.tags
+    assert page.text.count(PATTERN) == 4  # title (twice), text, the task
     assert f"node {NODE}" in page.text.lower()
     assert not {"script", "img", "link", "iframe", "a", "image"} & set(page.tags)
     assert all(value.startswith("#") for name, value in page.attributes if name in ("href", "src", "xlink:href"))
@@ -98,49 +94,23 @@ def test_a_report_is_complete_and_escaped(found, report):
     assert used <= set(page.identifiers)
 
 
-def test_a_report_has_the_numbers_of_the_result(found, report):
-    text = Read(report).text.replace("\u00a0", " ")
-    for name, old, new in zip(found.parameters.names, found.parameters.values, found.p, strict=True):
-        assert f"{name}{found.parameters.text(name, old, 7)}{found.parameters.text(name, new, 7)}" in text
-    for value in (found.before[0], found.values[0], found.check.values[0], found.values[1]):
-        assert f"{value:.5g}" in text
-    assert f"evaluated at {found.check.points} points that the optimiser did not see" in text
+def test_a_report_has_the_text_of_the_result_and_the_task(found, report):
+    text = Read(report).text
+    assert found.text in text
     assert "Nothing is proved between the points" in text
-    for one in found.front:
-        assert f"{one.values[0]:.5g}" in text
-    assert text.count("chosen") == 2  # in a sentence and in the table
+    assert '"link2.d": "209..500mm"' in text
+    assert 'class="status fails"' not in report
+    assert 'class="status fails"' in synthesis_report(replace(found, check=replace(found.check, reached=500)))
 
 
 def test_every_text_of_a_page_is_escaped():
-    page = ReportPage(HOSTILE)
-    page.section(HOSTILE)
-    page.text(HOSTILE)
-    page.status(HOSTILE, good=False)
-    page.terms([(HOSTILE, HOSTILE)])
-    page.table(HOSTILE, [HOSTILE], [[HOSTILE]])
-    page.listing(HOSTILE)
     with drawing():
         figure = new_figure()
         figure.text(0.5, 0.5, HOSTILE)
-        page.picture(figure, HOSTILE)
-    read = Read(page.text_of_page())
+        read = Read(page_of(HOSTILE, HOSTILE, [(figure, HOSTILE)], HOSTILE, HOSTILE, good=False))
     assert "script" not in read.tags
-    assert read.text.count(HOSTILE) == 12
+    assert read.text.count(HOSTILE) == 6
     assert ("aria-label", HOSTILE) in read.attributes
-
-
-def test_what_is_missed_and_at_a_bound_is_marked(found):
-    start = replace(found.starts[0], index=1, violation=0.3, missed=0.0123, at=[-0.15, 0.5])
-    changed = replace(
-        found, starts=(found.starts[0], start), bound=("link2.d",), p=np.array([0.209, found.p[1]]), front=(),
-        check=replace(found.check, reached=500), before=(float("nan"),) * 2,
-    )  # fmt: skip
-    text = Read(synthesis_report(changed)).text
-    assert "at its lower bound" in text
-    assert "failed: x = -0.15 m, y = 0.5 m is missed by 0.0123 m" in text
-    assert "Not all constraints hold" in text
-    assert "500 are reached" in text
-    assert "the task is not done" in text
 
 
 # --- pictures ----------------------------------------------------------------------------------------------------
@@ -153,12 +123,10 @@ def test_fields_of_any_dimension_are_drawn(axes, is_region):
     values = np.stack([1.0 + targets.sum(axis=1), 2.0 * targets.sum(axis=1)])
     values[0, 0] = np.nan
     field = RegionField("condition", ("x", "y", "z"), targets, values, False, targets[:2])
-    page = ReportPage("fields")
     with drawing():
         figure = draw_field(field, is_region)
-        page.picture(figure, "a picture")
-    Read(page.text_of_page())
-    assert len(figure.axes) == {0: 1, 1: 1, 2: 1, 3: 8}[axes]
+        Read(page_of("fields", "", [(figure, "a picture")], "", good=True))
+    assert len(figure.axes) == 1
     assert field.varying == list(range(axes))
     assert field.worst(1) == len(targets) - 1
 
@@ -183,7 +151,7 @@ def test_a_report_in_a_browser_and_on_paper(report, tmp_path):
         page.goto(path.as_uri())
         page.screenshot(path=folder / f"synthesis_report_{wide}.png", full_page=True)
         assert page.evaluate("document.documentElement.scrollWidth") <= wide
-        assert page.locator("h1").inner_text().startswith("linkage: minimise the condition number")
+        assert page.locator("h1").inner_text().startswith("linkage: minimise condition")
         boxes = page.locator("figure svg").evaluate_all("all => all.map(one => one.getBoundingClientRect().height)")
         assert len(boxes) == 4
         assert min(boxes) > 60

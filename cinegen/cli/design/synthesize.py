@@ -33,9 +33,9 @@ def run(
 ) -> int:
     """Find the dimensions with which a robot does a task best.
 
-    Optimises parameters of the description by exact derivatives, from several starts or those of an evolution, and
-    writes the best robot as RAFF; several objectives give a Pareto front. The result is checked at points that the
-    optimiser did not see. After an interruption the same command continues.
+    Optimises parameters of the description by exact derivatives, from several starts, and writes the best robot as
+    RAFF; several objectives give a Pareto front. The result is checked at points that the optimiser did not see. After
+    an interruption the same command continues.
     """
     name = stem_of(file)
     raff = output_path(output, f"{name}-synthesized.raff")

@@ -101,10 +101,7 @@ def calibrate(
     if why is not None:
         warn(f"{why.text}. If that is real, give what you expect: --sigma {why.remedy}")
 
-    def again(others: Parameters, kept: Measurements, larger: dict[str, float]) -> Calibration:
-        return _estimate(others, kept, [*pairs(sigma), *larger.items()], gains, False, 0)
-
-    _warn(calibration, left_out(calibration, again))
+    _warn(calibration, left_out(calibration))
     return calibration
 
 

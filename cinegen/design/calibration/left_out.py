@@ -1,29 +1,23 @@
 """`left_out`: parameters that were not estimated, and explain the readings better than those that were, or as well.
 
-An angle of a delta's tower turns the joints of the rods with it; a tower that is mounted beside where it should be
-does not turn them. Either model closes the loops at the readings of joints and platform, with other residuals r. With
-Q the whitened columns of what was estimated, made orthonormal, and c that of a parameter which was not, P = 1 - Q Q^T,
-an estimate of it leaves |P r|^2 - (r^T P c)^2 / |P c|^2 (the score test; C. R. Rao, 1948). Where the readings don't
-fit, parameters are added until they do. Where they fit by a change that is not expected, another parameter of the same
-node is estimated instead.
+With r the residuals, Q the whitened columns of what was estimated, made orthonormal, c that of a parameter which was
+not, and P = 1 - Q Q^T, an estimate of it leaves |P r|^2 - (r^T P c)^2 / |P c|^2 (the score test; C. R. Rao, 1948).
+Where the readings don't fit, parameters are added until they do. Where they fit by a change that is not expected,
+another parameter of the same node is looked for that fits in its place, and moves the end otherwise: a delta's tower
+that is turned, and one that is mounted beside its place, can be taken for each other.
 """
 
 from __future__ import annotations
 
 import math
-import warnings
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.linalg import orth
-from scipy.spatial.transform import Rotation
 
 from cinegen.arrays import Array
-from cinegen.design.calibration.measurements import Measurements
 from cinegen.design.calibration.observation import Observation
-from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
 from raff2urdf.quantities import ANGLE, LENGTH, shown
 
@@ -41,14 +35,14 @@ _ALIKE = 9.0  # squares by which a parameter in place of another fits worse, at 
 _APART = 0.1  # parts of what the change does to the pose of the end, by which the other differs, at least
 _NO_EFFECT = 1e-6  # part of a column that what was estimated leaves
 
-Estimate = Callable[[Parameters, Measurements, dict[str, float]], "Calibration"]
-
 
 class _Columns(NamedTuple):
     names: tuple[str, ...]  # of parameters that were not estimated
     rest: Array  # (readings,) whitened residuals
     varied: Array  # (readings, parameters) whitened columns of what was estimated, in expected errors
     others: Array  # (readings, names) of what was not, in m and rad
+    moved: Array  # (poses, 6, parameters) derivative of the end's pose, in the world's axes, by what was estimated
+    moved_by_others: Array  # (poses, 6, names)
 
 
 def is_poor(calibration: Calibration) -> bool:
@@ -58,20 +52,15 @@ def is_poor(calibration: Calibration) -> bool:
     )
 
 
-def left_out(calibration: Calibration, estimate: Estimate) -> str:
-    """Return which parameters explain the readings better, or as well, as a sentence; "" where none does.
-
-    Args:
-        calibration: what was estimated.
-        estimate: of other parameters, by measurements and expected errors.
-    """
+def left_out(calibration: Calibration) -> str:
+    """Return which parameters explain the readings better, or as well, as a sentence; "" where none does."""
     if is_poor(calibration):
         return _added(calibration, _columns(calibration))
     count, errors = len(calibration.parameters), calibration.subspace.errors
     least = _UNEXPECTED * np.maximum(calibration.sigmas, errors)
     is_far = calibration.separate & (np.abs(calibration.values - calibration.nominal) > least) & (errors > 0.0)
     unexpected = np.flatnonzero(is_far[:count]).tolist() if calibration.degrees_of_freedom > 0 else []
-    return "; ".join(_swapped(calibration, _columns(calibration), unexpected, estimate)) if unexpected else ""
+    return "; ".join(_swapped(calibration, _columns(calibration), unexpected)) if unexpected else ""
 
 
 def _columns(calibration: Calibration) -> _Columns:
@@ -90,6 +79,7 @@ def _columns(calibration: Calibration) -> _Columns:
     count, at = len(parameters), [parameters.find(name) for name in whole.names]
     theta = np.append(parameters.full(calibration.values[:count])[at], calibration.values[count:])
     of_all, of_free = every.predict(theta), observation.predict(calibration.values)
+    of_end = every.design.evaluate(theta[: len(at)], of_all.q).pose_derivative(parameters.mechanism.end, "world")
     free = [
         k for k, (i, name) in enumerate(zip(at, whole.names, strict=True)) if not tied[i] and name not in of_all.opening
     ]
@@ -102,6 +92,8 @@ def _columns(calibration: Calibration) -> _Columns:
         whitened(observation.residuals(of_free)[..., None])[:, 0],
         whitened(of_free.jacobian) * calibration.subspace.errors,
         whitened(of_all.jacobian[..., free]),
+        of_end @ parameters.ties.matrix[at],
+        of_end[..., free],
     )
 
 
@@ -144,72 +136,34 @@ def _added(calibration: Calibration, columns: _Columns) -> str:
     return ""
 
 
-def _swapped(
-    calibration: Calibration, columns: _Columns, unexpected: Sequence[int], estimate: Estimate
-) -> Iterator[str]:  # fmt: skip
-    for i in unexpected:
-        node = calibration.names[i].rpartition(".")[0]
-        at = [k for k, name in enumerate(columns.names) if name.rpartition(".")[0] == node]
-        if not at:
-            continue
-        others = np.delete(columns.varied, i, axis=1)
-        step = (calibration.nominal[i] - calibration.values[i]) / calibration.subspace.errors[i]
-        rest = _without((columns.rest + columns.varied[:, i] * step)[:, None], others)[:, 0]
-        moved = _without(columns.others[:, at], others)
-        gains = _gains(rest, moved, np.linalg.norm(columns.others[:, at], axis=0))
-        k = int(np.argmax(gains))
-        if not gains[k] > 0.5 * float(rest @ rest - calibration.chi2):
-            continue
-        other, size = columns.names[at[k]], float(abs(rest @ moved[:, k]) / (moved[:, k] @ moved[:, k]))
-        text = _compared(calibration, i, other, size, estimate)
-        if text:
-            yield text
-
-
-def _compared(calibration: Calibration, i: int, other: str, size: float, estimate: Estimate) -> str:
-    """Return what an estimate of another parameter in place of one states; "" if it fits worse, or does the same."""
-    parameters, observation, name = calibration.parameters, calibration.observation, calibration.names[i]
-    kept = observation.measurements.values.copy()
-    kept[:, observation.outputs] = np.where(calibration.kept, kept[:, observation.outputs], np.nan)
-    names = [each for each in parameters.names if each != name] + [other]
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            again = estimate(
-                Parameters(parameters.document, names, robot=parameters.robot.name),
-                replace(observation.measurements, values=kept), {other: size},
-            )  # fmt: skip
-    except DesignError:
-        return ""
+def _swapped(calibration: Calibration, columns: _Columns, unexpected: list[int]) -> Iterator[str]:
+    """Yield what else of the same node would fit as well in place of changes that are not expected, to first order."""
+    parameters = calibration.parameters
     end, length = parameters.mechanism.end, parameters.mechanism.length
-    nominal = calibration.values.copy()
-    nominal[i] = calibration.nominal[i]
-    poses = [
-        each.observation.design.evaluate(values[: len(each.parameters)], q, derivatives=False).placements(end)
-        for each, values, q in (
-            (calibration, calibration.values, observation.kept),
-            (again, again.values, again.observation.kept),
-            (calibration, nominal, observation.kept),
+    for i in unexpected:
+        name, back = calibration.names[i], calibration.nominal[i] - calibration.values[i]
+        span = np.delete(columns.varied, i, axis=1)
+        rest = columns.rest + columns.varied[:, i] * (back / calibration.subspace.errors[i])
+        rest, others = _without(rest[:, None], span)[:, 0], _without(columns.others, span)
+        gains = _gains(rest, others, np.linalg.norm(columns.others, axis=0))
+        gains *= [other.rpartition(".")[0] == name.rpartition(".")[0] for other in columns.names]
+        k = int(np.argmax(gains))
+        chi2 = float(rest @ rest - gains[k])
+        if not gains[k] or chi2 > calibration.chi2 + _ALIKE:
+            continue
+        instead = float(-(rest @ others[:, k]) / (others[:, k] @ others[:, k]))
+        effect = columns.moved[..., i] * back
+        apart, least = (
+            np.sqrt((each.reshape(-1, 2, 3) ** 2).sum(axis=2).mean(axis=0))  # m, rad
+            for each in (effect + columns.moved_by_others[..., k] * instead, _APART * effect)
         )
-    ]
-    apart, effect = (np.array(_apart(poses[0], each)) for each in poses[1:])
-    scale = np.array([1.0 / length, 1.0])
-    if again.chi2 > calibration.chi2 + _ALIKE or (apart * scale).max() < _APART * (effect * scale).max():
-        return ""
-    change, instead = (
-        shown(abs(each.values[k] - each.nominal[k]), each.dimension(each.names[k]), 3)
-        for each, k in ((calibration, i), (again, again.names.index(other)))
-    )
-    return (
-        f"{name} changes by {change}, but {other} by {instead} instead fits as well (chi-square {again.chi2:.4g} "
-        f"and {calibration.chi2:.4g}), and {end} is {shown(float(apart[0]), LENGTH, 3)} and "
-        f"{shown(float(apart[1]), ANGLE, 3)} elsewhere then (root mean square): these readings can't tell them apart; "
-        f"measure what differs, as {end}.rx, {end}.ry and {end}.rz, or vary the one that is meant"
-    )
-
-
-def _apart(first: Array, other: Array) -> tuple[float, float]:
-    """Return root mean square distances, m, and rotations, rad, between poses (poses, 4, 4)."""
-    angles = Rotation.from_matrix(np.swapaxes(first[:, :3, :3], 1, 2) @ other[:, :3, :3]).magnitude()
-    distances = np.linalg.norm(first[:, :3, 3] - other[:, :3, 3], axis=1)
-    return float(np.sqrt(np.mean(distances**2))), float(np.sqrt(np.mean(angles**2)))
+        scale = np.array([1.0 / length, 1.0])
+        if (apart * scale).max() >= (least * scale).max():
+            text = parameters.text
+            yield (
+                f"{name} changes by {text(name, abs(back), 3)}, but {columns.names[k]} by "
+                f"{text(columns.names[k], abs(instead), 3)} instead fits as well (chi-square {chi2:.4g} and "
+                f"{calibration.chi2:.4g}), and {end} is {shown(float(apart[0]), LENGTH, 3)} and "
+                f"{shown(float(apart[1]), ANGLE, 3)} elsewhere then (root mean square): these readings can't tell them "
+                f"apart; measure what differs, as {end}.rx, {end}.ry and {end}.rz, or vary the one that is meant"
+            )

@@ -7,6 +7,8 @@ together as far as possible. What another design dominates is left out.
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -16,7 +18,6 @@ from cinegen.design.errors import DesignError
 from cinegen.design.synthesis.designs import FEASIBLE
 from cinegen.design.synthesis.problem import Goal, SynthesisProblem
 from cinegen.errors import CinegenError
-from raff2urdf.command.extras import needs
 
 _SPAN = 1e-9  # of a score: below, both ends are the same
 
@@ -39,7 +40,6 @@ def front_of(
 
     Raises:
         DesignError: no design but the starts' was found for any objective.
-        MissingExtraError: pymoo is needed for three or more objectives.
     """
     objectives = problem.task.objectives
     done = [np.array(x) for x in known]
@@ -94,13 +94,11 @@ def front_of(
 
 
 def _weights(objectives: int, count: int) -> list[Array]:
-    """Return the weights of reference points, without those of the ends."""
-    if objectives == 2:
-        return [np.array([1.0 - part, part]) for part in np.linspace(0.0, 1.0, count)[1:-1]]
-    with needs("design", "Pareto fronts of three or more objectives"):
-        from pymoo.util.ref_dirs import get_reference_directions
-    points = get_reference_directions("energy", objectives, count, seed=1)
-    return [np.asarray(point) for point in points if point.max() < 1.0 - 1e-6]
+    """Return the weights of reference points of a simplex lattice (I. Das and J. E. Dennis, "Normal-boundary
+    intersection", SIAM Journal on Optimization 8(3), 1998): with its ends, which are left out, at least `count`."""
+    parts = next(n for n in itertools.count(1) if math.comb(n + objectives - 1, objectives - 1) >= count)
+    lattice = itertools.product(range(parts, -1, -1), repeat=objectives)
+    return [np.array(row) / parts for row in lattice if sum(row) == parts and max(row) < parts]
 
 
 def _is_dominated(row: Array, others: Array) -> bool:

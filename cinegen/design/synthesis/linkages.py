@@ -41,7 +41,9 @@ _MOST_TRIED = 250  # designs of one start
 _FOLLOWED = 96  # steps around a random design's motion
 _LESS_LIKELY = 4.0  # cost of a start whose actuated joint turns back
 _STEP = 0.12  # rad or characteristic lengths, of all joints
-_FINE = 0.01
+_FINE = 0.01  # the same, of the motion in which defects show
+_BACK = 10  # fine steps after which it may be back at its beginning
+_MET = 0.75 * _FINE  # distance from a configuration that it passes
 _MOST_FINE = 20_000
 
 
@@ -320,34 +322,41 @@ class PrecisionProblem:
         error = np.linalg.norm(self.solved_at(p, q)[1], axis=1)
         return LinkageSynthesis(self.task, self.parameters, p, q, error, *defects, done, self.evaluations, exact)
 
+    def circuit(self, p: Array, q: Array) -> tuple[Array, Array]:
+        """Return the motion (steps, nq) from a configuration (nq,) until it is back there, with dimensionless tangents
+        (steps, nv); up to where the loops can't be closed, or a number of steps."""
+        scale, before = self.mechanism.scale, np.zeros(len(self.mechanism.scale))
+        motion, tangents, current = list[Array](), list[Array](), q[None]
+        for k in range(_MOST_FINE):
+            evaluation = self.design.evaluate(p, current)
+            if evaluation.gap[0] > closure.CLOSED:
+                break
+            tangent = closed_motions(self.design, evaluation.jacobians)[0, :, 0]
+            before = -tangent if tangent @ before < 0.0 else tangent
+            motion.append(evaluation.q[0])
+            tangents.append(before)
+            if k > _BACK and self.apart(motion[-1], q) < _MET:
+                break
+            current = (motion[-1] + _FINE * before * scale)[None]
+        return np.array(motion).reshape(-1, len(q)), np.array(tangents).reshape(-1, len(scale))
+
+    def apart(self, motion: Array, q: Array) -> Array:
+        """Return the distances (...,) of configurations (..., nq) from another, up to revolutions, dimensionless."""
+        gaps = (motion - q) / self.mechanism.scale
+        return np.asarray(np.abs((gaps + np.pi) % (2.0 * np.pi) - np.pi).max(axis=-1))
+
     def defects(self, p: Array, q: Array) -> tuple[bool, bool, bool]:
         """Return whether all configurations (points, nq) are on one circuit, in their order, and on one branch."""
-        mechanism, scale = self.mechanism, self.mechanism.scale
-        driver = mechanism.v_index(mechanism.actuated[0])
-        current = q[:1]
-        before = np.zeros(len(scale))
-        met: list[int] = []
-        where: list[int] = []
-        turns = list[float]()
-        for k in range(_MOST_FINE):
-            tangents = self.design.evaluate(p, current)
-            tangent = closed_motions(self.design, tangents.jacobians)[0, :, 0]
-            tangent = -tangent if tangent @ before < 0.0 else tangent
-            now = tangents.q[0]
-            apart = np.abs(np.asarray(((q - now) / scale + np.pi) % (2.0 * np.pi) - np.pi)).max(axis=1)
-            for i in np.flatnonzero(apart < 0.75 * _FINE):
-                if i not in met:
-                    met.append(int(i))
-                    where.append(k)
-            turns.append(float(tangent[driver]))
-            if k > 10 and apart[0] < 0.75 * _FINE:
-                break
-            current, before = (now + _FINE * tangent * scale)[None], tangent
-        if len(met) < len(q):
+        motion, tangents = self.circuit(p, q[0])
+        met = np.array([self.apart(motion, point) < _MET for point in q])
+        if not met.any(axis=1).all():
             return False, False, False
-        order = met == list(range(len(q))) or met == [0, *range(len(q) - 1, 0, -1)]
-        used = turns[where[0] : where[-1] + 1] if met[1] == 1 else turns[where[1] :]  # or the other way around
-        return True, order, bool(min(used) > 0.0 or max(used) < 0.0)
+        where = met.argmax(axis=1)
+        passed = np.argsort(where, kind="stable").tolist()
+        order = passed in (list(range(len(q))), [0, *range(len(q) - 1, 0, -1)])
+        driven = tangents[:, self.mechanism.v_index(self.mechanism.actuated[0])]
+        used = driven[: where.max() + 1] if passed[1] == 1 else driven[where[passed[1]] :]  # or the other way around
+        return True, order, bool(used.min() > 0.0 or used.max() < 0.0)
 
 
 def _turns_back(values: Array) -> bool:

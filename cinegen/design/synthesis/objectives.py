@@ -223,9 +223,6 @@ class Scoring:
             quantities["torque"] = np.abs(scores.torques.values).max(axis=1)
         if self.errors is not None:
             quantities["accuracy"] = scores.accuracy.values[:, 0]
-        if self.clearance is not None:
-            gaps = scores.gaps.values.min(axis=1, initial=math.inf)
-            quantities["clearance"] = (gaps + 1.0) * self.clearance.least
         return {name: np.where(good, values, np.nan) for name, values in quantities.items()}
 
     def _value(self, name: str, scores: Scores) -> ScoreRows:

@@ -175,12 +175,6 @@ class Synthesis:
         """True where all constraints hold at the targets of the check, and the region is proved if that is wanted."""
         return self.check.holds and (self.proof is None or bool(self.proof))
 
-    @property
-    def torque_unit(self) -> str:
-        """Unit of torques: N m, N, or parts of their limits."""
-        dimension = self.problem.scoring.dimension("torque")
-        return "of the limit" if dimension is NUMBER else {"Nm": "N m"}.get(dimension.default, dimension.default)
-
     def value_text(self, objective: DesignObjective, value: float) -> str:
         """Return the value of an objective as people read it."""
         if math.isnan(value):

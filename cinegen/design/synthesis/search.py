@@ -17,7 +17,6 @@ import numpy as np
 from cinegen.arrays import Array
 from cinegen.cluster import check_workers, connected, each, processes
 from cinegen.design.errors import DesignError
-from cinegen.design.synthesis.evolution import evolved
 from cinegen.design.synthesis.front import front_of, knee
 from cinegen.design.synthesis.linkages import LinkageSynthesis, PrecisionProblem
 from cinegen.design.synthesis.problem import Goal, SynthesisProblem
@@ -137,10 +136,8 @@ class _Search:
         return [state.starts[k] for k in sorted(state.starts)]
 
     def _origins(self) -> list[Array]:
-        """Return where the starts begin: at the file's values, then at what evolution found, or at a Sobol sequence."""
+        """Return where the starts begin: at the file's values, then at a Sobol sequence."""
         problem, count = self.problem, self.task.starts
-        if self.task.search == "evolution":
-            return [problem.written, *evolved(problem, max(count - 1, 1), self.report)]
         from scipy.stats import qmc
 
         power = int(np.ceil(np.log2(max(count, 2))))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -117,10 +117,7 @@ class SynthesisTask:
         clearance: None where bars may meet.
         load: that actuated joints hold.
         errors: for the accuracy.
-        starts: number of local optimisations: from the file's values, then a Sobol sequence within the ranges, or what
-            evolution found.
-        search: where starts come from: "sobol" or "evolution".
-        population, generations: of the evolution.
+        starts: number of local optimisations: from the file's values, then a Sobol sequence within the ranges.
         front: number of points of a Pareto front.
         written: keys and values of the file.
     """
@@ -139,9 +136,6 @@ class SynthesisTask:
     load: DesignLoad = DesignLoad()
     errors: DesignErrors = DesignErrors()
     starts: int = STARTS
-    search: Literal["sobol", "evolution"] = "sobol"
-    population: int = 40
-    generations: int = 25
     front: int = FRONT
     written: Mapping[str, Any] = field(default_factory=dict, compare=False)
 

@@ -51,7 +51,7 @@ from raff2urdf.errors import RaffError, did_you_mean, raised_as
 from raff2urdf.files import read_bytes
 from raff2urdf.quantities import ANGLE, LENGTH, MASS, NUMBER, Dimension, parse, parse_range, refused_as
 
-_MOST = 10_000  # starts, points of a front, population, generations
+_MOST = 10_000  # starts, points of a front
 _BOUNDED = {"condition": NUMBER, "mass": MASS, "accuracy": LENGTH}
 
 
@@ -98,7 +98,6 @@ def _task(table: SceneTable, values: Mapping[str, Any]) -> SynthesisTask | Preci
         "objectives": lambda: _objectives(table),
         "starts": lambda: _count(table, "starts", STARTS),
         "front": lambda: _count(table, "front", FRONT, 2),
-        "searched": lambda: _search(table),
         "constraints": lambda: _constraints(table.table("constraints")) if "constraints" in table else {},
         "load": lambda: _load(table.table("load")) if "load" in table else DesignLoad(),
         "errors": lambda: _errors(table.table("tolerances")) if "tolerances" in table else DesignErrors(),
@@ -106,7 +105,7 @@ def _task(table: SceneTable, values: Mapping[str, Any]) -> SynthesisTask | Preci
     }
     settings = read_all(reads, SceneError)
     del settings["rest"]
-    settings |= settings.pop("searched") | settings.pop("constraints")
+    settings |= settings.pop("constraints")
     task = SynthesisTask(**settings, written=dict(values))
     _check_needs(table, task)
     return task
@@ -140,21 +139,6 @@ def _check_needs(table: SceneTable, task: SynthesisTask) -> None:
         raise table.error("objective", "'region' grows a box or a ball, not single points: give x = ..., or a radius")
     if task.grows and not task.reach.varying:
         raise table.error("objective", "'region' needs a region with an extent")
-
-
-def _search(table: SceneTable) -> dict[str, Any]:
-    if "search" not in table:
-        return {}
-    inner = table.table("search")
-    method = inner.text("method")
-    if method not in ("sobol", "evolution"):
-        near = did_you_mean(method, ["sobol", "evolution"])
-        raise inner.error("method", f"must be 'sobol' or 'evolution', not '{method}'{near}")
-    settings: dict[str, Any] = {"search": method}
-    if method == "evolution":
-        settings |= {"population": _count(inner, "population", 40, 4), "generations": _count(inner, "generations", 25)}
-    inner.finish()
-    return settings
 
 
 def _constraints(table: SceneTable) -> dict[str, Any]:

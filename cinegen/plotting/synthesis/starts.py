@@ -7,22 +7,23 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from cinegen.arrays import Array
-from cinegen.design.synthesis import Synthesis
+from cinegen.design.synthesis import QUANTITIES, Synthesis
 from cinegen.plotting.sheet import BLUE, FAINT, ORANGE, VERMILION, finish, graph, label
-from cinegen.plotting.synthesis.wording import heading_of, unit_of
+from raff2urdf.quantities import NUMBER, shown_scale
 
 _WIDE = 7.2  # inches
 
 
-def draw_parameters(result: Synthesis, good: list[Array]) -> Figure:
-    """Draw the parameters within their ranges: of the file, where starts ended, and chosen.
+def heading_of(result: Synthesis, quantity: str) -> tuple[float, str]:
+    """Return the factor from SI to what is shown of a quantity, and its meaning with that unit."""
+    dimension = result.problem.scoring.dimension(quantity)
+    scale, unit = shown_scale(dimension)
+    unit = "of the limit" if quantity == "torque" and dimension is NUMBER else unit
+    return scale, QUANTITIES[quantity].meaning + f" ({unit})" * bool(unit)
 
-    Args:
-        result: of the synthesis.
-        good: (parameters,) values of the starts that keep all constraints.
-    """
 
+def draw_parameters(result: Synthesis) -> Figure:
+    """Draw the parameters within their ranges: of the file, where feasible starts ended, and chosen."""
     names = result.parameters.names
     low, high = result.parameters.bounds.T
     figure, axes = graph(_WIDE, 0.9 + 0.3 * len(names))
@@ -31,7 +32,8 @@ def draw_parameters(result: Synthesis, good: list[Array]) -> Figure:
     style: dict[str, Any] = {"linestyle": "none", "clip_on": False, "zorder": 4.0}
     axes.plot((result.parameters.values - low) / (high - low), at, marker="o", markerfacecolor="white", color=ORANGE,
               markersize=6.0, markeredgewidth=1.4, label="before", **style)  # fmt: skip
-    for k, p in enumerate(good):
+    ends = [np.array(start.x)[: len(names)] for start in result.starts if start.is_feasible]
+    for k, p in enumerate(ends):
         axes.plot((p - low) / (high - low), at, marker="|", color=BLUE, markersize=13.0,
                   label="where a start ended" if not k else None, **style)  # fmt: skip
     axes.plot((result.p - low) / (high - low), at, marker="D", color=VERMILION, markersize=5.0, label="after", **style)
@@ -49,27 +51,18 @@ def draw_parameters(result: Synthesis, good: list[Array]) -> Figure:
 
 def draw_front(result: Synthesis, first: int, second: int) -> Figure:
     """Draw a Pareto front by two of its objectives, with the chosen point and the robot of the file."""
-
-    objectives = [result.task.objectives[k] for k in (first, second)]
-    scales = np.array([unit_of(goal.quantity, result.torque_unit)[0] for goal in objectives])
-    values = np.array([point.values for point in result.front])[:, [first, second]] * scales
+    chosen = [first, second]
+    scales, texts = zip(*(heading_of(result, result.task.objectives[k].quantity) for k in chosen), strict=True)
+    front, after, before = (
+        np.array(values)[..., chosen] * scales
+        for values in ([point.values for point in result.front], result.values, result.before)
+    )
     figure, axes = graph(_WIDE, 3.4)
-    if len(result.task.objectives) == 2:
-        order = np.argsort(values[:, 0])
-        axes.plot(*values[order].T, color=BLUE, linewidth=0.9)
-    axes.plot(*values.T, "o", color=BLUE, markersize=4.5, label="Pareto front")
-    chosen = np.array(result.values)[[first, second]] * scales
-    axes.plot(*chosen, "D", color=VERMILION, markersize=7.0, label="chosen")
-    before = np.array(result.before)[[first, second]] * scales
+    axes.plot(*front.T, "o", color=BLUE, markersize=4.5, label="Pareto front")
+    axes.plot(*after, "D", color=VERMILION, markersize=7.0, label="chosen")
     if np.isfinite(before).all():
         axes.plot(*before, "o", markerfacecolor="white", color=ORANGE, markersize=6.0, markeredgewidth=1.4,
                   label="before")  # fmt: skip
     axes.grid(color=FAINT, alpha=0.25)
-    label(
-        axes,
-        *(
-            f"{heading_of(goal.quantity, result.torque_unit)}{'' if goal.is_maximised else ': less is better'}"
-            for goal in objectives
-        ),
-    )
+    label(axes, *texts)
     return finish(figure)
