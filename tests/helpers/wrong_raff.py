@@ -83,7 +83,6 @@ WRONG_TEXTS = [
     # words
     (f"{LINK}type 2 pred 0 limts {{ 0 1 }}{END}", 4, 19, "unknown word 'limts' link 1 did you mean 'limits'"),
     (f"{LINK}type 2 pred 0 parameters {{ thta 1 }}{END}", 4, 32, "unknown parameter 'thta' did you mean 'theta'"),
-    ("RAFF t\nrobto r { }", 2, 1, "unknown word 'robto' did you mean 'robot'"),
     ("RAFF t\nrobot r {\n  Link 1 { type 2 pred 0 }\n}", 3, 3, "unknown word 'Link' did you mean 'link'"),
     ("RAFF t\nrobot r {\n  frame 1 { type 2 pred 0 }\n}", 3, 13, "'type' does not belong frame 1 'link"),
     ("RAFF t\nrobot r { }\nlink 1 { type 2 pred 0 }", 3, 1, "'link' is outside a robot robot r closed on line 2"),
@@ -98,8 +97,6 @@ WRONG_TEXTS = [
     (f"{LINK}type revolute pred 0{END}", 4, 10, "'type' needs a number 'revolute' 2 revolute"),
     (f"{LINK}type 2 pred 0 parameters {{ d NaN }}{END}", 4, 34, "'d' needs a number 'NaN'"),
     (f"{LINK}type 2 pred 0 parameters {{ d 1e400 }}{END}", 4, 34, "'1e400' too large"),
-    (f"{LINK}type 2 pred 0 parameters {{ d 5mm }}{END}", 4, 34, "'d' needs a number '5mm' units"),
-    (f"{LINK}type 2 pred 0 parameters {{ d 1,5 }}{END}", 4, 34, "'d' needs a number '1,5'"),
     (f"{LINK}type 2 pred 0 parameters {{ d \u0663\u0660 }}{END}", 4, 34, "'d' needs a number '\u0663\u0660'"),  # Arabic
     (f"{LINK}type 2 pred 0 limits {{ 1 }}{END}", 4, 30, "'limits' needs two numbers"),
     (f"{LINK}type 2 pred 0.5{END}", 4, 17, "'0.5' whole number"),
@@ -116,16 +113,13 @@ WRONG_TEXTS = [
     ("RAFF\nrobot r { }", 1, 1, "'RAFF <name>'"),
     # given twice
     (f"{LINK}type 2 pred 0\n    type 1{END}", 5, 10, "'type' given twice in link 1 first on line 4"),
-    (f"{LINK}type 2 pred 0 parameters {{ d 1\n d 2 }}{END}", 5, 2, "'d' given twice first on line 4"),
     ("RAFF t\nunits mm\nunits cm", 3, 7, "'units' given twice first on line 2"),
-    ('RAFF t\nrobot r {\n  path "a"\n  path "b"\n}', 4, 8, "'path' given twice robot r first on line 3"),
     (f"{LINK}type 2 pred 0 inertial {{ mass 1kg }}{END}", 4, 35, "'mass' needs a number '1kg' write 1 masses in kg"),
     (f"{LINK}type 2 pred 0 mass 1{END}", 4, 19, "'mass' does not belong in link 1, but in 'inertial { }'"),
     ("RAFF t\ngravity { 0 -9.81 }", 2, 19, "'gravity' needs a number here"),
     ("RAFF t\ngravity { 0 0 1 } gravity { 0 0 1 }", 2, 29, "'gravity' is given twice in the file"),
     (f"{LINK}joint bal pred 0{END}", 4, 11, "unknown joint 'bal': did you mean 'ball'?"),
     (f"{LINK}joint ball pred 0 variable tx {{ }}{END}", 4, 32, "a ball joint has no variable 'tx' known: x, y, z"),
-    ("RAFF t\nrobot r { coupling { link 2 link 1 ratio 2 raito 2 } }", 2, 44, "unknown word 'raito' mean 'ratio'"),
     # what does not exist
     (f"{LINK}type 3 pred 0{END}", 4, 10, "joint type 3 unknown 0 fixed 1 prismatic 2 revolute"),
     (f"{LINK}type 2 pred 0 actuated 2{END}", 4, 28, "'actuated' 2 unknown 0 1"),
@@ -137,7 +131,6 @@ WRONG_TEXTS = [
     ('RAFF t\nsensor 1 { port "x" translation 4 }', 2, 33, "'translation' 4 unknown 0 1 2 3"),
     # what is missing
     ("RAFF t\nrobot r { link 7 { type 2 } }", 2, 16, "link 7 no 'pred'"),
-    ("RAFF t\nrobot r { link 7 { pred 0 } }", 2, 16, "link 7 no 'type'"),
     ("RAFF t\nsensor 7 { }", 2, 8, "sensor 7 no 'port'"),
     ("RAFF t\nrobot r { link 1 { type 2 pred 0 }\n  constraint { link 1 } }", 3, 21, "constraint must name two nodes"),
     (
@@ -161,8 +154,6 @@ WRONG_BODIES = [
     # parents
     ("link 1 { type 2 pred 7 }", 3, 22, "link 1 7 does not exist 0 (the base)"),
     # cycles
-    ("link 1 { type 2 pred 1 }", 3, 22, "link 1 cycle of parents 1 -> 1"),
-    ("link 1 { type 2 pred 2 }\nlink 2 { type 2 pred 1 }", 3, 22, "link 1 cycle 1 -> 2 -> 1"),
     ("link 9 { type 2 pred 1 }\nlink 1 { type 2 pred 2 }\nlink 2 { type 2 pred 1 }", 4, 22, "link 1 cycle 1 -> 2 -> 1"),
     # numbers
     (f"{ONE}\nlink 1 {{ type 2 pred 0 }}", 4, 6, "number 1 defined twice first on line 3"),
@@ -170,8 +161,6 @@ WRONG_BODIES = [
     (f'{ONE}\nlink 2 {{ type 2 pred 0 name "link1" }}', 4, 29, "'link1' link 1 choose another"),
     ('link 1 { type 2 pred 0 name "a" }\nframe 2 { pred 0 name "a" }', 4, 23, "'a' link 1 choose another"),
     ('link 1 { type 2 pred 0 name "base" }', 3, 29, "'base' reserved the root"),
-    ('frame 1 { pred 0 name "world" }', 3, 23, "'world' reserved"),
-    ('link 1 { type 2 pred 0 name "4bar" }', 3, 29, "'4bar' can't name a link"),
     ('frame 1 { pred 0 name "" }', 3, 23, "'' can't name a frame"),
     ('frame 1 { pred 0 name "a<b" }', 3, 23, "'a<b' can't name a frame"),
     ('frame 1 { pred 0 name "\u0301a" }', 3, 23, "can't name a frame"),
@@ -190,8 +179,6 @@ WRONG_BODIES = [
     ("link 1 { type 2 pred 0 inertial { mass -1 } }", 3, 40, "the mass of link 1 is -1 kg it must not be negative"),
     ("link 1 { type 2 pred 0 inertial { density 0 radius 1 } }", 3, 43, "density of link 1 is 0 must be above 0"),
     ("link 1 { type 2 pred 0 armature -1 }", 3, 33, "the armature of link 1 is -1 it must not be negative"),
-    ("link 1 { type 2 pred 0 damping -0.5 }", 3, 32, "the damping of link 1 is -0.5 it must not be negative"),
-    ("link 1 { type 2 pred 0 friction -2 }", 3, 33, "the friction of link 1 is -2 it must not be negative"),
     ("link 1 { joint universal pred 0 damping 1 }", 3, 41, "write 'damping' for one of them, in 'variable z"),
     # couplings
     (f"{ONE}\nlink 2 {{ type 2 pred 1 }}\ncoupling {{ link 2 link 1 ratio 0 }}", 5, 24,

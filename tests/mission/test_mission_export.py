@@ -120,13 +120,11 @@ def test_a_program_in_urscript(recording):
     assert (stop, end) == ("  stopj(2.0)", "end")
 
 
-@pytest.mark.parametrize(
-    ("name", "all_joints", "has"), [("delta4", False, "has 3$"), ("gough", False, "has 0, and 6 other joints")]
-)
-def test_urscript_is_for_six_motors_that_turn(recording, name, all_joints, has):
+@pytest.mark.parametrize(("name", "has"), [("delta4", "has 3$"), ("gough", "has 0, and 6 other joints")])
+def test_urscript_is_for_six_motors_that_turn(recording, name, has):
     path = recording(name)
     with pytest.raises(MissionError, match=f"six actuated revolute joints: {name} {has}"):
-        export(path, "urscript", all_joints=all_joints)
+        export(path, "urscript")
     assert [one.name for one in path.parent.iterdir()] == ["run.jsonl"]
 
 

@@ -14,30 +14,23 @@ from cinegen.loops.setup import set_up
 from raff2urdf.coupling import Coupling, coupled_scales, followed
 
 
-def loaded(tmp_path, text: str) -> cinegen.Mechanism:
-    path = tmp_path / "any.raff"
-    path.write_text(text, encoding="utf-8")
-    return cinegen.load(path)
-
-
 def lacks(mechanism: cinegen.Mechanism, q: np.ndarray) -> np.ndarray:
     """What the couplings lack at q, rad or m, by numpy's polynomials."""
-    return np.array(
-        [
-            sum(Polynomial([0.0, *c])(q[mechanism.q_index(joint)]) for joint, c in coupling.terms.items())
-            - coupling.constant
-            for coupling in mechanism.couplings
-        ]
-    )
+
+    def lack(coupling: Coupling) -> float:
+        terms = ((Polynomial([0.0, *c]), mechanism.q_index(joint)) for joint, c in coupling.terms.items())
+        return sum(polynomial(q[at]) for polynomial, at in terms) - coupling.constant
+
+    return np.array([lack(coupling) for coupling in mechanism.couplings])
 
 
 @settings(max_examples=28)
 @given(seeds)
-def test_random_couplings_on_random_mechanisms(tmp_path_factory, seed):
+def test_random_couplings_on_random_mechanisms(seed):
     """Mobility by counting: each coupling follows joints before it, so each removes one degree of freedom."""
     rng = np.random.default_rng(seed)
     text, couplings = random_text(rng)
-    mechanism = loaded(tmp_path_factory.mktemp("any"), text)
+    mechanism = cinegen.load(text)
     assert mechanism.mobility == len(mechanism.joints) - couplings
     followers = {coupling.follower for coupling in mechanism.couplings}
     assert set(mechanism.actuated) == set(mechanism.joints) - followers
@@ -45,9 +38,8 @@ def test_random_couplings_on_random_mechanisms(tmp_path_factory, seed):
     memory = set_up(LoopMemory(), mechanism.structure.system, mechanism.cluster_ranks)
     q = mechanism.q_home + rng.normal(size=mechanism.model.nq)
     assert mechanism.loop_residual(q) == pytest.approx(lacks(mechanism, q), rel=1e-12, abs=1e-12)
-    differences = [
-        (lacks(mechanism, q + 1e-6 * one) - lacks(mechanism, q - 1e-6 * one)) / 2e-6 for one in np.eye(len(q))
-    ]
+    ends = [(lacks(mechanism, q + 1e-6 * one), lacks(mechanism, q - 1e-6 * one)) for one in np.eye(len(q))]
+    differences = [(ahead - behind) / 2e-6 for ahead, behind in ends]
     jacobian = mechanism.loop_jacobian(q)
     assert jacobian == pytest.approx(np.array(differences).T, rel=1e-6, abs=1e-6 * max(1.0, np.abs(jacobian).max()))
     c, rows = mechanism.structure.system.evaluate(q)
@@ -59,9 +51,8 @@ def test_random_couplings_on_random_mechanisms(tmp_path_factory, seed):
 
 @settings(max_examples=8)
 @given(seeds)
-def test_couplings_hold_at_every_tick(tmp_path_factory, seed):
-    rng = np.random.default_rng(seed)
-    mechanism = loaded(tmp_path_factory.mktemp("any"), random_text(rng)[0])
+def test_couplings_hold_at_every_tick(seed):
+    mechanism = cinegen.load(random_text(np.random.default_rng(seed))[0])
     solver = cinegen.Solver(mechanism, 0.01)
     task = solver.add_task(mechanism.end)
     closed = mechanism.random_closed(8, seed % 1000)
@@ -107,9 +98,8 @@ def test_gears_are_what_their_textbooks_say(robot):
     assert by["joint3"] / by["joint2"] == pytest.approx(-3.0)
     assert (gear.structure.system.rows, gear.loop_rank, gear.mobility) == (6, 4, 1)
     scara = robot("scara")  # one revolution of the screw nut lifts the quill by 20 mm, one of the spline nut lowers it
-    up = scara.close(
-        scara.configuration({"joint3": scara.q_home[scara.q_index("joint3")] + 2.0 * np.pi}), ["joint3", "joint4"]
-    )
+    turned = scara.configuration({"joint3": scara.q_home[scara.q_index("joint3")] + 2.0 * np.pi})
+    up = scara.close(turned, ["joint3", "joint4"])
     assert up[scara.q_index("joint5")] == pytest.approx(-0.03)
     wrist = robot("differential_wrist")
     q = wrist.close(wrist.configuration({"joint1": 0.5, "joint2": 0.1}), ["joint1", "joint2"])
@@ -125,7 +115,8 @@ robot any {
 }
 """
     with pytest.raises(cinegen.ClosureError, match=r"these loops and couplings remain open: 'one' \(coupling, 0.0"):
-        loaded(tmp_path, text)
+        cinegen.load(text)
     path = tmp_path / "any.raff"
+    path.write_text(text)
     with pytest.raises(raff2urdf.RaffError, match="these loops and couplings remain open: 'one'"):
         raff2urdf.convert(path, tmp_path)

@@ -11,6 +11,7 @@ from small_robots import four_bar
 from ticking import ticked
 
 import cinegen
+import raff2urdf
 from raff2urdf.loops.home import close_within
 
 ARM = """robot r { base { }
@@ -64,30 +65,6 @@ def test_whole_turns_are_taken_from_revolute_joints_with_limits_only(arm):
     expected = arm.configuration({"joint1": 0.5, "joint2": 0.1 + 2.0 * math.pi, "joint3": 0.7 + 2.0 * math.pi})
     assert arm.limits.unwound(q) == pytest.approx(expected, abs=1e-12)
     assert list(arm.limits.outside(q)) == ["joint2"]
-
-
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_a_loop_is_closed_within_limits_of_either_side_where_it_can_be(raff, side):
-    """A planar five-bar (2 DoF) is written open; of its closed configurations one within the limits is home.
-    Without the limit, joint1 ends beyond it."""
-    text = """robot r {{ base {{ }}
-      link 1 {{ parameters {{ theta {0} }} type 2 pred 0 {limited} }}
-      link 2 {{ parameters {{ d 300 theta {1} }} type 2 pred 1 }}
-      link 3 {{ parameters {{ d 300 theta {2} }} type 2 pred 2 }}
-      link 4 {{ parameters {{ d 400 theta {3} }} type 2 pred 0 }}
-      frame 5 {{ parameters {{ d 300 }} pred 3 }}
-      frame 6 {{ parameters {{ d 300 }} pred 4 }}
-      constraint {{ frame 5 frame 6 type 2 }} }}"""
-    written = [side * theta for theta in (80, -70, -70, 100)]
-    free = raff(text.format(*written, limited=""), "free")
-    value = float(free.q_home[free.q_index("joint1")])
-    assert side * (value - math.radians(written[0])) > 1e-3, "the limit below does not restrict anything"
-    bound = math.degrees(value) - side * 0.5
-    low, high = sorted((bound, -side * 170))
-    arm = raff(text.format(*written, limited=f"limits {{ {low} {high} }}"), "limited")
-    here = float(arm.q_home[arm.q_index("joint1")])
-    assert math.radians(low) - 1e-9 <= here <= math.radians(high) + 1e-9
-    assert arm.closure(arm.q_home) < 1e-9
 
 
 def test_limits_are_a_mapping_with_arrays_in_the_order_of_q_and_v(arm):
@@ -198,8 +175,6 @@ def test_joints_of_a_tree_begin_at_the_nearest_value_within_their_limits():
 
 
 def test_raff2urdf_writes_the_same_home(tmp_path):
-    import raff2urdf
-
     (tmp_path / "bars.raff").write_text(limited(-170.0, -10.0), encoding="utf-8")
     with pytest.warns(raff2urdf.RaffWarning, match="home 100 of link 3 is outside its limits"):
         (made,) = raff2urdf.convert(tmp_path / "bars.raff", tmp_path)

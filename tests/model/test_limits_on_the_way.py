@@ -151,10 +151,6 @@ def test_motions_of_a_session_keep_limits_within_a_tick(robot):
 
 
 # --- proved branches --------------------------------------------------------------------------------------------------
-# `ForwardKinematics` stays on its branch, which is proved: judged by tiny steps, and signs of determinants.
-
-
-ROBOTS = ("delta4", "five_bar", "hybrid")
 
 
 def in_lines(motion, mechanism, change, lines):
@@ -167,21 +163,6 @@ def in_lines(motion, mechanism, change, lines):
     except cinegen.ClosureError:
         return None
     return motion.q
-
-
-@pytest.mark.parametrize("name", ROBOTS)
-def test_the_number_of_lines_does_not_matter_and_the_branch_is_proved(robot, name):
-    mechanism = robot(name)
-    motion, rng, reached = ForwardKinematics(mechanism), np.random.default_rng(3), 0
-    for _ in range(9):
-        change = rng.uniform(-1.0, 1.0, len(mechanism.actuated)) * rng.choice([0.02, 0.1, 0.7])
-        ends = [in_lines(motion, mechanism, change, lines) for lines in (1, 2, 3, 60)]
-        assert len({end is None for end in ends}) == 1
-        if ends[0] is not None:
-            assert motion.is_proved
-            np.testing.assert_allclose(ends[1:], [ends[0]] * 3, atol=1e-8)
-            reached += 1
-    assert reached >= 3
 
 
 def test_a_parallelogram_is_not_led_through_its_flat_position():

@@ -456,14 +456,6 @@ def test_dialects_that_contradict_each_other_are_an_error(write):
         assert cinegen.load(path, ignore=["loop"]).mobility == 1
 
 
-def test_couplings_that_contradict_each_other_are_an_error(write):
-    plugin = COUPLINGS["Gazebo plugin"][3]
-    same = ARM.format("", '<mimic joint="a" multiplier="-1.5" offset="0.1"/>', "")
-    assert len(cinegen.load(write(plugin, same)).couplings) == 1
-    with pytest.raises(CinegenError, match=r"<plugin> 'm' in <gazebo> contradicts <mimic> in joint 'b' \(line 3\)"):
-        cinegen.load(write(plugin, same.replace("0.1", "0.2")))
-
-
 # --- --ignore ----------------------------------------------------------------------------------------------------
 
 

@@ -9,27 +9,9 @@ import numpy as np
 import pytest
 
 import cinegen
-from cinegen.errors import ConfigurationError
 from raff2urdf.constraints import HASH
 from raff2urdf.readers.urdf import hash_of
 from raff2urdf.readers.urdf_file import parse
-
-
-def test_what_is_no_configuration_is_refused(robot):
-    delta = robot("delta4")
-    with pytest.raises(ConfigurationError, match="15 numbers"):
-        delta.placement(np.zeros(3), "platform")
-    with pytest.raises(ConfigurationError, match="not finite"):
-        delta.close(np.full(15, np.nan))
-
-
-def test_joints_can_be_set_by_name(robot):
-    arm = robot("arm7")
-    q = arm.configuration({"joint3": 0.5, "joint7": -0.25})
-    assert q[arm.q_index("joint3")] == 0.5
-    assert q[arm.q_index("joint7")] == -0.25
-    assert q[arm.q_index("joint1")] == arm.q_home[arm.q_index("joint1")]
-    assert arm.q_home.flags.writeable is False
 
 
 def test_the_extended_jacobian_labels_its_rows_and_columns(robot):

@@ -1,6 +1,7 @@
 """Closing loops from where they are not closed, and what is said where that can't be done."""
 
 import re
+from functools import cache
 from itertools import pairwise
 from random import Random
 
@@ -32,7 +33,7 @@ from strategies import documents
 from raff2urdf import loads
 from raff2urdf.closure import close, closed_walk, generic_rank, passive, rank
 from raff2urdf.errors import RaffClosureError
-from raff2urdf.loops.mobility import analyse
+from raff2urdf.loops.mobility import Analysis, analyse
 from raff2urdf.raff.document import Document, LoopKind
 from raff2urdf.tree import Cluster, placements
 
@@ -40,6 +41,11 @@ MET = 1e-11  # m or rad: CLOSED, times the size of these mechanisms and some rou
 
 seeds = st.integers(0, 2**32 - 1)
 chains = st.sampled_from(CLOSED_CHAINS)
+
+
+@cache
+def analysed(document: Document) -> Analysis:
+    return analyse(document, document.robot())
 
 
 def perturbed(cluster: Cluster, seed: int, size: float) -> np.ndarray:
@@ -67,36 +73,45 @@ def apart(document: Document, cluster: Cluster, q: np.ndarray) -> float:
 # --- closing -----------------------------------------------------------------------------------------------------
 
 
-@given(chains, seeds, st.sampled_from([1e-6, 1e-3, 0.1, 0.3]))
-@settings(max_examples=120)
-def test_a_mechanism_pulled_apart_closes_again(name: str, seed: int, size: float) -> None:
+@given(chains, seeds, st.sampled_from([1e-6, 1e-3, 0.1, 0.3]), st.booleans())
+@settings(max_examples=160)
+def test_a_mechanism_pulled_apart_closes_again(name, seed, size, is_held):
+    """Also with its actuated joints held, and once more where it is closed, without moving."""
     document = loads(KNOWN[name][0])
     (cluster,) = clusters_of(document)
     assume(name != "truss" or size <= 0.1)
-    closing = close(cluster, perturbed(cluster, seed, size))
+    assume(not is_held or (size <= 1e-3 and name not in ("truss", "flat parallelogram")))
+    held = [f"joint{10 * leg + 3}" for leg in range(6)] if name == "6-UPS" else analysed(document).actuated
+    free = np.array([not is_held or joint.joint not in held for joint in cluster.joints])
+    q = perturbed(cluster, seed, size)
+    closing = close(cluster, q, free)
     assert closing.closed
     assert apart(document, cluster, closing.q) <= MET
+    assert (closing.q[~free] == q[~free]).all()
+    assert np.abs(close(cluster, closing.q, free).q - closing.q).max() <= 1e-12 * max(1.0, np.abs(closing.q).max())
 
 
-class Counted:
-    """A system that knows how often it was evaluated."""
+class Watched:
+    """A system that knows how often it was evaluated, and how large its steps were."""
 
     def __init__(self, cluster: Cluster) -> None:
-        self.cluster, self.evaluations = cluster, 0
-        self.integrate = cluster.integrate
+        self.cluster, self.evaluations, self.largest = cluster, 0, 0.0
 
     def evaluate(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         self.evaluations += 1
         return self.cluster.evaluate(q)
 
+    def integrate(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
+        self.largest = max(self.largest, float(np.abs(step).max()))
+        return self.cluster.integrate(q, step)
+
 
 @given(chains.filter(lambda name: name != "flat parallelogram"), seeds)
-@settings(max_examples=60)
 def test_closing_converges_quadratically(name: str, seed: int) -> None:
     """From 1e-3, the gap goes as 1e-3, 1e-6, 1e-12: a handful of evaluations, dependent rows or not."""
-    counted = Counted(cluster_of(KNOWN[name][0]))
-    assert close(counted, perturbed(counted.cluster, seed, 1e-3)).closed
-    assert counted.evaluations <= 5
+    watched = Watched(cluster_of(KNOWN[name][0]))
+    assert close(watched, perturbed(watched.cluster, seed, 1e-3)).closed
+    assert watched.evaluations <= 5
 
 
 @given(chains.filter(lambda name: name not in ("flat parallelogram", "Sarrus", "Bennett")), seeds)
@@ -113,14 +128,6 @@ def test_closing_is_the_shortest_correction(name: str, seed: int) -> None:
     expected = -np.linalg.pinv(jacobian, rcond=1e-3) @ residual
     moved = (close(cluster, q).q - q) / cluster.scale
     assert np.abs(moved - expected).max() <= 0.01 * np.abs(expected).max()
-
-
-@given(chains, seeds)
-@settings(max_examples=30)
-def test_what_is_closed_stays_where_it_is(name: str, seed: int) -> None:
-    cluster = cluster_of(KNOWN[name][0])
-    q = close(cluster, perturbed(cluster, seed, 0.05)).q
-    assert np.abs(close(cluster, q).q - q).max() <= 1e-12 * max(1.0, np.abs(q).max())
 
 
 def test_closing_ends_where_no_step_can_lower_the_gap() -> None:
@@ -150,40 +157,11 @@ def test_closing_never_ends_farther_open_than_it_began_and_leaves_its_input_alon
 
 
 @given(chains, seeds)
-@settings(max_examples=30)
 def test_no_step_goes_farther_than_a_linearisation_can_know(name: str, seed: int) -> None:
     """A radian, or a characteristic length, however far the way."""
-    cluster = cluster_of(KNOWN[name][0])
-    watched = Counted(cluster)
-    steps = []
-
-    def integrate(q: np.ndarray, step: np.ndarray) -> np.ndarray:
-        steps.append(np.abs(step).max())
-        return cluster.integrate(q, step)
-
-    watched.integrate = integrate
-    close(watched, perturbed(cluster, seed, 3.0))
-    assert max(steps) <= 1.0
-
-
-SLIDES = [f"joint{10 * leg + 3}" for leg in range(6)]  # of the 6-UPS
-
-
-# --- with some joints held ---------------------------------------------------------------------------------------
-
-
-@given(chains.filter(lambda name: name not in ("truss", "flat parallelogram")), seeds)
-@settings(max_examples=60)
-def test_joints_that_are_held_do_not_move_and_the_others_close(name: str, seed: int) -> None:
-    document = loads(KNOWN[name][0])
-    (cluster,) = clusters_of(document)
-    motors = SLIDES if name == "6-UPS" else analyse(document, document.robot()).actuated
-    free = np.array([joint.joint not in motors for joint in cluster.joints])
-    q = perturbed(cluster, seed, 2e-3)
-    closing = close(cluster, q, free)
-    assert (closing.q[~free] == q[~free]).all()
-    assert closing.closed
-    assert apart(document, cluster, closing.q) <= MET
+    watched = Watched(cluster_of(KNOWN[name][0]))
+    close(watched, perturbed(watched.cluster, seed, 3.0))
+    assert 0.0 < watched.largest <= 1.0
 
 
 # --- the equations -----------------------------------------------------------------------------------------------
@@ -278,19 +256,15 @@ def test_the_generic_rank_is_joints_less_mobility_and_reached_on_a_closed_config
     assert apart(document, cluster, where) <= MET
 
 
-@pytest.mark.parametrize("name", [name for name in CLOSED_CHAINS if name != "truss"])
+@pytest.mark.parametrize("name", CLOSED_CHAINS)
 def test_a_walk_stays_closed_and_gets_somewhere(name: str) -> None:
+    """A truss can't move: there is no walk."""
     document = loads(KNOWN[name][0])
     (cluster,) = clusters_of(document)
     steps = list(closed_walk(cluster, close(cluster, cluster.home).q, samples=5))
-    assert len(steps) >= 3
+    assert len(steps) >= 3 or (name == "truss" and not steps)
     assert all(apart(document, cluster, q) <= MET for q in steps)
     assert all(np.abs((b - a) / cluster.scale).max() > 0.01 for a, b in pairwise([cluster.home, *steps]))
-
-
-def test_where_nothing_can_move_there_is_no_walk() -> None:
-    cluster = cluster_of(KNOWN["truss"][0])
-    assert list(closed_walk(cluster, cluster.home, samples=5)) == []
 
 
 # --- what can't be closed ----------------------------------------------------------------------------------------
@@ -316,17 +290,12 @@ def two_bars_with_a_wrong_angle() -> str:
     return raff_of(parts, "frame 3 frame 4")
 
 
-def test_a_loop_that_stays_open_is_named_with_its_gap_and_its_rows_against_their_rank() -> None:
-    said = why(skew_four_bar())
-    assert re.search(r"robot 'r'.*can't be closed.*'link5-frame6' \(rigid, [\d.]+ mm.* and [\d.]+ degrees", said)
-    assert "6 loop rows of rank 4 on 4 joints" in said
-
-
-def test_the_gap_that_is_named_is_the_least_one() -> None:
+def test_a_loop_that_stays_open_is_named_with_its_least_gap_and_its_rows_against_their_rank():
     """scipy's least squares finds no better configuration around."""
-    cluster = cluster_of(skew_four_bar())
-    named = re.search(r"rigid, ([\d.]+) mm.* and ([\d.]+) degrees", why(skew_four_bar()))
+    said, cluster = why(skew_four_bar()), cluster_of(skew_four_bar())
+    named = re.search(r"robot 'r'.*can't be closed.*'link5-frame6' \(rigid, ([\d.]+) mm.* and ([\d.]+) degrees", said)
     assert named is not None
+    assert "6 loop rows of rank 4 on 4 joints" in said
     best = least_squares(lambda q: cluster.evaluate(q)[0], cluster.home, xtol=1e-15, ftol=1e-15, gtol=1e-15)
     sizes = np.linalg.norm(best.fun[:3]) * 1e3 * cluster.length, np.degrees(np.linalg.norm(best.fun[3:]))
     assert [float(number) for number in named.groups()] == pytest.approx(sizes, rel=0.01)

@@ -3,7 +3,6 @@
 import json
 import math
 import warnings
-from pathlib import Path
 
 import pytest
 from wrong_raff import text_of
@@ -33,15 +32,8 @@ def numbers_of(mechanism: cinegen.Mechanism) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(map(float, field[columns])) for field in fields)
 
 
-@pytest.fixture
-def arm(tmp_path: Path) -> Path:
-    path = tmp_path / "arm.raff"
-    path.write_text(ARM)
-    return path
-
-
-def test_raff_gives_inertia_of_rotors_and_friction_in_its_own_units(arm):
-    found = cinegen.load(arm)
+def test_raff_gives_inertia_of_rotors_and_friction_in_its_own_units():
+    found = cinegen.load(ARM)
     for own, expected in zip(numbers_of(found), NUMBERS, strict=True):
         assert own == pytest.approx(expected, rel=1e-15)
     assert (found.model.lowerDryFrictionLimit == -found.model.upperDryFrictionLimit).all()
@@ -50,42 +42,28 @@ def test_raff_gives_inertia_of_rotors_and_friction_in_its_own_units(arm):
     assert numbers_of(metres)[0] == pytest.approx(NUMBERS[0], rel=1e-15)
 
 
-def test_urdf_has_friction_and_its_constraints_file_the_armature(arm, tmp_path):
-    raff2urdf.convert(arm, tmp_path / "out")
-    entries = json.loads((tmp_path / "out" / "arm.constraints.json").read_text())["joints"]
-    assert [entry.get("armature") for entry in entries] == [2500.0e-6, 0.3, None]
-    text = (tmp_path / "out" / "arm.urdf").read_text()
-    assert text.count("<dynamics") == 2
-    assert '<dynamics damping="100.0" friction="2.0"/>' in text
-
-
 @pytest.mark.parametrize("kind", ["urdf", "sdf", "mjcf"])
-def test_every_format_and_raff_again_have_the_same_numbers(arm, tmp_path, kind):
-    there, written = cinegen.load(arm), tmp_path / "out"
-    raff2urdf.convert(arm, written, format=kind)
-    (file,) = [path for path in written.iterdir() if path.suffix in (".urdf", ".sdf", ".xml")]
-    assert numbers_of(cinegen.load(file)) == numbers_of(there)
-    back = tmp_path / "back.raff"
+def test_every_format_and_raff_again_have_the_same_numbers_and_gravity(tmp_path, kind):
+    """A URDF has friction, and its constraints file the armature."""
+    path, written, back, down = tmp_path / "arm.raff", tmp_path / "out", tmp_path / "back.raff", [0.25, 0.0, -1.62]
+    path.write_text(ARM.replace("\n", "\ngravity { 0.25 0 -1.62 }\n", 1))
+    there = cinegen.load(path)
+    raff2urdf.convert(path, written, format=kind)
+    (file,) = [one for one in written.iterdir() if one.suffix in (".urdf", ".sdf", ".xml")]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         raff2urdf.to_raff(file, back)
-    assert numbers_of(cinegen.load(back)) == numbers_of(there)
-    links = parse(back.read_text()).robots[0].links
-    expected = parse(ARM).robots[0].links
-    for own, other in zip(links, expected, strict=True):
+    for found in (cinegen.load(file), cinegen.load(back)):
+        assert (numbers_of(found), found.gravity.tolist()) == (numbers_of(there), down)
+    again = parse(back.read_text())
+    assert again.gravity == tuple(down)
+    for own, other in zip(again.robots[0].links, parse(ARM).robots[0].links, strict=True):
         assert (own.armature, own.damping, own.friction) == (other.armature, other.damping, other.friction)
-
-
-@pytest.mark.parametrize("kind", ["urdf", "sdf", "mjcf"])
-def test_every_format_and_raff_again_have_its_gravity(tmp_path, kind):
-    path, written, down = tmp_path / "arm.raff", tmp_path / "out", [0.25, 0.0, -1.62]
-    path.write_text(ARM.replace("\n", "\ngravity { 0.25 0 -1.62 }\n", 1))
-    assert cinegen.load(path).gravity.tolist() == down
-    raff2urdf.convert(path, written, format=kind)
-    (file,) = [one for one in written.iterdir() if one.suffix in (".urdf", ".sdf", ".xml")]
-    assert cinegen.load(file).gravity.tolist() == down
-    raff2urdf.to_raff(file, tmp_path / "back.raff")
-    assert parse((tmp_path / "back.raff").read_text()).gravity == tuple(down)
+    if kind == "urdf":
+        entries = json.loads((written / "arm.constraints.json").read_text())["joints"]
+        assert [entry.get("armature") for entry in entries] == [2500.0e-6, 0.3, None]
+        assert file.read_text().count("<dynamics") == 2
+        assert '<dynamics damping="100.0" friction="2.0"/>' in file.read_text()
 
 
 def test_the_gravity_of_a_world_around_it_replaces_that_of_an_sdf_of_ours(tmp_path):
@@ -144,14 +122,9 @@ SDF = """<sdf version="1.9"><model name="m"><link name="a"/><link name="b"/>
     <axis><xyz>0 0 1</xyz><dynamics><friction>1</friction></dynamics></axis></joint></model></sdf>"""
 
 
-def test_each_axis_of_an_sdf_has_its_friction_and_that_of_a_cut_joint_is_told(tmp_path):
-    path = tmp_path / "m.sdf"
-    path.write_text(SDF)
-    found = cinegen.load(path)
+def test_each_axis_of_an_sdf_has_its_friction_and_that_of_a_cut_joint_is_told():
+    found = cinegen.load(SDF)
     assert numbers_of(found) == ((0.0,) * 3, (0.2, 0.0, 0.0), (0.0, 0.3, 0.0))
     assert "forces leave out the friction of cut" in found.source.notes
-    path.write_text(SDF.replace("<damping>0.2<", "<damping>-0.2<"))
-    with pytest.raises(
-        cinegen.CinegenError, match=r"m.sdf:5: the damping '-0.2' of joint 'cross' must be a number, and"
-    ):
-        cinegen.load(path)
+    with pytest.raises(cinegen.CinegenError, match=r":5: the damping '-0.2' of joint 'cross' must be a number, and"):
+        cinegen.load(SDF.replace("<damping>0.2<", "<damping>-0.2<"))

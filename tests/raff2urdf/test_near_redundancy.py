@@ -1,6 +1,5 @@
 """Loops that are redundant but for rounded numbers: they are recognised, and healed or relaxed."""
 
-import copy
 import json
 import re
 from collections import Counter
@@ -94,12 +93,6 @@ def test_legs_whose_hips_are_tilted_by_rounding_are_healed_or_relaxed(walkers):
         assert statuses[Status.FOLLOWING] > 300
         assert statuses[Status.REFUSED] == 0
         assert closure <= 1e-10
-
-
-def test_the_healed_geometry_is_that_of_another_process(walkers):
-    again = copy.deepcopy(walkers[0])
-    np.testing.assert_array_equal(again.q_home, walkers[0].q_home)
-    assert again.mobility == walkers[0].mobility
 
 
 @pytest.mark.parametrize(("name", "digits"), [("four_bar", 3), ("3rrr", 4), ("sarrus", 6), ("bennett", 3)])

@@ -9,7 +9,6 @@ from elementary import ROBOTS, document, placed, values, within_limits
 from repository import EVERY, load, one_of_each_kind
 
 import cinegen
-import raff2urdf
 from raff2urdf.loops.mobility import analyse
 from raff2urdf.tree import placements
 
@@ -62,24 +61,6 @@ def test_home_is_closed_within_limits_and_what_the_file_states_but_for_its_round
                 link.parameters.r / 1e3 if mechanism.is_prismatic(link.joint) else np.radians(link.parameters.theta)
             )
             assert mechanism.q_home[mechanism.q_index(link.joint)] == pytest.approx(written, abs=2e-5)
-
-
-@one_of_each_kind
-def test_its_urdf_and_constraints_are_the_same_mechanism_bit_for_bit(name, which, tmp_path):
-    (conversion,) = raff2urdf.convert(ROBOTS / f"{name}.raff", tmp_path, which)
-    one, other = load(name, which), cinegen.load(conversion.urdf)
-    assert np.array_equal(one.q_home, other.q_home)
-    assert one.mobility == other.mobility == conversion.analysis.mobility
-    assert (one.nodes, one.joints, one.actuated, one.length) == (
-        other.nodes,
-        other.joints,
-        other.actuated,
-        other.length,
-    )
-    for q, _ in configurations(one, 2):
-        assert np.array_equal(one.loop_residual(q), other.loop_residual(q))
-        for node in one.nodes:
-            assert np.array_equal(one.placement(q, node).homogeneous, other.placement(q, node).homogeneous)
 
 
 @one_of_each_kind

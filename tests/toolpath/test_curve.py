@@ -64,21 +64,6 @@ def test_long_straight_parts_stay_so_and_short_ones_do_no_harm():
         assert curve.length == pytest.approx(0.2 * math.sqrt(1.16), rel=0.02)
 
 
-@given(st.integers(0, 100), st.floats(-2.9, 2.9))
-def test_normals_turn_evenly_about_one_axis(seed, turn):
-    random = np.random.default_rng(seed)
-    path = random.normal(size=3)
-    path /= np.linalg.norm(path)
-    first = np.cross(path, random.normal(size=3))
-    first /= np.linalg.norm(first)
-    aside = np.cross(path, first)
-    last = math.cos(turn) * first + math.sin(turn) * aside
-    (curve,) = smooth_runs(np.array([0 * path, 0.3 * path]), np.array([first, last]))
-    for part in (0.0, 0.1, 0.5, 0.77, 1.0):
-        expected = math.cos(part * turn) * first + math.sin(part * turn) * aside
-        assert curve.at(0.3 * part)[2] == pytest.approx(expected, abs=1e-9)
-
-
 @pytest.mark.parametrize(("degrees", "runs"), [(29.0, 1), (31.0, 2), (180.0, 2)])
 def test_corners(degrees, runs):
     turn = math.radians(degrees)

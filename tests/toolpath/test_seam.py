@@ -55,7 +55,7 @@ def test_distance_and_angles_are_what_was_asked_for(seed, distance, work, travel
     random = np.random.default_rng(seed)
     way, normal, _ = np.linalg.qr(random.normal(size=(3, 3)))[0].T
     aside = np.cross(way, normal)
-    begin, length, turn = random.normal(size=3), random.uniform(0.01, 1), random.uniform(-2, 2)
+    begin, length, turn = random.normal(size=3), random.uniform(0.01, 1), random.uniform(-2.9, 2.9)
     last = math.cos(turn) * normal + math.sin(turn) * aside
     seam = Seam([begin, begin + length * way], [7 * normal, 1e-3 * last], distance, work, travel, roll=roll)
     for tool, part in zip(seam.targets(length / 7), np.linspace(0, 1, 8), strict=True):
