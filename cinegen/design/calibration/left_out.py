@@ -3,8 +3,8 @@
 With r the residuals, Q the whitened columns of what was estimated, made orthonormal, c that of a parameter which was
 not, and P = 1 - Q Q^T, an estimate of it leaves |P r|^2 - (r^T P c)^2 / |P c|^2 (the score test; C. R. Rao, 1948).
 Where the readings don't fit, parameters are added until they do. Where they fit by a change that is not expected,
-another parameter of the same node is looked for that fits in its place, and moves the end otherwise: a delta's tower
-that is turned, and one that is mounted beside its place, can be taken for each other.
+another parameter of the same node is looked for that fits as well, and moves the end otherwise: a delta's tower
+that is turned, and one that is mounted beside its nominal position, can be taken for each other.
 """
 
 from __future__ import annotations
