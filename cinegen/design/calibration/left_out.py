@@ -3,8 +3,8 @@
 With r the residuals, Q the whitened columns of what was estimated, made orthonormal, c that of a parameter which was
 not, and P = 1 - Q Q^T, an estimate of it leaves |P r|^2 - (r^T P c)^2 / |P c|^2 (the score test; C. R. Rao, 1948).
 Where the readings don't fit, parameters are added until they do. Where they fit by a change that is not expected,
-another parameter of the same node is looked for that fits as well, and moves the end otherwise: a delta's tower
-that is turned, and one that is mounted beside its nominal position, can be taken for each other.
+another parameter of the same node is looked for that fits as well and moves the end otherwise: a turned tower of a
+delta, and one that is mounted a few millimetres away, can be taken for each other.
 """
 
 from __future__ import annotations
@@ -147,10 +147,10 @@ def _swapped(calibration: Calibration, columns: _Columns, unexpected: list[int])
         rest, others = _without(rest[:, None], span)[:, 0], _without(columns.others, span)
         gains = _gains(rest, others, np.linalg.norm(columns.others, axis=0))
         gains *= [other.rpartition(".")[0] == name.rpartition(".")[0] for other in columns.names]
-        k = int(np.argmax(gains))
-        chi2 = float(rest @ rest - gains[k])
-        if not gains[k] or chi2 > calibration.chi2 + _ALIKE:
+        chi2 = float(rest @ rest - gains.max(initial=0.0))
+        if not gains.any() or chi2 > calibration.chi2 + _ALIKE:
             continue
+        k = int(np.argmax(gains))
         instead = float(-(rest @ others[:, k]) / (others[:, k] @ others[:, k]))
         effect = columns.moved[..., i] * back
         apart, least = (
