@@ -89,13 +89,13 @@ def test_packages_are_found_as_for_meshes_without_ros(bars, tmp_path, typed):
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts/bar.xacro").write_text(BAR)
     bars_open = BARS.replace("loop_joint", "frame")
-    path = bars("b/urdf/bars.urdf.xacro", bars_open.replace("bar.xacro", "$(find bars)/bar.xacro"))
+    path = bars("1/2/3/b/urdf/bars.urdf.xacro", bars_open.replace("bar.xacro", "$(find bars)/bar.xacro"))
     said = typed("info", path, code=1)
     option = re.search(r"package 'bars' is not found: .* by (--package bars=)FOLDER \(in", said.err)[1]
     typed("info", path, *f"{option}{tmp_path / 'parts'}".split())
     assert cinegen.load(path, packages={"bars": tmp_path / "parts"}).mobility == 2
-    (tmp_path / "b/package.xml").write_text("<package><name>bars</name></package>")
-    (tmp_path / "b/bar.xacro").write_text(BAR)
+    (tmp_path / "1/2/3/b/package.xml").write_text("<package><name>bars</name></package>")
+    (tmp_path / "1/2/3/b/bar.xacro").write_text(BAR)
     assert cinegen.load(path).mobility == 2
 
 
