@@ -83,5 +83,6 @@ def _fields(result: Synthesis, targets: np.ndarray) -> Iterator[tuple[Figure, st
         field = RegionField(heading, reach.axes, grown, values, is_maximised, looked)
         before, after = np.isfinite(values).sum(axis=1)
         better = "Larger" if is_maximised else "Smaller"
-        text = f"{heading} at {len(targets)} points; {before} are reached before, {after} after. {better} is better."
+        title = heading[:1].upper() + heading[1:]
+        text = f"{title} at {len(targets)} points; {before} are reached before, {after} after. {better} is better."
         yield draw_field(field, not len(reach.given)), text
