@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
+import logging
 import secrets
 import socket
 import threading
@@ -39,6 +40,15 @@ ALL = ("", "0.0.0.0", "::")
 _SLOW = 20.0  # s that a browser may take to send a further request, and that a connection may be idle
 _FIRST = 5.0  # s that a browser may take to send its first request
 _FRESH = 1.0  # s in which a snapshot is not made again
+_THREAD = "cinegen page"
+
+
+def _is_logged(record: logging.LogRecord) -> bool:
+    """Return whether what tornado logs is no fault of a peer, such as a browser that refuses the certificate."""
+    return record.threadName != _THREAD or record.levelno >= logging.ERROR
+
+
+logging.getLogger("tornado.general").addFilter(_is_logged)
 
 
 class ServerError(CinegenError):
@@ -138,7 +148,7 @@ class Server:
             raise ServerError(f"no free port from {port} to {port + tries - 1} at {self.host}{why}")
         self.port = sockets[0].getsockname()[1]
         ready = threading.Event()
-        self._thread = threading.Thread(target=self._run, args=(sockets, ready), name="cinegen page", daemon=True)
+        self._thread = threading.Thread(target=self._run, args=(sockets, ready), name=_THREAD, daemon=True)
         self._thread.start()
         ready.wait()
 

@@ -16,7 +16,7 @@ from cinegen.cockpit.certificate import self_signed
 from cinegen.session import Setup
 
 
-def test_a_page_and_its_session_are_encrypted_with_the_certificate_whose_fingerprint_is_printed(robot, tmp_path):
+def test_a_page_and_its_session_are_encrypted_with_the_certificate_that_is_printed(robot, tmp_path, caplog):
     with Cockpit(Setup({"four_bar": robot("four_bar")}), port=0, https=True, own_process=False) as cockpit:
         server, path = cockpit.server, tmp_path / "certificate.pem"
         found = ssl.get_server_certificate(("127.0.0.1", server.port))
@@ -40,6 +40,7 @@ def test_a_page_and_its_session_are_encrypted_with_the_certificate_whose_fingerp
 
         assert server.session_url.startswith("wss://")
         assert asyncio.run(first())["type"] == "hello"
+    assert not caplog.records  # who spoke HTTP did not write to the terminal
 
 
 @pytest.mark.parametrize("host", ["robot-pc", "::1"])
