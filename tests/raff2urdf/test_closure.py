@@ -227,6 +227,12 @@ def test_the_rank_is_the_number_of_independent_rows(made: tuple[np.ndarray, int]
     assert rank(matrix) == expected
 
 
+@pytest.mark.parametrize("size", [1e-2, 1.0, 1e3])
+def test_a_singular_value_is_small_beside_the_largest(size: float) -> None:
+    turned = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    assert rank(size * turned @ np.diag([1.0, 1e-5, 5e-7])) == 2
+
+
 def test_nothing_has_rank_0() -> None:
     assert [rank(np.zeros(shape)) for shape in ((0, 3), (3, 0), (3, 3))] == [0, 0, 0]
 

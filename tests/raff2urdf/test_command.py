@@ -151,6 +151,15 @@ def test_what_is_asked_for_wrongly_is_an_error_that_writes_nothing(
     assert not (folder / "generated").exists()
 
 
+@pytest.mark.parametrize("options", [("--format", "mjcf"), ("--check",)])
+def test_a_home_outside_the_limits_is_told(folder: Path, run: Run, options: tuple[str, ...]) -> None:
+    text = skew_four_bar().replace("link 1 {", "link 1 { limits { 170 171 } ", 1)
+    (folder / "stuck.raff").write_text(text)
+    done = run("stuck.raff", *options, "--loop", "link5-frame6=ball")
+    assert done.code == 0
+    assert "home is outside those of joint1 (-179.5 deg, limit 170)" in done.err
+
+
 # --- options -----------------------------------------------------------------------------------------------------
 
 
