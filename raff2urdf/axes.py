@@ -47,10 +47,12 @@ def parse_axes(text: str) -> SensorAxes:
             continue
         length, number = len(word), len(axes)
         if number == len(AXES):
-            raise problem(f"'{word}' is a seventh axis: remove it", token.start(), length)
+            why = f"'{word}' is a seventh axis: remove it; x, y, z, rx, ry and rz are commanded"
+            raise problem(why, token.start(), length)
         entry = _ENTRY.fullmatch(word)
         if entry is None and word != "0":
-            why = f"'{word}' is no axis of a sensor: write {UNCHANGED}, with a factor such as -0.5*rx, or 0 for none"
+            why = f"'{word}' is no axis of a sensor: write {UNCHANGED}, or 0 for none"
+            why += "; with a sign or a factor, such as -0.5*rx"
             raise problem(why, token.start(), length)
         factor, axis = (0.0, number) if entry is None else (float(entry[2] or 1), AXES.index(entry[3]))
         if factor > LARGEST_FACTOR:

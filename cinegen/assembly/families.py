@@ -5,7 +5,7 @@ with two joint centres: it keeps a distance. Where the end is does not matter. K
 
     hexapod    six rods between base and platform, each with a universal and a ball joint at least: 40 modes
                (M. Raghavan, "The Stewart platform of general geometry has 40 configurations", J. Mechanical Design 115,
-               1993); 16 if the rods meet in pairs at one of their ends in three points (Merlet, see `cinegen.hexapod`)
+               1993); 16 if the rods meet in pairs at one of their ends in three points (see `cinegen.hexapod`)
     delta      three rods with universal joints, and a platform that does not rotate: three spheres, 2
     dyad       two bodies and three hinges in a plane or about a point: 2 (five-bar, four-bar, and their like)
     triad      a platform on three such bars: 6 in a plane (3-RPR and 3-RRR: K. Hunt, "Structural kinematics of

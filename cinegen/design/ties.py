@@ -57,20 +57,24 @@ def resolve(texts: Sequence[str], find: Callable[[str], int], dimensions: Sequen
             if not _NAME.fullmatch(side):
                 raise DesignError(f"'{text}': '{side}' on the left is not a single parameter: solve the tie for one")
         first = find(sides[0])
-        rows = [_row(side, find, dimensions, dimensions[first]) for side in sides[1:]]
+        rows = [_row(side, text.strip(), find, dimensions, dimensions[first]) for side in sides[1:]]
         for row in rows:
             named = [first, *np.flatnonzero(row[:-1]).tolist()]
             because = {reason: None for i in named for reason in reasons[i]} | {text.strip(): None}
             left, right = table[first], row @ table
             ways = [(right, left), (left, right)] if _alone(row) is not None else [(left, right)]
             solved = [(i, value) for end, value in ways if (i := _alone(end)) is not None and value[i] == 0.0]
+            if not solved and any(text.strip() in reasons[i] for i in named):
+                raise DesignError(f"the tie '{text.strip()}' is given twice: remove one")
             if not solved:
                 listed = " and ".join(f"'{reason}'" for reason in because)
                 raise DesignError(f"contradictory or circular ties of {sides[0]}: {listed}: remove one")
             determined, value = solved[0]
             for i in np.flatnonzero(table[:-1, determined]).tolist():
                 reasons[i] |= because
-            table += np.outer(table[:, determined], value - np.eye(count + 1)[determined])
+            value[determined] -= 1.0
+            at = np.flatnonzero(table[:, determined])
+            table[at] += np.outer(table[at, determined], value)
     free = np.flatnonzero(table.diagonal()[:-1])
     return Ties(tuple(free.tolist()), table[:-1, free], table[:-1, -1])
 
@@ -81,9 +85,11 @@ def _alone(row: Array) -> int | None:
     return int(used[0]) if len(used) == 1 and used[0] < len(row) - 1 and row[used[0]] == 1.0 else None
 
 
-def _row(text: str, find: Callable[[str], int], dimensions: Sequence[Dimension], dimension: Dimension) -> Array:
-    """Parse an expression such as `2*link2.d + 10mm`: return the coefficients of all parameters, and the constant
-    (m or rad).
+def _row(
+    text: str, tie: str, find: Callable[[str], int], dimensions: Sequence[Dimension], dimension: Dimension
+) -> Array:
+    """Parse an expression of a tie, such as `2*link2.d + 10mm`: return the coefficients of all parameters, and the
+    constant (m or rad).
 
     Raises:
         DesignError: it is no affine expression of parameters of its dimension; a constant has no unit, or a wrong one.
@@ -93,7 +99,7 @@ def _row(text: str, find: Callable[[str], int], dimensions: Sequence[Dimension],
         term = _TERM.match(text, position)
         body = term[2].strip() if term else ""
         if term is None or not body or (position and not term[1]):
-            raise DesignError(f"'{text}': expected a term such as 2*link2.d or 10mm at '{text[position:]}'")
+            raise DesignError(f"'{tie}': expected a term such as 2*link2.d or 10mm at '{text[position:]}'")
         position, sign = term.end(), "-" if term[1].count("-") % 2 else ""
         words = [word.strip() for word in body.split("*")]
         names = [word for word in words if _NAME.fullmatch(word)]
@@ -101,24 +107,24 @@ def _row(text: str, find: Callable[[str], int], dimensions: Sequence[Dimension],
             constants.append(sign + body)
             continue
         if len(names) > 1:
-            raise DesignError(f"'{text}': the product {'*'.join(names)} is not affine: only one name in a term")
+            raise DesignError(f"'{tie}': the product {'*'.join(names)} is not affine: only one name in a term")
         factors = [word.partition("/") for word in words if word != names[0]]
         try:
             factor = math.prod(float(number) / (float(below) if slash else 1.0) for number, slash, below in factors)
         except (ValueError, ZeroDivisionError):
             factor = math.nan
         if not math.isfinite(factor):
-            raise DesignError(f"'{text}': '{body}' is not a factor times a name, such as 2*{names[0]}")
+            raise DesignError(f"'{tie}': '{body}' is not a factor times a name, such as 2*{names[0]}")
         row[find(names[0])] += -factor if sign else factor
     kinds = {dimensions[i] for i in np.flatnonzero(row).tolist()} or {dimension}
-    for constant in constants:
-        with refused_as(DesignError, f"'{text}'"):
-            row[-1] += (value := parse(constant, next(iter(kinds))))
-        if value and not has_unit(constant):
-            unit = "deg" if ANGLE in kinds else "mm"
-            raise DesignError(f"'{text}': '{constant}' has no unit: write it, such as {constant}{unit}")
     if kinds != {dimension}:
-        raise DesignError(f"'{text}': a length and an angle can't be tied or added")
+        raise DesignError(f"'{tie}': a length and an angle can't be tied or added")
+    for constant in constants:
+        with refused_as(DesignError, f"'{tie}'"):
+            row[-1] += (value := parse(constant, dimension))
+        if value and not has_unit(constant):
+            unit = "deg" if dimension is ANGLE else "mm"
+            raise DesignError(f"'{tie}': '{constant}' has no unit: write it, such as {constant}{unit}")
     return row
 
 

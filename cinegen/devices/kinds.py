@@ -210,9 +210,9 @@ def refusal(url: str) -> str:
         return "would let other machines drive the robot" if _listens_for_others(url) else ""
     if kind == "" and any(re.fullmatch(_SERIAL_PORT, name) and ".." not in name for name in (url, realpath(url))):
         return ""
-    if kind == "":
-        return "is not the name of a serial port"
-    return "would connect to a server" if kind in ("socket", "rfc2217", "spnav") else "would open a file"
+    if kind in ("socket", "rfc2217", "spnav"):
+        return "would connect to a server"
+    return "would open a file" if kind in ("spy", "replay") else "is not the name of a serial port"
 
 
 _SERIAL_PORT = r"(?:/dev/(?:tty|cu\.|rfcomm|pts/|serial/)[\w.:/+-]*|(?:\\\\\.\\)?(?i:COM)\d+)"

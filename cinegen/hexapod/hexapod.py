@@ -62,7 +62,7 @@ class Hexapod:
         Raises:
             HexapodError: wrong shape, not finite, or so that the platform moves with its legs locked.
         """
-        self.base, self.platform = checked_points("base", base, 6), checked_points("platform", platform, 6)
+        self.base, self.platform = checked_points("base", base), checked_points("platform", platform)
         self._centre = self.base.mean(axis=0), self.platform.mean(axis=0)
         a, b = self.base - self._centre[0], self.platform - self._centre[1]
         self._unit = float(np.sqrt(((a**2).sum() + (b**2).sum()) / 12.0))
@@ -74,8 +74,9 @@ class Hexapod:
         self.degree = len(self._x)
         self.bound = _IN_PAIRS if _meet_in_pairs(self._a) or _meet_in_pairs(self._b) else study.SOLUTIONS
         lost = study.SOLUTIONS - self.degree - paths.count(PathEnd.INFINITE)
-        self._lost = min(lost, self.bound - self.degree)
-        self._infinite = self.bound - self.degree - self._lost
+        twice = max(0, self.degree - self.bound)  # a path that jumped to another one's end
+        self._lost = twice or min(lost, self.bound - self.degree)
+        self._infinite = max(0, self.bound - self.degree - self._lost)
         self.steps = int(paths.steps.sum())
 
     def modes(self, lengths: ArrayLike) -> PlatformModes:
@@ -184,7 +185,8 @@ class Hexapod:
         steps = _STEP * free / np.maximum(np.linalg.norm(free, axis=2, keepdims=True), _SAME)
         starts = legs.moved_by(np.tile(modes, (_STEPS, 1, 1)), steps.reshape(-1, 6))
         ends = legs.refine(self._a, self._b, asked, starts, np.full(len(starts), _CUTOFF))[0]
-        reached = np.abs(leg_lengths(self._a, self._b, ends) - asked).max(axis=1, initial=0.0) <= _EXACT
+        errors = np.abs(leg_lengths(self._a, self._b, ends) - asked).max(axis=1, initial=0.0)
+        reached = errors <= _EXACT * max(1.0, asked.max())
         apart = np.abs(ends[reached, None] - placements).max(axis=(2, 3)).min(axis=1, initial=np.inf)
         return bool((apart > _ELSEWHERE).any())
 

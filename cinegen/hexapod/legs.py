@@ -21,15 +21,15 @@ class HexapodError(CinegenError):
     """Geometry or leg lengths that have no assembly modes to compute; the message names them."""
 
 
-def checked_points(name: str, values: ArrayLike, count: int) -> Array:
-    """Return points as a read-only array (count, 3).
+def checked_points(name: str, values: ArrayLike) -> Array:
+    """Return points as a read-only array (6, 3).
 
     Raises:
         HexapodError: another shape, or not finite.
     """
     points = np.array(values, dtype=float)
-    if points.shape != (count, 3):
-        raise HexapodError(f"the {name} must be ({count}, 3), one point in each row, not {points.shape}")
+    if points.shape != (6, 3):
+        raise HexapodError(f"the {name} must be (6, 3), one point in each row, not {points.shape}")
     if not np.isfinite(points).all():
         raise HexapodError(f"a point of the {name} is not finite")
     points.setflags(write=False)

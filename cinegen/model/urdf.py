@@ -11,6 +11,7 @@ from lxml import etree
 
 from cinegen.errors import LoadError, warn
 from raff2urdf.constraints import Constraints
+from raff2urdf.errors import did_you_mean
 from raff2urdf.readers.loops import successive
 from raff2urdf.readers.urdf import (
     UNLIMITED,
@@ -147,7 +148,7 @@ def completed(declared: Constraints, sidecar: Mapping[str, Any] | None, name: st
         name: the URDF's, for errors.
 
     Raises:
-        LoadError: the other file names a joint or a link that the URDF lacks.
+        LoadError: the other file names a joint or a link that the URDF lacks, or lacks one of its joints.
     """
     if sidecar is None or not (sidecar.get("loops") or sidecar.get("couplings")):
         for entry in declared["joints"]:  # without loops, 0 is as good as anything else
@@ -155,8 +156,11 @@ def completed(declared: Constraints, sidecar: Mapping[str, Any] | None, name: st
     if sidecar is None:
         return declared
     known, entries = {entry["name"]: entry for entry in declared["joints"]}, sidecar.get("joints", declared["joints"])
-    for joint in sorted(known.keys() ^ {entry["name"] for entry in entries}):
-        raise LoadError(f"{name}: of the URDF and its constraints only one has the joint '{joint}'")
+    listed = {entry["name"] for entry in entries}
+    for joint in sorted(listed - known.keys()):
+        raise LoadError(f"{name}: the URDF has no joint '{joint}'{did_you_mean(joint, list(known))}")
+    for joint in sorted(known.keys() - listed):
+        raise LoadError(f"{name}: joint '{joint}' of the URDF is missing in the constraints: add an entry for it")
     if sidecar.get("floating", declared["floating"]) != declared["floating"]:
         raise LoadError(
             f"{name}: the constraints declare that '{sidecar['floating']}' lets the base move, the URDF does not"

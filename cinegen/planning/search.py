@@ -119,7 +119,7 @@ class Search:
             )
             made = attempt(
                 self.clearance, self.scene.start, objective, remaining, lambda q: distance(q) < TOLERANCE, safety,
-                steps, strategy, callable(field), ends, interrupted,
+                steps, strategy, getattr(objective, "repels", False), ends, interrupted,
             )  # fmt: skip
             if made.status is PlanStatus.REACHED and self.shorten:
                 made = replace(made, path=self._shortened(self._to_goal(made.path)))

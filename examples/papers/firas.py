@@ -245,6 +245,8 @@ class Descent:
         gradient: its gradient (nv,), by rad and characteristic lengths.
     """
 
+    repels = True  # a plan that ends there names the obstacle
+
     def __init__(
         self, mechanism: Mechanism, value: Callable[[Array], float], gradient: Callable[[Array], Array]
     ) -> None:

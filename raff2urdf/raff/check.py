@@ -91,7 +91,8 @@ def _file_problems(document: Document) -> Iterator[Problem]:
 
 def _bad_name(name: str, keyword: str) -> str:
     """Return why a name names nothing in XML."""
-    return f"'{name}' can't name a {keyword}: a name begins with a letter or '_', and has no marks but '_', '-' and '.'"
+    letters = "has only letters, digits, '_', '-' and '.' (it becomes an XML name)"
+    return f"'{name}' can't name a {keyword}: a name begins with a letter or '_', and {letters}"
 
 
 def _tree_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
@@ -231,7 +232,8 @@ def _constraint_problems(document: Document, robot: RaffRobot) -> Iterator[Probl
     for loop in robot.loops:
         for end, number in (("first", loop.first), ("second", loop.second)):
             if number not in robot.nodes:
-                why = f"a loop ends at {number}, which does not exist{known}: add 'frame {number}', or name another one"
+                what = f"a loop of robot '{robot.name}' ends at {number}, which does not exist{known}"
+                why = f"{what}: add 'frame {number}', or name another one"
                 yield problem(why, loop, end)
         if loop.first == loop.second:
             yield problem(f"a loop joins node {loop.first} to itself: name two different nodes", loop, "first")
@@ -282,10 +284,12 @@ def _drive_problems(document: Document, coupling: RaffCoupling, moving: Mapping[
         at, word = (coupling, f"drive {i}"), drive.kind.name.lower()
         follows, drives = (moving[number].type.name.lower() for number in (follower, drive.link))
         if drive.kind is DriveKind.RATIO and follows != drives:
-            why = f"'ratio' couples joints of one type, not {follows} and {drives}: use 'lead' (a screw) or 'radius'"
+            types = f"link {follower} is {follows} and link {drive.link} {drives}"
+            why = f"'ratio' couples joints of one type, but {types}: use 'lead' (a screw) or 'radius' (a rack)"
             yield document.problem(why, *at)
         if drive.kind in (DriveKind.LEAD, DriveKind.RADIUS) and follows == drives:
-            why = f"'{word}' couples a prismatic and a revolute joint, not two {follows} ones: use 'ratio'"
+            types = f"links {follower} and {drive.link} are both {follows}"
+            why = f"'{word}' couples a prismatic and a revolute joint, but {types}: use 'ratio'"
             yield document.problem(why, *at)
         if not any(drive.numbers):
             yield document.problem(f"link {drive.link} does not drive link {follower}: its '{word}' is 0", *at)

@@ -19,7 +19,8 @@ def oddities(document: Document, robot: RaffRobot) -> Iterator[Problem]:
     problem = document.problem
     size, longest_node = longest(robot)
     if document.metres(size) > LONGEST and document.units == "m":
-        why = f"robot '{robot.name}' has a length of {shown(size)} m: if it is in mm, write 'units mm' for 'units m'"
+        what = f"the longest length of robot '{robot.name}' is {shown(size)} m"
+        why = f"{what}: if lengths are in mm, write 'units mm' for 'units m'"
         yield problem(why, longest_node, "parameters")
     for first, loop in duplicates(robot.loops, lambda loop: (*sorted((loop.first, loop.second)), loop.kind)):
         why = f"this loop was declared before{first_on(first.line('first'))}: remove one of them"
@@ -50,8 +51,9 @@ def _odd_joint(document: Document, link: RaffLink) -> Iterator[Problem]:
         if not link.limits[0] <= home <= link.limits[1]:
             yield document.problem(_outside(what, home, link.limits, degrees), link, "limits")
         elif degrees is not None:
-            why = f"limits of {what} in radians: angles are in degrees, write 'limits {{ {' '.join(degrees)} }}'"
-            yield document.problem(why, link, "limits")
+            listed = " ".join(degrees)
+            why = f"the limits of {what} are {listed} degrees if they are in radians: angles are in degrees, write "
+            yield document.problem(f"{why}'limits {{ {listed} }}'", link, "limits")
 
 
 LONGEST = 100.0
@@ -68,9 +70,8 @@ def _angles_in_radians(document: Document, node: RaffNode) -> Iterator[Problem]:
             digits = len(written.partition(".")[2])
             if abs(value) < math.tau and round(math.radians(part), digits) == abs(value):
                 signed = shown(math.copysign(part, value))
-                why = (
-                    f"'{word} {shown(value)}' of {label(node)} is {signed} degrees in radians: write '{word} {signed}'"
-                )
+                what = f"'{word} {shown(value)}' of {label(node)} is {signed} degrees in radians"
+                why = f"{what}: angles are in degrees, write '{word} {signed}'"
                 yield document.problem(why, node, "parameters")
 
 

@@ -60,7 +60,8 @@ def _large_couplings(document: Document, robot: RaffRobot) -> Iterator[Problem]:
         terms = list(equation.terms.values())[1:]
         for j, (drive, coefficients) in enumerate(zip(coupling.drives, terms, strict=True)):
             if not SMALLEST <= max(map(abs, coefficients)) <= LARGEST:
-                why = f"link {drive.link} has coefficients beyond {LARGEST:g} in SI units, or all below {SMALLEST:g}"
+                what = f"what link {drive.link} adds to link {follower}"
+                why = f"{what} has coefficients beyond {LARGEST:g} in SI units, or all below {SMALLEST:g}"
                 yield problem(why, coupling, f"drive {j}")
         if not abs(equation.constant) <= LARGEST:
             why = f"the 'offset' of link {follower} in a coupling is beyond {LARGEST:g} in SI units, the largest"

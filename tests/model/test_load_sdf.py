@@ -361,8 +361,13 @@ def finger_of(palm):
 
 
 @pytest.mark.parametrize("frame", ["", "<placement_frame>flange</placement_frame>"])
-def test_a_merged_model_has_its_links_without_its_name(models, frame):
-    more = '<pose relative_to="arm">0 0 0.3 0 0 0</pose>' + frame
+@pytest.mark.parametrize("other", ["arm", "__model__"])
+def test_a_merged_model_has_its_links_without_its_name(models, frame, other):
+    nail = '<model name="tip"><pose relative_to="__model__">0 0 0.2 0 0.3 0</pose><link name="nail"/></model>'
+    weld = '<joint name="weld" type="fixed"><parent>palm</parent><child>tip::nail</child></joint>'
+    file = models / "gripper/model.sdf"
+    file.write_text(file.read_text().replace("</model>", f"{nail}{weld}</model>"))
+    more = f'<pose relative_to="{other}">0 0 0.3 0 0 0</pose>' + frame
     mechanism = cinegen.load(robot(models, more=more, child="palm", merge='merge="true"'))
     nested = cinegen.load(robot(models, more=more))
     assert mechanism.joints == ("turn", "grip")

@@ -143,8 +143,8 @@ def _swapped(calibration: Calibration, columns: _Columns, unexpected: list[int])
     for i in unexpected:
         name, back = calibration.names[i], calibration.nominal[i] - calibration.values[i]
         span = np.delete(columns.varied, i, axis=1)
-        rest = columns.rest + columns.varied[:, i] * (back / calibration.subspace.errors[i])
-        rest, others = _without(rest[:, None], span)[:, 0], _without(columns.others, span)
+        whole = columns.rest + columns.varied[:, i] * (back / calibration.subspace.errors[i])
+        rest, others = _without(whole[:, None], span)[:, 0], _without(columns.others, span)
         gains = _gains(rest, others, np.linalg.norm(columns.others, axis=0))
         gains *= [other.rpartition(".")[0] == name.rpartition(".")[0] for other in columns.names]
         chi2 = float(rest @ rest - gains.max(initial=0.0))
@@ -152,10 +152,12 @@ def _swapped(calibration: Calibration, columns: _Columns, unexpected: list[int])
             continue
         k = int(np.argmax(gains))
         instead = float(-(rest @ others[:, k]) / (others[:, k] @ others[:, k]))
+        again = -np.linalg.lstsq(span, whole + columns.others[:, k] * instead)[0]  # of all others, in expected errors
+        change = (np.insert(again, i, 0.0) * calibration.subspace.errors)[: columns.moved.shape[-1]]
         effect = columns.moved[..., i] * back
         apart, least = (
             np.sqrt((each.reshape(-1, 2, 3) ** 2).sum(axis=2).mean(axis=0))  # m, rad
-            for each in (effect + columns.moved_by_others[..., k] * instead, _APART * effect)
+            for each in (effect + columns.moved @ change + columns.moved_by_others[..., k] * instead, _APART * effect)
         )
         scale = np.array([1.0 / length, 1.0])
         if (apart * scale).max() >= (least * scale).max():

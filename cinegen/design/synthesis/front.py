@@ -95,10 +95,12 @@ def front_of(
 
 def _weights(objectives: int, count: int) -> list[Array]:
     """Return the weights of reference points of a simplex lattice (I. Das and J. E. Dennis, "Normal-boundary
-    intersection", SIAM Journal on Optimization 8(3), 1998): with its ends, which are left out, at least `count`."""
+    intersection", SIAM Journal on Optimization 8(3), 1998), evenly thinned out to `count` with its ends, which are left
+    out."""
     parts = next(n for n in itertools.count(1) if math.comb(n + objectives - 1, objectives - 1) >= count)
     lattice = itertools.product(range(parts, -1, -1), repeat=objectives)
-    return [np.array(row) / parts for row in lattice if sum(row) == parts and max(row) < parts]
+    inner = [np.array(row) / parts for row in lattice if sum(row) == parts and max(row) < parts]
+    return [inner[i] for i in np.linspace(0, len(inner) - 1, max(count - objectives, 0)).round().astype(int)]
 
 
 def _is_dominated(row: Array, others: Array) -> bool:

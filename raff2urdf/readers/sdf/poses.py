@@ -114,7 +114,8 @@ class SdfPoses:
 
     def around(self, element: Any) -> Array:
         """Return the frame of the model that holds an element: this one, or one that is merged with it."""
-        model = next(element.iterancestors("model"), None)
+        posed = element.getparent() if element.tag == "pose" else element
+        model = next(posed.iterancestors("model"), None)
         return self._of_model(model) if model in self.merged[1:] else self.placed
 
     def _of_model(self, model: Any) -> Array:
