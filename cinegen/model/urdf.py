@@ -160,7 +160,7 @@ def completed(declared: Constraints, sidecar: Mapping[str, Any] | None, name: st
     for joint in sorted(listed - known.keys()):
         raise LoadError(f"{name}: the URDF has no joint '{joint}'{did_you_mean(joint, list(known))}")
     for joint in sorted(known.keys() - listed):
-        raise LoadError(f"{name}: joint '{joint}' of the URDF is missing in the constraints: add an entry for it")
+        raise LoadError(f"{name}: the constraints have no joint '{joint}', which the URDF has")
     if sidecar.get("floating", declared["floating"]) != declared["floating"]:
         raise LoadError(
             f"{name}: the constraints declare that '{sidecar['floating']}' lets the base move, the URDF does not"

@@ -74,7 +74,7 @@ def test_numbers_of_couplings_in_raff(tmp_path: Path) -> None:
     for what, message in (
         (
             "ratio -1e308",
-            r"r.raff:3:24: link 1 has coefficients beyond 1e\+12 in SI units, or all below",
+            r"r.raff:3:24: what link 1 adds to link 2 has coefficients beyond 1e\+12 in SI units, or all below",
         ),
         ("ratio 1e-13", "all below 1e-12"),
         (f"polynomial ( {300 * '1e300 '})", r"beyond 1e\+12"),  # divided by a power of a degree, which is 0
