@@ -62,8 +62,8 @@ def resolve(texts: Sequence[str], find: Callable[[str], int], dimensions: Sequen
             named = [first, *np.flatnonzero(row[:-1]).tolist()]
             because = {reason: None for i in named for reason in reasons[i]} | {text.strip(): None}
             left, right = table[first].copy(), row @ table
-            ways = [(right, left), (left, right)] if _alone(row) is not None else [(left, right)]
-            solved = [(i, value) for end, value in ways if (i := _alone(end)) is not None and value[i] == 0.0]
+            ends = [(right, left), (left, right)] if _alone(row) is not None else [(left, right)]
+            solved = [(i, value) for end, value in ends if (i := _alone(end)) is not None and value[i] == 0.0]
             if not solved and any(text.strip() in reasons[i] for i in named):
                 raise DesignError(f"the tie '{text.strip()}' is given twice: remove one")
             if not solved:

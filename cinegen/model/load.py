@@ -162,7 +162,11 @@ def _load_raff(path: Path, text: str | None, settings: _Settings) -> Mechanism:
             raise UnknownNameError("loop", name, chosen.loop_names)
     described = readers.Description(*describe(document, chosen, path.parent, settings.loops))
     ignores_all = settings.ignore_loops and bool(chosen.loops or chosen.couplings)
-    described = readers.checked(described, path, IgnoreList(settings.ignore), ignores_all)
+    ignore = IgnoreList(settings.ignore)
+    if ignores_all:
+        ignore.takes(*chosen.loop_names, *chosen.coupling_names)
+        ignore.check(str(path))
+    described = readers.checked(described, path, ignore, ignores_all)
     declared = described.constraints or {}
     kept = {entry["name"] for key in ("loops", "couplings") for entry in declared.get(key, [])}
     named = zip(chosen.loop_names, chosen.loops, strict=True)

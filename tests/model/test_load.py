@@ -175,6 +175,11 @@ def test_loops_of_a_file_that_a_text_lacks_are_left_open_on_request():
         assert cinegen.load(NOTED, ignore_loops=True).mobility == 1
 
 
+def test_a_name_that_is_not_there_is_refused_also_where_all_loops_are_left_out(root):
+    with pytest.raises(RaffError, match="--ignore nope: the file declares no loop or coupling of that name"):
+        cinegen.load(root / "robots/four_bar.raff", ignore_loops=True, ignore=["nope"])
+
+
 def test_actuated_joints_of_a_text_are_given_as_the_advice_proposes(folder):
     passive = RAFF.replace("theta 60 } }", "theta 60 } actuated 1 }", 1).replace("constraint", "// constraint")
     arms = cinegen.load(passive)
