@@ -25,8 +25,6 @@ from raff2urdf import closure
 
 _Result = TypeVar("_Result")
 
-_MOST_MASKS = 64  # sets of locked joints whose columns are kept
-
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Mechanism(LoopKinematics):

@@ -1,4 +1,4 @@
-// A map as the server sends it (cinegen/cockpit/chart.py), for tests.
+// A map as the server sends it (cinegen/cockpit/served_map.py), for tests.
 
 const UNKNOWN = NaN;
 
