@@ -232,17 +232,20 @@ TIMES: dict[str, dict[str, Any]] = {}
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_call(item: Any) -> Iterator[None]:
-    """End a test of the coverage run that computes too long, but not an import, which would leave half a module.
+    """End a test of the coverage run that computes too long (this file is a plugin of that run).
 
-    This file is a plugin of that run.
+    It ends in code of the tree alone: not in coverage's, which holds a lock, nor in an import, which would leave half a
+    module.
     """
 
     def ring(_signal: int, frame: Any) -> None:
+        files = []
         while frame:
-            if "importlib._bootstrap" in frame.f_code.co_filename:
-                signal.setitimer(signal.ITIMER_PROF, 1.0)
-                return
+            files.append(frame.f_code.co_filename)
             frame = frame.f_back
+        if not files[0].startswith(os.getcwd()) or any("importlib._bootstrap" in file for file in files):
+            signal.setitimer(signal.ITIMER_PROF, 0.05)
+            return
         raise TimeoutError("too slow to meet mutants")
 
     signal.signal(signal.SIGPROF, ring)
@@ -294,7 +297,7 @@ def measure(work: Path, mode: str) -> None:
     environment = os.environ | {"MUTATION_TIMES": str(work / f"{mode}.json"), "COVERAGE_FILE": str(work / f"{mode}.db")}
     environment["MUTATION_MODE"] = mode
     environment["PYTHONPATH"] = os.pathsep.join([str(work / "tree"), str(Path(__file__).parent), *_python_path()])
-    options = ["-q", "-n", "0", "-p", "no:cacheprovider", "-p", "mutations", f"--basetemp={work}/{mode}"]
+    options = ["-q", "--tb=no", "-n", "0", "-p", "no:cacheprovider", "-p", "mutations", f"--basetemp={work}/{mode}"]
     options += ["--cov", f"--cov-config={settings}", "--cov-context=test", "--cov-report="]
     folders = KERNEL_FOLDERS if mode == "kernels" else FOLDERS
     command = [sys.executable, "-m", "pytest", *options, *(f"tests/{folder}" for folder in folders.split())]
@@ -397,7 +400,6 @@ class Runner:
         self.verified: set[str] = set()
         import coal  # noqa: F401
         import hypothesis  # noqa: F401
-        import lark  # noqa: F401
         import msgspec  # noqa: F401
         import numba  # noqa: F401
         import pinocchio  # noqa: F401
