@@ -297,8 +297,8 @@ def measure(work: Path, mode: str) -> None:
     environment = os.environ | {"MUTATION_TIMES": str(work / f"{mode}.json"), "COVERAGE_FILE": str(work / f"{mode}.db")}
     environment["MUTATION_MODE"] = mode
     environment["PYTHONPATH"] = os.pathsep.join([str(work / "tree"), str(Path(__file__).parent), *_python_path()])
-    options = ["-q", "--tb=no", "-n", "0", "-p", "no:cacheprovider", "-p", "mutations", f"--basetemp={work}/{mode}"]
-    options += ["--cov", f"--cov-config={settings}", "--cov-context=test", "--cov-report="]
+    options = ["-q", "--tb=no", "-n", "0", "--dist", "no", "-p", "no:cacheprovider", "-p", "mutations"]
+    options += [f"--basetemp={work}/{mode}", "--cov", f"--cov-config={settings}", "--cov-context=test", "--cov-report="]
     folders = KERNEL_FOLDERS if mode == "kernels" else FOLDERS
     command = [sys.executable, "-m", "pytest", *options, *(f"tests/{folder}" for folder in folders.split())]
     subprocess.run(command, cwd=work / "tree", env=environment, check=False)
@@ -319,6 +319,8 @@ class Selection:
         self.seconds = {name: test["seconds"] for name, test in times.items() if test["ok"]}
         self.data = CoverageData(str(work / f"{mode}.db"))
         self.data.read()
+        if self.data.measured_contexts() == {""}:
+            raise SystemExit("the coverage run has not recorded which test runs which line")
 
     @functools.cache  # noqa: B019
     def contexts(self, file: str) -> dict[int, set[str]]:
