@@ -4,9 +4,10 @@
 syntax tree (`faults`): another operator or number, a condition turned round, no iteration, another end of a loop,
 another exception, or a statement left out. The sample is spread over the files by their size.
 
-A coverage run records for each test its lines and its time. A mutant then meets the tests that run its line, fastest
-first, until one fails. A constant or a default meets the tests that run the lines that name it. Where none fails, the
-other tests of the folder that mirrors the package follow. A test that kills only counts if it passes on the original.
+A coverage run records for each test its lines and its time. A mutant then meets the tests that run its line, those of
+the folder that mirrors the package first and the fastest of them first, until one fails. A constant or a default meets
+the tests that run the lines that name it. Where none fails, the other tests of the folder that mirrors the package
+follow. A test that kills only counts if it passes on the original.
 
 Kernels are mutated as the Python functions that they are: their mutants meet tests in which no kernel is compiled
 (`interpret`), chosen by a coverage run of its own. With --kernels the sample is one of the kernels alone.
@@ -358,7 +359,8 @@ class Selection:
         return found
 
     def of(self, mutant: Mutant) -> list[str]:
-        """Return the tests that run a mutant's line, or use what it binds, fastest first."""
+        """Return the tests that run a mutant's line, or use what it binds: first those of the folder that mirrors the
+        package, each fastest first."""
         contexts = self.contexts(mutant.file)
         spans = [x for x in self.statements(mutant.file) if mutant.line in x[0]]
         lines, name, inside = min(spans, key=lambda x: len(x[0]), default=(range(0), None, False))
@@ -379,15 +381,19 @@ class Selection:
                             found |= self.contexts(file).get(number, set())
         else:
             found = set().union(*contexts.values()) if contexts else set()
-        return sorted(found & self.seconds.keys(), key=self.seconds.__getitem__)
+        near = _mirror(mutant)
+        return sorted(found & self.seconds.keys(), key=lambda name: (not name.startswith(near), self.seconds[name]))
 
     def neighbours(self, mutant: Mutant) -> list[str]:
         """Return the tests of the folder that mirrors the package, fastest first."""
-        parts = mutant.file.split("/")
-        folder = parts[0] if parts[0] == "raff2urdf" else parts[1] if len(parts) > 2 else "model"
-        return sorted(
-            (name for name in self.seconds if name.startswith(f"tests/{folder}/")), key=self.seconds.__getitem__
-        )
+        near = _mirror(mutant)
+        return sorted((name for name in self.seconds if name.startswith(near)), key=self.seconds.__getitem__)
+
+
+def _mirror(mutant: Mutant) -> str:
+    """Return the folder of tests that mirrors a mutant's package."""
+    parts = mutant.file.split("/")
+    return f"tests/{parts[0] if parts[0] == 'raff2urdf' else parts[1] if len(parts) > 2 else 'model'}/"
 
 
 # --- Running ----------------------------------------------------------------------------------------------------
