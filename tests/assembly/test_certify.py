@@ -18,6 +18,7 @@ from numpy.random import default_rng as rng
 
 from cinegen.assembly import assembly_modes
 from cinegen.assembly.certify import EndEquations, LoopEquations, Unknowns
+from cinegen.assembly.exact_tree import ExactAxis
 from cinegen.joints import axis
 from raff2urdf.raff.document import LoopKind
 
@@ -159,6 +160,20 @@ def test_derivatives_are_those_of_the_equations(built, kind, pose):
 
 
 # --- what is certified ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", [pin.JointModelRevoluteUnaligned, pin.JointModelPrismaticUnaligned])
+@pytest.mark.parametrize("seed", range(5))
+def test_a_joint_about_an_oblique_axis_is_displaced_as_the_yardstick_has_it(kind, seed):
+    *direction, value = rng(seed).normal(size=4).tolist()
+    model, direction = pin.Model(), np.array(direction) / np.linalg.norm(direction)
+    joint = model.joints[model.addJoint(0, kind(*direction), pin.SE3.Identity(), "")]
+    with mp.workdps(DIGITS):
+        exact, expected = ExactAxis(joint).step(arb(value)), moved(joint, mp.mpf(value))
+    for i in range(4):
+        for j in range(4):
+            assert exact[i, j].overlaps(arb(mp.nstr(expected[i, j], DIGITS)))
+            assert float(exact[i, j].rad()) < 1e-14
 
 
 def test_modes_of_a_robot_are_certified_as_a_whole(robot):

@@ -26,6 +26,7 @@ def recording(tmp_path):
     with ReadingRecorder(path, 0.2) as recorder:
         for reading in READINGS:
             recorder.write(reading)
+    assert recorder.error == "closed"
     return path
 
 
@@ -92,6 +93,7 @@ def test_a_full_disk_does_not_raise_later_and_no_file_stays_open(tmp_path, monke
     assert recorder.error == "the disk is full"
     recorder.close()
     recorder.write(READINGS[0])
+    assert recorder.error == "the disk is full"
     assert len(os.listdir("/proc/self/fd")) == before
 
 

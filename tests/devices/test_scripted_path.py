@@ -76,6 +76,7 @@ def test_paths_begin_at_home_and_never_jump(robot, shape):
     assert np.linalg.norm(np.diff(points, axis=0), axis=1).max() < 0.05 * path.size
     reach = np.linalg.norm(points - path.home.translation, axis=1).max()
     assert reach == pytest.approx(path.size, rel=0.2)
+    assert path.target(12.0 + path.period).isApprox(path.target(12.0), 1e-9)
 
 
 def test_the_delta_keeps_its_orientation_free_and_the_hexapod_holds_it(robot):

@@ -96,8 +96,9 @@ def test_the_daemon_ends_and_comes_back(daemon, sensor):
 
 def test_what_it_does_not_know_is_counted(daemon, sensor):
     with daemon.accept() as client:
-        client.sendall(event(77, 1) + event(1, -5) + event(1, 10**6) + event(0, 350))
+        client.sendall(event(77, 1) + event(1, -1) + event(1, 256) + event(1, 255) + event(0, 350))
         wait(lambda: sensor.newest.last.twist is not None)
+        assert sensor.read().pressed == (255,)
     assert sensor.damaged == 3
 
 

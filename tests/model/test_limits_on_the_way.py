@@ -3,6 +3,7 @@ by walks in tiny steps."""
 
 import pickle
 import re
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -215,4 +216,5 @@ def test_where_nothing_can_be_proved_that_is_said(robot):
     lines = Lines(mechanism)
     with pytest.warns(cinegen.CinegenWarning, match="not proved to be on the branch"):
         lines.answer(f'{{"{name}": {value + 0.01}}}')
-    lines.answer(f'{{"{name}": {value + 0.02}}}')  # without a warning
+    with warnings.catch_warnings(action="error"):
+        lines.answer(f'{{"{name}": {value + 0.02}}}')
