@@ -169,10 +169,8 @@ class Peer:
 def framed(payload: bytes, opcode: int = 1, final: bool = True, mask: bytes = b"\1\2\3\4") -> bytes:
     """Return a frame of a client."""
     size = len(payload)
-    if size < 126:
-        length = bytes([0x80 | size])
-    else:
-        length = bytes([0x80 | 126]) + struct.pack(">H", size) if size < 65536 else b"\xff" + struct.pack(">Q", size)
+    long = b"\xfe" + struct.pack(">H", size) if size < 65536 else b"\xff" + struct.pack(">Q", size)
+    length = bytes([0x80 | size]) if size < 126 else long
     key = int.from_bytes((mask * (size // 4 + 1))[:size], "big")
     masked = (int.from_bytes(payload, "big") ^ key).to_bytes(size, "big")
     return bytes([(0x80 if final else 0) | opcode]) + length + mask + masked
