@@ -26,3 +26,10 @@ def away(mechanism: cinegen.Mechanism, node: str, rng: np.random.Generator, leng
     way = rng.normal(size=3)
     home = mechanism.placement(mechanism.q_home, node)
     return beside(home, lengths * mechanism.length * way / np.linalg.norm(way))
+
+
+def of_pinocchio(mechanism: cinegen.Mechanism, q: np.ndarray, node: str) -> pin.SE3:
+    """Return the pose of a node by Pinocchio's own kinematics."""
+    data = mechanism.model.createData()
+    pin.framesForwardKinematics(mechanism.model, data, np.asarray(q))
+    return data.oMf[mechanism.model.getFrameId(node, pin.FrameType.BODY)]
