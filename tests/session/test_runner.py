@@ -112,9 +112,9 @@ def test_a_session_has_its_rate_as_soon_as_its_kernels_are_compiled(robot, monke
 
 
 @pytest.mark.parametrize("name", ["planar_3r", "delta4"])
-def test_velocities_do_not_jump_when_the_rate_changes(robot, name):
+def test_velocities_do_not_jump_when_the_rate_changes(session, robot, name):
     """A drag at a constant speed. If the rate changed at once, the speed would be twice as high for a while."""
-    session = Session(arrange({name: robot(name)}))
+    session = session(name)
     session.dt, end = 1.0 / INTERPRETED_RATE, robot(name).end
     begin = here = session.robots[name].placement(end).translation
     speed, speeds = 0.02 * robot(name).length, []
@@ -131,4 +131,3 @@ def test_velocities_do_not_jump_when_the_rate_changes(robot, name):
             session.dt = _next_period(1000.0, session.dt)
     assert session.dt == 1e-3
     assert np.array(speeds) == pytest.approx(speed, rel=0.035)
-    session.close()
