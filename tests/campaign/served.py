@@ -1,7 +1,6 @@
 """A page that is served by a process of its own, and clients of it: one that is honest, and the sockets of those that
 are not."""
 
-import base64
 import json
 import math
 import multiprocessing
@@ -17,11 +16,17 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 from urllib.parse import urlsplit
 
 from campaign.readers import ROOT
 from campaign.workers import die_with_parent
+
+UPGRADE = (
+    *("Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13"),
+    "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==",
+)
+"""Headers of who asks for a websocket."""
 
 _STATES, _GAP, _LAST, _ENDED, _WRONG = range(5)
 
@@ -117,18 +122,17 @@ class Peer:
         self.socket.connect((self.address.hostname, self.address.port))
         self._pending = b""
 
-    def request(self, path: str, *headers: str) -> None:
-        """Send a request."""
+    def request(self, path: str, *headers: str, host: str | None = None) -> Self:
+        """Send a request, and return the client."""
         query = f"?{self.address.query}" if self.address.query else ""
-        lines = [f"GET /{path}{query} HTTP/1.1", f"Host: {self.address.netloc}", *headers, "", ""]
+        host = self.address.netloc if host is None else host
+        lines = [f"GET /{path}{query} HTTP/1.1", f"Host: {host}", *headers, "", ""]
         self.socket.sendall("\r\n".join(lines).encode())
+        return self
 
     def upgrade(self, path: str = "session") -> bool:
         """Open a websocket; return whether that is allowed."""
-        key = base64.b64encode(os.urandom(16)).decode()
-        self.request(
-            path, "Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13", f"Sec-WebSocket-Key: {key}"
-        )
+        self.request(path, *UPGRADE)
         while b"\r\n\r\n" not in self._pending:
             if not (new := self.socket.recv(4096)):
                 return False

@@ -111,7 +111,7 @@ def test_nobody_gets_in_without_the_token(cockpit, host):
     assert get(f"{local}?token=wrong")[0] == 403
     assert get(f"{local}?token={token}")[0] == 200
     assert get(f"{local}?token={token}", host="robot.example:1234")[0] == 200
-    for path in ("session", "page", "snapshot.html"):
+    for path in ("session", "page", "snapshot.html", "map/about.json", "map/cells.bin", "map/cell/7"):
         assert get(local, path)[0] == 403
     with pytest.raises(HTTPClientError, match="403"):
         Browser(local)

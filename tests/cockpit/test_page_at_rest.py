@@ -20,6 +20,14 @@ def cockpit(robot):
         yield one
 
 
+@pytest.fixture
+def page(cockpit):
+    """A page at rest."""
+    page = Browser(cockpit.url, path="page")
+    assert becomes(lambda: page.report and page.report["rate"]["at_rest"])
+    return page
+
+
 def test_pages_are_sent_nothing_at_rest_and_programs_the_time(cockpit):
     pages, program = [Browser(cockpit.url, path="page") for _ in range(2)], Browser(cockpit.url)
     assert becomes(lambda: all(one.report and one.report["rate"]["at_rest"] for one in pages))
@@ -28,9 +36,9 @@ def test_pages_are_sent_nothing_at_rest_and_programs_the_time(cockpit):
     assert [one.received for one in pages] == received
 
 
-def test_pages_at_rest_see_at_once_who_has_control_and_who_is_there(cockpit):
-    page, other = (Browser(cockpit.url, path="page") for _ in range(2))
-    assert becomes(lambda: page.report and page.report["rate"]["at_rest"])
+def test_pages_at_rest_see_at_once_who_has_control_and_who_is_there(cockpit, page):
+    other = Browser(cockpit.url, path="page")
+    assert becomes(lambda: other.told)
     other.say("request_control", on=True)
     assert becomes(lambda: page.state["controller"] == other.told[0]["client"])
     other.say("set_user", name="Ada", colour=1)
@@ -39,9 +47,7 @@ def test_pages_at_rest_see_at_once_who_has_control_and_who_is_there(cockpit):
     assert becomes(lambda: page.state["controller"] is None and page.users == [])
 
 
-def test_reactions_that_are_asked_for_at_rest_come(cockpit):
-    page = Browser(cockpit.url, path="page")
-    assert becomes(lambda: page.report and page.report["rate"]["at_rest"])
+def test_reactions_that_are_asked_for_at_rest_come(page):
     assert page.report["robots"]["gough"]["reactions"] is None
     page.say("request_reactions", on=True)
     assert becomes(lambda: page.report["robots"]["gough"]["reactions"])
@@ -49,9 +55,7 @@ def test_reactions_that_are_asked_for_at_rest_come(cockpit):
     assert becomes(lambda: page.state["controller"] is not None)
 
 
-def test_a_drag_from_rest_is_seen_by_pages(cockpit):
-    page = Browser(cockpit.url, path="page")
-    assert becomes(lambda: page.report and page.report["rate"]["at_rest"])
+def test_a_drag_from_rest_is_seen_by_pages(page):
     page.say("start_drag", robot="gough", node="platform", point=[0, 0, 0])
     assert becomes(lambda: page.state["tasks"])
     x, y, z = page.state["tasks"][0]["position"]
