@@ -180,11 +180,11 @@ def test_a_mouse_moves_the_node_that_it_is_switched_to_and_its_axes_are_turned_b
     device.unplug()
 
 
-def test_a_session_keeps_changed_axes_until_the_file_changes_them(raff):
+def test_a_session_keeps_changed_axes_until_the_file_changes_them(raff, closing):
     def setup(axes="", rate=1000.0):
         return replace(arrange({"r": raff(RAFF.format(port="gamepad:", axes=axes))}), rate=rate)
 
-    session = Session(setup('axes "-x"'))
+    session = closing(Session(setup('axes "-x"')))
 
     def shown():
         return next(one.axes for one in session.state().sensors if one.id == "1")
@@ -206,4 +206,3 @@ def test_a_session_keeps_changed_axes_until_the_file_changes_them(raff):
     assert shown() == "x, z, y, 0, 0, 0"
     with pytest.raises(CommandError, match=r"Unknown sensor '2' - at `\$.sensor`"):
         check_names(c.ChangeSensor("2", "x"), session.setup)
-    session.close()

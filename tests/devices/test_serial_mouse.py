@@ -52,12 +52,10 @@ def test_a_malformed_url_is_a_status_and_no_defect(url):
 
 def reads(mouse: SerialMouse, twist: tuple[float, ...], device: Device, counts: tuple[int, ...]) -> None:
     """Waits until a movement is read; a device goes on sending while it is deflected."""
-    newest = []
 
     def there() -> bool:
         device.move(counts)
         reading = mouse.read()
-        newest.append(reading)
         return reading is not None and reading.twist == twist
 
     wait(there)
