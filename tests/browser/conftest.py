@@ -1,5 +1,6 @@
 """One chromium, tabs and cockpits for each test."""
 
+import importlib.util
 from functools import cache
 from pathlib import Path
 
@@ -123,6 +124,15 @@ def cockpit(robot, closing):
         return closing(Cockpit(setup, port=0, own_process=False, files=files))
 
     return open_cockpit
+
+
+@pytest.fixture(scope="session")
+def site_builder(root):
+    """The module that builds the site."""
+    spec = importlib.util.spec_from_file_location("build_site", root / "docs/site/build.py")
+    builder = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(builder)
+    return builder
 
 
 @pytest.fixture(scope="session")

@@ -1,15 +1,10 @@
 """The first pictures of a page, and what it shows where there is nothing to show."""
 
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 import umsgpack
 from tabs import becomes, find, grab, picture
 
-import cinegen
 from cinegen.cockpit import Cockpit
 from cinegen.session import arrange
 
@@ -80,8 +75,6 @@ RESTS = """() => new Promise((done) => {
 FAR = 20.0
 """Difference of a pixel that is made of 400, of 255: a small part that is missing."""
 
-LOADS = 20
-
 
 @pytest.fixture(scope="module")
 def demo(robot):
@@ -106,27 +99,6 @@ def test_every_picture_that_is_seen_has_all_of_the_robot_where_it_stays(cockpit,
     page = tab(cockpit("delta4"), SLOW_LINE, drawn=True, reduced_motion="reduce")
     assert_pictures_are_settled(page)
     picture(page, "first_picture")
-
-
-@pytest.fixture
-def busy():
-    """All processors are loaded."""
-    spinning = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(os.cpu_count() or 1)]
-    yield
-    for one in spinning:
-        one.kill()
-        one.wait()
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("busy")
-@pytest.mark.parametrize("name", ["delta4", "gough", "five_bar", "scara", "planetary_gear", "two_arms", "panda"])
-def test_so_it_is_each_time_while_all_processors_are_busy(robot, cockpit, tab, name):
-    shown = cockpit(setup=arrange({name: cinegen.load(name) if name == "panda" else robot(name)}))
-    for _ in range(LOADS):
-        page = tab(shown, SLOW_LINE, drawn=True, reduced_motion="reduce")
-        assert_pictures_are_settled(page)
-        page.close()
 
 
 class Sent(dict):
