@@ -47,17 +47,6 @@ def worst_acceleration(solver, mechanism, acceleration, ticks, act=lambda tick: 
 # --- acceleration ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", FREE + CLOSED)
-def test_a_robot_starts_no_faster_than_its_acceleration_allows(robot, name):
-    """A closed one has a reserve for what closes its loops again."""
-    mechanism, rng = robot(name), np.random.default_rng(0)
-    for _ in range(5):
-        solver = Solver(mechanism, DT, acceleration=allowed(mechanism, 3.0))
-        solver.add_task(mechanism.nodes[-1], away(mechanism, mechanism.nodes[-1], rng, 3.0), rotation=0)
-        least = 0.975 if mechanism.is_constrained else 0.999
-        assert least < worst_acceleration(solver, mechanism, 3.0, 20) <= ROUNDING
-
-
 def test_a_joint_turns_round_and_stops_at_its_target_within_its_acceleration(raff):
     arm = raff(ONE_JOINT)
     solver = Solver(arm, 0.01, acceleration=2.0)
@@ -85,9 +74,10 @@ def test_a_joint_brakes_before_its_limit_and_ends_on_it(raff):
 @pytest.mark.parametrize("every", [1, 60])
 @pytest.mark.parametrize(("acceleration", "rounding"), [(3.0, ROUNDING), (None, 1.0 + 1e-12)])
 def test_all_limits_are_kept_however_the_target_leaps(robot, name, every, acceleration, rounding):
-    """Also where loops drive a joint against its limit: all joints that they tie together brake in time."""
+    """Also where loops drive a joint against its limit: all joints that they tie together brake in time. They are made
+    use of, from the start; of acceleration a closed robot has a reserve for what closes its loops again."""
     mechanism = robot(name)
-    node, limits, fastest = mechanism.nodes[-1], mechanism.limits, 0.0
+    node, limits, fastest, rates = mechanism.nodes[-1], mechanism.limits, 0.0, []
     for seed in (1, 2):
         rng, v = np.random.default_rng(seed), np.zeros(mechanism.model.nv)
         solver = Solver(mechanism, DT, acceleration=acceleration and allowed(mechanism, acceleration))
@@ -96,12 +86,16 @@ def test_all_limits_are_kept_however_the_target_leaps(robot, name, every, accele
             if tick % every == 0:
                 task.target = away(mechanism, node, rng, float(rng.choice([0.1, 1.0, 10.0])))
             step = solver.step()
-            assert np.abs((step.v - v) / mechanism.scale).max() / DT <= (acceleration or np.inf) * ROUNDING
+            rates.append(float(np.abs((step.v - v) / mechanism.scale).max()) / DT)
             assert limits.within(step.q, 0.0)
             assert (np.abs(step.v) <= limits.velocity * rounding).all()
             assert step.closure <= 1e-10
             v, fastest = step.v, max(fastest, float((np.abs(step.v) / limits.velocity).max()))
-    assert acceleration or fastest > 0.97  # and made use of
+    if acceleration:
+        assert max(rates) <= acceleration * ROUNDING
+        assert max(rates[:20]) > acceleration * (0.975 if mechanism.is_constrained else 0.999)
+    else:
+        assert fastest > 0.97
 
 
 def test_let_go_on_its_way_a_robot_brakes(robot):
