@@ -1,38 +1,16 @@
 """The filter `cinegen close`: values of actuated joints in, values of all joints out."""
 
-import contextlib
 import io
 import json
 import select
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
 
 from cinegen.cli import main
 from cinegen.model import ForwardKinematics
-
-
-@pytest.fixture
-def start(root, tmp_path):
-    """`start("delta4.raff", ...)`: the command as a process, with pipes."""
-    running = []
-
-    def begin(file: str, *options: str) -> subprocess.Popen:
-        command = [sys.executable, "-m", "cinegen", "close", str(root / "robots" / file), *options]
-        pipe = subprocess.PIPE
-        running.append(subprocess.Popen(command, cwd=tmp_path, stdin=pipe, stdout=pipe, stderr=pipe, text=True))
-        return running[-1]
-
-    yield begin
-    for process in running:
-        process.kill()
-        process.wait()
-        for pipe in (process.stdin, process.stdout, process.stderr):
-            with contextlib.suppress(BrokenPipeError):
-                pipe.close()
 
 
 @pytest.fixture
@@ -50,15 +28,6 @@ def filtered(root, monkeypatch, capsys):
     return answers
 
 
-def ask(process: subprocess.Popen, line: str, seconds: float = 60.0) -> dict:
-    """The answer to a line, waited for as a driver does: nothing else is written meanwhile."""
-    process.stdin.write(line + "\n")
-    process.stdin.flush()
-    deadline = time.monotonic() + seconds
-    assert select.select([process.stdout], [], [], deadline - time.monotonic())[0], "no answer"
-    return json.loads(process.stdout.readline())
-
-
 def test_each_line_is_answered_by_all_joints_loops_closed(robot, filtered):
     delta = robot("delta4")
     given = [{"joint1": 0.1, "joint6": -0.2}, {"joint12": 0.05}, {}, {"joint1": 0.1}]
@@ -74,19 +43,26 @@ def test_each_line_is_answered_by_all_joints_loops_closed(robot, filtered):
     assert (said[1]["joint1"], said[1]["joint6"], said[1]["joint12"]) == (0.1, -0.2, 0.05)
 
 
-def test_whoever_writes_a_line_and_waits_is_answered(robot, start):
-    bar = robot("four_bar")
-    process = start("four_bar.raff")
-    for i in range(20):
-        answer = ask(process, json.dumps({"joint1": 0.3 * i}))
-        assert answer["joint1"] == 0.3 * i
-        assert bar.closure(bar.configuration(answer)) <= 1e-12
-    process.stdin.write('{"joint1"')  # half a line is no line yet
-    process.stdin.flush()
-    assert not select.select([process.stdout], [], [], 0.3)[0]
-    assert ask(process, ": 0.0}")["joint1"] == 0.0
-    out, _ = process.communicate('{"joint1": 0.5}', timeout=60)  # the last line may come without its end
-    assert json.loads(out)["joint1"] == 0.5
+def test_whoever_writes_a_line_and_waits_is_answered(robot):
+    """As a driver does: nothing else is written meanwhile."""
+    bar, command = robot("four_bar"), [sys.executable, "-m", "cinegen", "close", "four_bar"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+
+        def is_answered(text: str, seconds: float = 60.0) -> bool:
+            process.stdin.write(text)
+            process.stdin.flush()
+            return bool(select.select([process.stdout], [], [], seconds)[0])
+
+        for i in range(20):
+            assert is_answered(json.dumps({"joint1": 0.3 * i}) + "\n")
+            answer = json.loads(process.stdout.readline())
+            assert answer["joint1"] == 0.3 * i
+            assert bar.closure(bar.configuration(answer)) <= 1e-12
+        assert not is_answered('{"joint1"', 0.3)  # half a line is no line yet
+        assert is_answered(": 0.0}\n")
+        assert json.loads(process.stdout.readline())["joint1"] == 0.0
+        out, _ = process.communicate('{"joint1": 0.5}', timeout=60)  # the last line may come without its end
+        assert json.loads(out)["joint1"] == 0.5
     assert process.returncode == 0
 
 

@@ -9,14 +9,12 @@ import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
-from hostile_names import CONTROLS, JOINTS, LINKS, urdf
+from hostile_names import CONTROL, CONTROLS, JOINTS, LINKS, urdf
 
 from cinegen.cli import main
 from cinegen.errors import CinegenError
 from cinegen.mission import MissionRecorder
 from raff2urdf.command import output
-
-CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b\u200e\u200f\u2028-\u202e\u2066-\u2069]")
 
 
 def test_a_certificate_adds_no_line_to_what_is_said_of_it(root, tmp_path, typed, capsys):

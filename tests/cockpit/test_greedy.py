@@ -1,6 +1,5 @@
 """Clients that ask for scenes without end, and one that only watches: it still sees the robot move."""
 
-import asyncio
 import contextlib
 import gc
 import http.client
@@ -11,10 +10,8 @@ import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from urllib.parse import urlsplit
 
 import pytest
-import tornado.websocket
 from browsers import Browser, becomes, get
 from campaign.served import UPGRADE, Peer
 from tornado.httpclient import HTTPClientError
@@ -27,16 +24,6 @@ from cinegen.session import arrange
 GREEDY = 8
 
 
-async def draw(address, drawn):
-    """Connect, take the first of the scene, and connect again."""
-    while True:
-        with suppress(Exception):
-            connection = await tornado.websocket.websocket_connect(f"ws://{address}/page")
-            await connection.read_message()
-            drawn.append(address)
-            connection.close()
-
-
 @pytest.fixture
 def page(robot):
     setup = arrange({"delta4": robot("delta4")}, follow="circle")
@@ -46,22 +33,26 @@ def page(robot):
 
 @pytest.fixture
 def greedy():
-    """`greedy(url)`: begins, with an event loop of their own; a list that grows with each scene."""
-    loop = asyncio.new_event_loop()
-    thread = threading.Thread(target=loop.run_forever)
-    thread.start()
-    begun, drawn = [], []
+    """`greedy(url)`: clients begin to ask for the scene, take the first of it, and ask again; a list that grows with
+    each scene."""
+    over, drawn = threading.Event(), []
+
+    def ask(url):
+        while not over.is_set():
+            with suppress(Exception):
+                browser = Browser(url, path="page")
+                assert becomes(lambda browser=browser: browser.told)
+                drawn.append(url)
+                browser.leave()
 
     def begin(url):
-        address = urlsplit(url).netloc
-        begun.extend(asyncio.run_coroutine_threadsafe(draw(address, drawn), loop) for _ in range(GREEDY))
+        for _ in range(GREEDY):
+            pool.submit(ask, url)
         return drawn
 
-    yield begin
-    for one in begun:
-        one.cancel()
-    loop.call_soon_threadsafe(loop.stop)
-    thread.join()
+    with ThreadPoolExecutor(GREEDY) as pool:
+        yield begin
+        over.set()
 
 
 def test_an_honest_viewer_sees_states_among_greedy_clients(page, greedy):

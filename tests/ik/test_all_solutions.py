@@ -449,19 +449,14 @@ def reached(arm, values):
 
 def refined(arm, pose, q):
     """Joint values near q that reach a pose, to 50 digits."""
-    values, target, tiny = [mp.mpf(float(x)) for x in q], exact(pose), mp.mpf(10) ** -25
+    target = exact(pose)
 
-    def missing(values):
+    def missing(*values):
         gap = target**-1 * reached(arm, values) - mp.eye(4)
-        return mp.matrix([gap[i, j] for i in range(3) for j in range(4)])
+        return [gap[i, j] for i in range(3) for j in range(4)]
 
-    for _ in range(5):
-        here = missing(values)
-        jacobian = mp.matrix(12, len(values))
-        for k in range(len(values)):
-            jacobian[:, k] = (missing([x + tiny * (i == k) for i, x in enumerate(values)]) - here) / tiny
-        values = [x + step for x, step in zip(values, mp.lu_solve(jacobian, -here), strict=True)]
-    return values, max(map(abs, missing(values)))
+    values = mp.findroot(missing, [mp.mpf(float(x)) for x in q], solver="mdnewton", tol=1e-90)
+    return values, max(map(abs, missing(*values)))
 
 
 def test_solutions_of_arms_are_in_their_boxes():

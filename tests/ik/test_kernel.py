@@ -526,12 +526,3 @@ def test_the_free_motions_keep_their_width_where_the_loops_lose_a_rank():
     motions, sigma = free_motions(loops, 3)
     assert motions.shape == (4, 1)
     assert sigma == pytest.approx([1.0, 1.0, 0.0], abs=1e-13)
-
-
-def test_damping_is_exactly_none_away_from_singularities_and_smooth_up_to_them():
-    assert not damping(np.array([10.0, 1.0, NEAR_SINGULAR]), 0.1).any()
-    sigma = np.linspace(0.0, 2 * NEAR_SINGULAR, 4001)
-    values = damping(sigma, 0.05)
-    assert values[0] == RESTING + 0.05
-    assert (np.diff(values) <= 0.0).all()
-    assert np.abs(np.diff(values, 2)).max() < 1e-6  # no kink

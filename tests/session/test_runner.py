@@ -83,10 +83,7 @@ def test_the_process_of_a_session_ends_with_its_parent_at_any_moment(tmp_path, e
         time.sleep(delay)
     os.killpg(parent.pid, end) if end == signal.SIGINT else parent.kill()
     _, output = parent.communicate(timeout=120)  # its children hold the stream until they end
-    last = time.monotonic() + 60.0
-    while (left := _of_family(mark)) and time.monotonic() < last:
-        time.sleep(0.1)
-    assert left == []
+    assert becomes(lambda: not _of_family(mark))
     # Python prints this in a process whose parent ends before it has sent the process what to run.
     too_early = output.count("EOFError: Ran out of input")
     assert too_early <= (delay is not None and delay <= 0.1)
