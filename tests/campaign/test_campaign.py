@@ -5,10 +5,12 @@ import sys
 import time
 import warnings
 from copy import copy
+from random import Random
 
 import numpy as np
 import pytest
 import typer
+from lxml import etree
 
 import cinegen.cli
 import raff2urdf.cli
@@ -115,10 +117,6 @@ def test_a_case_is_made_from_its_number_alone(tmp_path):
 
 def test_mutations_of_a_tree_leave_a_tree(root):
     """So they reach what is behind the parser."""
-    from random import Random
-
-    from lxml import etree
-
     data = (root / "generated/four_bar.urdf").read_bytes()
     made = {mutation.change_xml(Random(i), data, ("loop", "joint")) for i in range(200)}
     assert len(made) > 150
@@ -149,8 +147,6 @@ def test_a_tick_that_breaks_a_promise_is_found(plant, kind):
 
 
 def _session(campaign, number) -> Session:
-    from random import Random
-
     return campaign._session(Random(f"0/ticks:{number}"), number)
 
 

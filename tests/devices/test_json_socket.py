@@ -10,9 +10,9 @@ import socket
 import numpy as np
 import pinocchio as pin
 import pytest
+from browsers import becomes
 from hypothesis import given
 from hypothesis import strategies as st
-from played import wait
 
 from cinegen.devices import SensorState, open_sensor
 from cinegen.devices.json_socket import CLIENTS, MISTAKES, SILENT
@@ -23,7 +23,7 @@ from cinegen.sensor import Reading
 def opened(url):
     sensor = open_sensor(url)
     sensor.start()
-    wait(lambda: sensor.status.state is SensorState.LIVE)
+    assert becomes(lambda: sensor.status.state is SensorState.LIVE)
     yield sensor
     sensor.close()
     assert sensor.status.state is SensorState.CLOSED
@@ -73,7 +73,7 @@ def comes(sensor, condition) -> Reading:
         readings.append(sensor.read())
         return readings[-1] is not None and condition(readings[-1])
 
-    wait(there)
+    assert becomes(there)
     return readings[-1]
 
 
@@ -87,7 +87,7 @@ def test_what_a_program_can_say(sensor):
         program.send({"twist": [0, 0, 0.5, 0, 0, -3]})
         assert comes(sensor, lambda r: True).twist == (0, 0, 0.5, 0, 0, -1.0)
         program.send({"buttons": [1]}, {"buttons": []}, {"buttons": [2, 2]})
-        wait(lambda: sensor.newest.last.buttons == {2})
+        assert becomes(lambda: sensor.newest.last.buttons == {2})
         reading = sensor.read()
         assert (reading.pressed, reading.twist) == ((1, 2), (0, 0, 0.5, 0, 0, -1.0))
         placement = pin.SE3.Random()
@@ -97,7 +97,7 @@ def test_what_a_program_can_say(sensor):
         program.send({"translation": [1, 2, 3], "quaternion": quaternion})
         target = comes(sensor, lambda r: True).target
         assert target.isApprox(pin.SE3(placement.rotation, np.array([1.0, 2.0, 3.0])), 1e-9)
-    wait(lambda: "no programs" in sensor.status.message)
+    assert becomes(lambda: "no programs" in sensor.status.message)
 
 
 @pytest.mark.parametrize(
@@ -177,7 +177,7 @@ def test_a_hundred_programs(sensor):
     drives(sensor, programs[3], 1, 0, 0, 0, 0, 0)
     for program in programs:
         program.__exit__()
-    wait(lambda: "no programs" in sensor.status.message)
+    assert becomes(lambda: "no programs" in sensor.status.message)
 
 
 @pytest.mark.parametrize("port", ["sensor", "open_port"])
@@ -189,7 +189,7 @@ def test_connections_that_say_nothing_keep_no_program_out(port, request):
     assert b"later connections have not sent their first line" in silent[0].recv(1000)
     for one in silent:
         one.close()
-    wait(lambda: "no programs" in sensor.status.message)
+    assert becomes(lambda: "no programs" in sensor.status.message)
 
 
 def test_the_newest_speaks(sensor):
@@ -232,7 +232,7 @@ def test_a_web_page_drives_nothing(open_port, request_):
     with Program(sensor, request_) as page:
         (why,) = drained(page)
     assert "disconnected" in why
-    wait(lambda: "no programs" in sensor.status.message)
+    assert becomes(lambda: "no programs" in sensor.status.message)
     assert sensor.status.packets == 0
     assert sensor.status.damaged == 1
     assert sensor.read() is None
@@ -242,7 +242,7 @@ def test_a_web_page_drives_nothing(open_port, request_):
 def test_a_program_without_the_token_is_dropped(sensor, first):
     with Program(sensor, first + TWIST) as program:
         assert drained(program)[0].startswith('the first line must be {"token": "..."}')
-    wait(lambda: "no programs" in sensor.status.message)
+    assert becomes(lambda: "no programs" in sensor.status.message)
     assert sensor.status.packets == 0
 
 
@@ -262,7 +262,7 @@ def test_a_port_without_a_token_takes_programs_that_have_one_too(open_port):
     for first in (TWIST, b'{"token": "any"}\n' + TWIST):
         with Program(open_port, first):
             comes(open_port, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
-        wait(lambda: "no programs" in open_port.status.message)
+        assert becomes(lambda: "no programs" in open_port.status.message)
 
 
 def test_tokens_are_random_unless_they_are_given(monkeypatch):
@@ -291,13 +291,13 @@ def test_a_sensor_is_closed_in_silence_while_programs_are_connected(sensor, capf
 def test_two_on_one_port():
     first = open_sensor("tcp://127.0.0.1:0")
     first.start()
-    wait(lambda: first.status.state is SensorState.LIVE)
+    assert becomes(lambda: first.status.state is SensorState.LIVE)
     second = open_sensor(f"tcp://127.0.0.1:{first.port}")
     second.start()
-    wait(lambda: second.status.state is SensorState.LOST)
+    assert becomes(lambda: second.status.state is SensorState.LOST)
     assert "listen" in second.status.message
     first.close()
-    wait(lambda: second.status.state is SensorState.LIVE)
+    assert becomes(lambda: second.status.state is SensorState.LIVE)
     second.close()
 
 
@@ -336,7 +336,7 @@ def test_a_flood_is_dropped(sensor):
     with Program(sensor) as program, contextlib.suppress(OSError):  # it is cut off in the middle of a word
         for _ in range(1000):
             program.send(500 * TWIST)
-    wait(lambda: sensor.status.damaged >= 1)
+    assert becomes(lambda: sensor.status.damaged >= 1)
     assert sensor.status.packets < 10_000
     with Program(sensor) as program:
         drives(sensor, program, 0, 0, 1, 0, 0, 0)
