@@ -114,17 +114,14 @@ def test_the_copy_at_the_target_is_as_large_as_its_part_when_that_is_drawn_anew(
     part, copy = page.evaluate(SCALES)
     assert copy == pytest.approx(part)
     above = "/meshcat/cinegen/:delta4/:platform/"
-    sent = {
-        path: umsgpack.unpackb(message)
-        for (path, kind, _), message in demo.page.scene().items()
-        if kind == "set_transform" and path.startswith(above)
-    }
-    for command in sent.values():
+    moves = ((path, message) for (path, kind, _), message in demo.page.scene().items() if kind == "set_transform")
+    sent = [umsgpack.unpackb(message) for path, message in moves if path.startswith(above)]
+    for command in sent:
         demo.page.send(Sent({**command, "matrix": [3.0 * x for x in command["matrix"][:12]] + command["matrix"][12:]}))
     try:
         assert becomes(page, lambda: page.evaluate(SCALES) == pytest.approx([3.0 * part, 3.0 * part]))
     finally:
-        for command in sent.values():
+        for command in sent:
             demo.page.send(Sent(command))
 
 

@@ -130,11 +130,8 @@ def _of_folder(folder: Path, subject: str, main: str | None = None) -> list[Seed
     seeds = []
     for one in sorted(folder.iterdir()) if folder.is_dir() else ():
         files = {path.name: path.read_bytes() for path in sorted(one.iterdir()) if path.is_file()}
-        seeds += [
-            Seed(files, name, next((other for other in files if other.endswith(main or subject)), name))
-            for name in files
-            if name.endswith(subject)
-        ]
+        mains = [name for name in files if name.endswith(main or subject)]
+        seeds += [Seed(files, name, (mains or [name])[0]) for name in files if name.endswith(subject)]
     return seeds
 
 

@@ -28,9 +28,8 @@ def test_a_map_is_written_told_and_drawn(printed, tmp_path):
 
 
 def test_the_answer_as_json_has_all_numbers_in_si(printed):
-    found = json.loads(
-        printed("map", "delta4", "--over", "x=-500..500mm:8,y=-0.5..0.5:8", "--at", "z=-1800mm", "--json")
-    )
+    options = "--over", "x=-500..500mm:8,y=-0.5..0.5:8", "--at", "z=-1800mm", "--json"
+    found = json.loads(printed("map", "delta4", *options))
     assert found["over"]["x"] == [-0.5, 0.5, 8]
     assert found["at"]["z"] == pytest.approx(-1.8)
     assert found["reachable"] == found["cells"] == 64

@@ -22,13 +22,12 @@ RIGHT = math.pi / 2.0
 def chain(*joints, name="arm"):
     """A serial robot of joints (type, xyz, rpy), each about or along its z axis; the last is the tool's frame."""
     text = f'<robot name="{name}"><link name="l0"/>'
+    axis = '<axis xyz="0 0 1"/><limit lower="-9" upper="9" effort="1" velocity="1"/>'
     for k, (kind, xyz, rpy) in enumerate(joints, 1):
         child = f"l{k}" if k < len(joints) else "tool"
         origin = f'<origin xyz="{" ".join(map(repr, map(float, xyz)))}" rpy="{" ".join(map(repr, map(float, rpy)))}"/>'
-        text += (
-            f'<link name="{child}"/><joint name="j{k}" type="{kind}"><parent link="l{k - 1}"/><child link="{child}"/>'
-        )
-        text += f'{origin}<axis xyz="0 0 1"/><limit lower="-9" upper="9" effort="1" velocity="1"/></joint>'
+        text += f'<link name="{child}"/><joint name="j{k}" type="{kind}"><parent link="l{k - 1}"/>'
+        text += f'<child link="{child}"/>{origin}{axis}</joint>'
     return build(text + "</robot>", None)
 
 

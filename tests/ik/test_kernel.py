@@ -68,10 +68,8 @@ def test_rows_and_gaps_of_the_loops_are_the_mechanisms_own_closed_and_open(name,
                 second = mechanism.placement(there, loop.second) * loop.second_placement
                 by_hand.append(loop_residual(loop.kind, first.actInv(second).homogeneous, mechanism.length)[0])
             for coupling, size in zip(mechanism.couplings, mechanism.structure.system.coupling_sizes, strict=True):
-                values = [
-                    np.polynomial.Polynomial([0.0, *c])(there[mechanism.q_index(joint)])
-                    for joint, c in coupling.terms.items()
-                ]
+                terms = [(there[mechanism.q_index(joint)], c) for joint, c in coupling.terms.items()]
+                values = [np.polynomial.Polynomial([0.0, *c])(value) for value, c in terms]
                 by_hand.append([(sum(values) - coupling.constant) / size])
             assert memory.residual == pytest.approx(np.concatenate(by_hand), abs=1e-13)
 

@@ -135,9 +135,8 @@ def test_undo_goes_back_across_the_edit_by_joint_names():
     session = Session(arrange({"arm": cinegen.load(ARM)}))
     move(session, joint1=0.3)
     move(session, joint1=0.9, joint3=0.5)
-    exchanged(
-        session, cinegen.load(ARM.replace("d 250", "d 260").replace("link 2", "link 7").replace("pred 2", "pred 7"))
-    )
+    edited = ARM.replace("d 250", "d 260").replace("link 2", "link 7").replace("pred 2", "pred 7")
+    exchanged(session, cinegen.load(edited))
     assert session.state().undo == 2
     session.obey(c.Undo())
     run(session, 3.0)
