@@ -14,10 +14,12 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
-from pathlib import Path
+from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any, Self
 from urllib.parse import urlsplit
+
+import psutil
 
 from campaign.readers import ROOT
 from campaign.workers import die_with_parent
@@ -71,19 +73,14 @@ class Served:
         self._read += len(new)
         return new.decode(errors="replace")
 
-    def processes(self) -> Iterator[int]:
-        """Yield the ids of its processes."""
-        for path in Path("/proc").glob("[0-9]*/stat"):
-            try:
-                fields = path.read_text().rpartition(") ")[2].split()
-            except OSError:
-                continue
-            if int(fields[3]) == self.process.pid:  # the session
-                yield int(path.parent.name)
-
     def memory(self) -> float:
         """Return the resident memory of all its processes, MB."""
-        return sum(_resident(one) for one in self.processes()) / 1e6
+        found = 0
+        with suppress(psutil.NoSuchProcess):  # it has ended, or one of them just now
+            whole = psutil.Process(self.process.pid)
+            for one in (whole, *whole.children(recursive=True)):
+                found += one.memory_info().rss
+        return found / 1e6
 
     def stop(self) -> int | None:
         """Interrupt it; return its exit code, or None if it had to be killed."""
@@ -101,13 +98,6 @@ def _unlimited() -> None:
     """A server may work longer than a case, but not longer than its campaign."""
     resource.setrlimit(resource.RLIMIT_CPU, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
     die_with_parent()
-
-
-def _resident(process: int) -> int:
-    try:
-        return int(Path(f"/proc/{process}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-    except (OSError, IndexError):
-        return 0
 
 
 class Peer:
