@@ -8,9 +8,8 @@ import pytest
 from playwright.sync_api import sync_playwright
 from tabs import CHROMIUM, FLAGS, IN_BROWSER, PICTURES, READY, SIZE, UNDRAWN, becomes
 
-from cinegen.cockpit import Cockpit
 from cinegen.page import build_page
-from cinegen.session import Setup, arrange
+from cinegen.session import Setup
 
 
 class OneChromium:
@@ -113,17 +112,6 @@ def tab(browser, spare):
         spare.context.clear_permissions()
         spare.goto("about:blank")
     assert wrong == []
-
-
-@pytest.fixture
-def cockpit(robot, closing):
-    """`cockpit("delta4")`: its session runs in a thread; a process of its own takes two seconds of CPU to start."""
-
-    def open_cockpit(*names, setup=None, files=None, **options):
-        setup = setup or arrange({name: robot(name) for name in names}, **options)
-        return closing(Cockpit(setup, port=0, own_process=False, files=files))
-
-    return open_cockpit
 
 
 @pytest.fixture(scope="session")

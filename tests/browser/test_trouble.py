@@ -5,7 +5,6 @@ from hostile_names import urdf
 from tabs import becomes, picture, tools
 
 import cinegen
-from cinegen.cockpit import Cockpit
 from cinegen.session import arrange
 
 LOST_MESH = """<robot name="arm"><link name="base"/>
@@ -19,13 +18,13 @@ def cover(page, text):
     return becomes(page, f"!{COVER}.hidden && {COVER}.textContent.includes({text!r})")
 
 
-def test_a_session_that_has_ended_one_with_another_token_and_one_of_another_robot(robot, tab):
-    one = Cockpit(arrange({"five_bar": robot("five_bar")}), port=0, own_process=False, token="first")
+def test_a_session_that_has_ended_one_with_another_token_and_one_of_another_robot(cockpit, tab):
+    one = cockpit("five_bar", token="first")
     page = tab(one, strict=False)
     port = one.server.port
     one.close()
     assert cover(page, "start cinegen drive again, and open the address that it prints")
-    with Cockpit(arrange({"five_bar": robot("five_bar")}), port=port, own_process=False, token="second"):
+    with cockpit("five_bar", port=port, token="second"):
         assert cover(page, "open the address that cinegen drive printed last")
         picture(page, "wrong_token")
         answer = page.goto(f"http://127.0.0.1:{port}/?token=first")
@@ -33,10 +32,10 @@ def test_a_session_that_has_ended_one_with_another_token_and_one_of_another_robo
         refused = "This address lacks the session's token: open the one that cinegen drive printed."
         assert page.inner_text("p") == refused
         picture(page, "refused")
-    one = Cockpit(arrange({"five_bar": robot("five_bar")}), port=port, own_process=False, token="t")
+    one = cockpit("five_bar", port=port, token="t")
     page = tab(one, strict=False, viewport={"width": 800, "height": 500})
     one.close()
-    with Cockpit(arrange({"scara": robot("scara")}), port=port, own_process=False, token="t"):
+    with cockpit("scara", port=port, token="t"):
         assert becomes(page, "document.getElementById('toasts').textContent.includes('it drives scara')")
         assert page.is_hidden("#cover")
 

@@ -15,16 +15,6 @@ from cinegen.cockpit.server import ServerError
 from cinegen.session import arrange
 
 
-@pytest.fixture
-def cockpit(robot, closing):
-    def open_cockpit(*names, **options):
-        own = {name: options.pop(name) for name in ("host", "port", "token", "own_process") if name in options}
-        setup = arrange({name: robot(name) for name in names}, **options)
-        return closing(Cockpit(setup, **{"port": 0, "own_process": False, **own}))
-
-    return open_cockpit
-
-
 def drag(browser, robot, node, by):
     """Drag a node's origin."""
     place = origin(browser, robot, node)

@@ -25,10 +25,8 @@ GREEDY = 8
 
 
 @pytest.fixture
-def page(robot):
-    setup = arrange({"delta4": robot("delta4")}, follow="circle")
-    with Cockpit(setup, port=0, token="", own_process=False) as one:
-        yield one
+def page(cockpit):
+    return cockpit("delta4", follow="circle", token="")
 
 
 @pytest.fixture
@@ -117,19 +115,16 @@ def test_connections_that_are_answered_are_not_closed_for_others(page, monkeypat
 
 
 @pytest.mark.parametrize("deadline", ["_SLOW", "_FIRST"])
-def test_who_asks_slowly_is_disconnected(robot, monkeypatch, deadline):
+@pytest.mark.parametrize(
+    "half",
+    [b"", b"GET / HTTP/1.1\r\nHost: ", b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 9\r\n\r\nabc"],
+)
+def test_who_asks_slowly_is_disconnected(cockpit, monkeypatch, deadline, half):
     monkeypatch.setattr(f"cinegen.cockpit.server.{deadline}", 0.3)
-    with Cockpit(arrange({"delta4": robot("delta4")}), port=0, token="", own_process=False) as one:
-        for half in (
-            b"",
-            b"GET / HTTP/1.1\r\nHost: ",
-            b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 9\r\n\r\nabc",
-        ):
-            peer = socket.create_connection(("127.0.0.1", one.server.port))
-            peer.settimeout(5.0)
-            peer.sendall(half)
-            assert peer.recv(1) == b""
-            peer.close()
+    one = cockpit("delta4", token="")
+    with socket.create_connection(("127.0.0.1", one.server.port), timeout=5.0) as peer:
+        peer.sendall(half)
+        assert peer.recv(1) == b""
 
 
 # --- hostile ----------------------------------------------------------------------------------------------------------

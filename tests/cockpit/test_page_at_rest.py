@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from browsers import Browser, becomes
 
-from cinegen.cockpit import Cockpit
 from cinegen.cockpit.build_messages import NodePoses, hello_message, state_message
 from cinegen.cockpit.page_state import moving_rows, page_state, shown_of
 from cinegen.session import Session, arrange
@@ -15,9 +14,8 @@ LARGEST = 1000
 
 
 @pytest.fixture
-def cockpit(robot):
-    with Cockpit(arrange({"gough": robot("gough")}), port=0, own_process=False) as one:
-        yield one
+def cockpit(cockpit):
+    return cockpit("gough")
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import trimesh
 from browsers import Browser, becomes, get
 
 import cinegen
-from cinegen.cockpit import Cockpit, show_map
+from cinegen.cockpit import show_map
 from cinegen.cockpit.served_map import MOST, ServedMap
 from cinegen.session import SetupError, map_setup
 from cinegen.session.setup import MapOverlay
@@ -27,9 +27,8 @@ def path(robot, tmp_path_factory):
 
 
 @pytest.fixture
-def cockpit(path):
-    with Cockpit(map_setup(path, "solutions"), port=0, own_process=False) as one:
-        yield one
+def cockpit(cockpit, path):
+    return cockpit(setup=map_setup(path, "solutions"))
 
 
 def read(block):
