@@ -111,6 +111,22 @@ def robot():
     return load_robot
 
 
+@pytest.fixture
+def cockpit(robot, closing):
+    """`cockpit("delta4", token="")`: the session of robots, or of a setup, served on a free port. It runs in a thread;
+    a process of its own takes two seconds of CPU to start."""
+    from cinegen.cockpit import Cockpit
+    from cinegen.session import arrange
+
+    def open_cockpit(*names, setup=None, **options):
+        names_of_own = ("host", "port", "token", "https", "files", "own_process")
+        own = {name: options.pop(name) for name in names_of_own if name in options}
+        setup = setup or arrange({name: robot(name) for name in names}, **options)
+        return closing(Cockpit(setup, **{"port": 0, "own_process": False, **own}))
+
+    return open_cockpit
+
+
 @pytest.fixture(scope="session")
 def root() -> Path:
     """The repository."""

@@ -1,5 +1,6 @@
 """One chromium, tabs and cockpits for each test."""
 
+import importlib.util
 from functools import cache
 from pathlib import Path
 
@@ -7,9 +8,8 @@ import pytest
 from playwright.sync_api import sync_playwright
 from tabs import CHROMIUM, FLAGS, IN_BROWSER, PICTURES, READY, SIZE, UNDRAWN, becomes
 
-from cinegen.cockpit import Cockpit
 from cinegen.page import build_page
-from cinegen.session import Setup, arrange
+from cinegen.session import Setup
 
 
 class OneChromium:
@@ -114,15 +114,13 @@ def tab(browser, spare):
     assert wrong == []
 
 
-@pytest.fixture
-def cockpit(robot, closing):
-    """`cockpit("delta4")`: its session runs in a thread; a process of its own takes two seconds of CPU to start."""
-
-    def open_cockpit(*names, setup=None, files=None, **options):
-        setup = setup or arrange({name: robot(name) for name in names}, **options)
-        return closing(Cockpit(setup, port=0, own_process=False, files=files))
-
-    return open_cockpit
+@pytest.fixture(scope="session")
+def site_builder(root):
+    """The module that builds the site."""
+    spec = importlib.util.spec_from_file_location("build_site", root / "docs/site/build.py")
+    builder = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(builder)
+    return builder
 
 
 @pytest.fixture(scope="session")

@@ -248,9 +248,8 @@ def test_the_view_only_address_shows_the_robots_and_drives_nothing(cockpit, tab)
     assert page.locator("#toasts .toast").first.inner_text().startswith("This page only shows the robots: ask for")
     picture(page, "view_only")
     assert page.get_attribute("#copy-view-link", "hidden") is not None
-    page.evaluate(
-        "cockpit.presentation.session.send({ type: 'move_joint', robot: 'five_bar', joint: 'joint1', value: 1.0 })"
-    )
+    move = "{ type: 'move_joint', robot: 'five_bar', joint: 'joint1', value: 1.0 }"
+    page.evaluate(f"cockpit.presentation.session.send({move})")
     refused = "this address only shows the robots: ask for the one with which to drive them"
     assert becomes(page, lambda: refused in page.locator("#toasts").inner_text())
     assert (one.state.robots["five_bar"].q == home).all()

@@ -1,15 +1,10 @@
 """The first pictures of a page, and what it shows where there is nothing to show."""
 
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 import umsgpack
 from tabs import becomes, find, grab, picture
 
-import cinegen
 from cinegen.cockpit import Cockpit
 from cinegen.session import arrange
 
@@ -80,8 +75,6 @@ RESTS = """() => new Promise((done) => {
 FAR = 20.0
 """Difference of a pixel that is made of 400, of 255: a small part that is missing."""
 
-LOADS = 20
-
 
 @pytest.fixture(scope="module")
 def demo(robot):
@@ -108,27 +101,6 @@ def test_every_picture_that_is_seen_has_all_of_the_robot_where_it_stays(cockpit,
     picture(page, "first_picture")
 
 
-@pytest.fixture
-def busy():
-    """All processors are loaded."""
-    spinning = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(os.cpu_count() or 1)]
-    yield
-    for one in spinning:
-        one.kill()
-        one.wait()
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("busy")
-@pytest.mark.parametrize("name", ["delta4", "gough", "five_bar", "scara", "planetary_gear", "two_arms", "panda"])
-def test_so_it_is_each_time_while_all_processors_are_busy(robot, cockpit, tab, name):
-    shown = cockpit(setup=arrange({name: cinegen.load(name) if name == "panda" else robot(name)}))
-    for _ in range(LOADS):
-        page = tab(shown, SLOW_LINE, drawn=True, reduced_motion="reduce")
-        assert_pictures_are_settled(page)
-        page.close()
-
-
 class Sent(dict):
     """A command that was sent, for another time."""
 
@@ -142,17 +114,14 @@ def test_the_copy_at_the_target_is_as_large_as_its_part_when_that_is_drawn_anew(
     part, copy = page.evaluate(SCALES)
     assert copy == pytest.approx(part)
     above = "/meshcat/cinegen/:delta4/:platform/"
-    sent = {
-        path: umsgpack.unpackb(message)
-        for (path, kind, _), message in demo.page.scene().items()
-        if kind == "set_transform" and path.startswith(above)
-    }
-    for command in sent.values():
+    moves = ((path, message) for (path, kind, _), message in demo.page.scene().items() if kind == "set_transform")
+    sent = [umsgpack.unpackb(message) for path, message in moves if path.startswith(above)]
+    for command in sent:
         demo.page.send(Sent({**command, "matrix": [3.0 * x for x in command["matrix"][:12]] + command["matrix"][12:]}))
     try:
         assert becomes(page, lambda: page.evaluate(SCALES) == pytest.approx([3.0 * part, 3.0 * part]))
     finally:
-        for command in sent.values():
+        for command in sent:
             demo.page.send(Sent(command))
 
 

@@ -2,7 +2,6 @@
 
 import functools
 import http.server
-import importlib.util
 import os
 import re
 import subprocess
@@ -26,16 +25,13 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def address(root, tmp_path_factory):
+def address(root, site_builder, tmp_path_factory):
     """The home page as Sphinx makes it, without the other pages, on a server."""
     sphinx = root / "build/sphinx"
     if not (sphinx / "sphinx").exists():
         pytest.skip("NO SPHINX: make docs installs it")
-    spec = importlib.util.spec_from_file_location("build_site", root / "docs/site/build.py")
-    builder = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(builder)
     folder = tmp_path_factory.mktemp("home")
-    site = builder.Site(folder / "source")
+    site = site_builder.Site(folder / "source")
     text = (root / "docs/site/index.md").read_text(encoding="utf-8")
     text = re.sub(r"```\{toctree\}.*?```\n", "", text, flags=re.DOTALL)
     site.write("index", re.sub(r"\[([^]]+)\]\([\w./-]+\.md(#[\w-]+)?\)", r"\1", text))

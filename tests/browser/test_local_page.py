@@ -92,9 +92,7 @@ def test_a_link_that_is_none_leaves_the_robot_at_home(file, tab, robot):
 
 def test_names_that_objects_of_javascript_have(tab, tmp_path):
     """A robot, links and joints called `constructor`, `__proto__` and so on are drawn, and driven; none is code."""
-    robot_file = tmp_path / "constructor.urdf"
-    robot_file.write_text(urdf("__proto__"), encoding="utf-8")
-    setup = Setup({"constructor": cinegen.load(robot_file)})
+    setup = Setup({"constructor": cinegen.load(urdf("__proto__"))})
     file = tmp_path / "constructor.html"
     file.write_text(build_page(setup, "</title><script>window.owned = 1</script>"))
     page = tab(file)
@@ -106,9 +104,8 @@ def test_names_that_objects_of_javascript_have(tab, tmp_path):
     apart = np.linalg.norm(np.diff(places, axis=0), axis=1)
     assert apart == pytest.approx(np.full(len(LINKS) - 1, apart[0]), rel=1e-6)  # each where the one before carries it
     assert apart[0] > 0.0
-    page.evaluate(
-        """cockpit.pick.session.send({ type: "move_joint", robot: "constructor", joint: "__proto__", value: 0.5 })"""
-    )
+    move = "{ type: 'move_joint', robot: 'constructor', joint: '__proto__', value: 0.5 }"
+    page.evaluate(f"cockpit.pick.session.send({move})")
     moved = JOINTS.index("__proto__")
     assert becomes(page, f"Math.abs(Object.entries(cockpit.report.robots)[0][1].q[{moved}] - 0.5) < 1e-6")
     assert page.evaluate("window.owned === undefined")

@@ -89,12 +89,10 @@ def test_a_link_has_the_camera_and_offers_its_configuration(five_bar, tab):
     page.context.grant_permissions(["clipboard-read", "clipboard-write"])
     tools(page, "record")  # from now on the camera is the user's
     page.evaluate("camera => cockpit.view.setCamera(camera)", CAMERA)
-    page.evaluate(
-        "([joint, value]) => cockpit.send({ type: 'move_joint', robot: 'five_bar', joint, value })", [first, home + 0.2]
-    )
-    assert becomes(
-        page, lambda: page.evaluate(f"Math.abs(cockpit.report.robots.five_bar.q[{index}] - {home + 0.2}) < 1e-9")
-    )
+    move = "([joint, value]) => cockpit.send({ type: 'move_joint', robot: 'five_bar', joint, value })"
+    page.evaluate(move, [first, home + 0.2])
+    there = f"Math.abs(cockpit.report.robots.five_bar.q[{index}] - {{}}) < 1e-9"
+    assert becomes(page, there.format(home + 0.2))
     page.click("#copy-link")
     assert becomes(page, lambda: "token" in page.inner_text("#toasts"))
     link = page.evaluate("navigator.clipboard.readText()")
@@ -105,7 +103,7 @@ def test_a_link_has_the_camera_and_offers_its_configuration(five_bar, tab):
     assert shared == link.replace(five_bar.url, five_bar.view_url)
     page.evaluate("cockpit.send({ type: 'move_home' })")
     page.evaluate("cockpit.frame()")
-    assert becomes(page, lambda: page.evaluate(f"Math.abs(cockpit.report.robots.five_bar.q[{index}] - {home}) < 1e-9"))
+    assert becomes(page, there.format(home))
     assert not page.evaluate(NEAR, CAMERA)
     page.goto("about:blank")
     page.goto(link, timeout=60_000)
@@ -132,9 +130,8 @@ def test_users_see_who_points_at_a_part(five_bar, tab):
     assert label.get_attribute("data-colour") == "3"
     tools(page, "view")
     page.click("#section-users summary")
-    assert becomes(
-        page, lambda: set(page.locator("#users li").all_inner_texts()) == {f"{HOSTILE} (you)", HOSTILE[::-1]}
-    )
+    listed = page.locator("#users li")
+    assert becomes(page, lambda: set(listed.all_inner_texts()) == {f"{HOSTILE} (you)", HOSTILE[::-1]})
     picture(page, "users")
     other.say("set_cursor", robot="five_bar", node="link1", dragging=True)
     assert becomes(page, lambda: label.all_inner_texts() == [f"{HOSTILE[::-1]} drags"])

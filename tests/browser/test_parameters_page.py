@@ -1,6 +1,5 @@
 """The page with six sliders: what it shows is Kleinfinger's transform, as Python computes it; keys alone suffice."""
 
-import importlib.util
 import math
 import re
 
@@ -14,12 +13,9 @@ PATTERN = re.compile(r"(\w+) (-?\d+)")
 
 
 @pytest.fixture(scope="module")
-def file(root, tmp_path_factory):
-    spec = importlib.util.spec_from_file_location("build_site", root / "docs/site/build.py")
-    builder = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(builder)
+def file(site_builder, tmp_path_factory):
     folder = tmp_path_factory.mktemp("site")
-    builder.Site(folder).parameters()
+    site_builder.Site(folder).parameters()
     return folder / "extra/live/six_parameters.html"
 
 
@@ -45,7 +41,6 @@ def test_the_matrix_is_that_of_python(page):
         assert off[:3, 3].max() <= 0.5001e-2  # two
         assert (off[3] == 0.0).all()
         text = page.locator("#raff").inner_text()
-        written = {
-            name: int(value) for name, value in PATTERN.findall(text.partition("{ parameters {")[2].partition("}")[0])
-        }
+        found = PATTERN.findall(text.partition("{ parameters {")[2].partition("}")[0])
+        written = {name: int(value) for name, value in found}
         assert written == {name: value for name, value in zip(NAMES, values, strict=True) if value}

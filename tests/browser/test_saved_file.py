@@ -65,9 +65,8 @@ def test_each_save_is_seen_and_errors_stand_over_the_scene(edited):
     assert edited.shows(f"cockpit.hello.robots[0].length > {length} && cockpit.report")
     assert edited.shows(f"{drawn('tip')} && {drawn('link3')}")
     assert page.evaluate("cockpit.state.tasks.map((task) => task.node)") == ["tip"]
-    assert edited.shows(
-        f"Math.abs(cockpit.view.pose('arm', 'tip').position.x - {before[0]}) < 1e-3"
-    )  # the pin holds it
+    # the pin holds it
+    assert edited.shows(f"Math.abs(cockpit.view.pose('arm', 'tip').position.x - {before[0]}) < 1e-3")
     assert page.evaluate("cockpit.view.cameraNumbers()") == pytest.approx(camera, abs=1e-6)
     edited.write(ARM.replace("d 250", "d 2S0").replace("type 2 pred 2", "type 2 pred 9"))
     assert edited.shows("!document.getElementById('file-problem').hidden")

@@ -3,7 +3,7 @@
 from tabs import READY, becomes, picture, tools
 
 import cinegen
-from cinegen.cockpit import Cockpit, SetupFiles
+from cinegen.cockpit import SetupFiles
 from cinegen.session import arrange
 
 ARM = """RAFF arm
@@ -16,11 +16,11 @@ robot arm {
 """
 
 
-def test_axes_are_inverted_swapped_and_scaled_and_survive_a_reload_and_a_save(tmp_path, closing, tab):
+def test_axes_are_inverted_swapped_and_scaled_and_survive_a_reload_and_a_save(tmp_path, cockpit, tab):
     path = tmp_path / "arm.raff"
     path.write_text(ARM)
     setup, files = SetupFiles.of(lambda: arrange({"arm": cinegen.load(path)}))
-    cockpit = closing(Cockpit(setup, port=0, own_process=False, files=files))
+    cockpit = cockpit(setup=setup, files=files)
     page = tab(cockpit)
     card = page.locator('[data-sensor="1"]')
 

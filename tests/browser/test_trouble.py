@@ -1,10 +1,10 @@
 """What goes wrong is told in one sentence, with what to do."""
 
 import pytest
+from hostile_names import urdf
 from tabs import becomes, picture, tools
 
 import cinegen
-from cinegen.cockpit import Cockpit
 from cinegen.session import arrange
 
 LOST_MESH = """<robot name="arm"><link name="base"/>
@@ -18,56 +18,40 @@ def cover(page, text):
     return becomes(page, f"!{COVER}.hidden && {COVER}.textContent.includes({text!r})")
 
 
-def test_a_session_that_has_ended_one_with_another_token_and_one_of_another_robot(robot, tab):
-    one = Cockpit(arrange({"five_bar": robot("five_bar")}), port=0, own_process=False, token="first")
+def test_a_session_that_has_ended_one_with_another_token_and_one_of_another_robot(cockpit, tab):
+    one = cockpit("five_bar", token="first")
     page = tab(one, strict=False)
     port = one.server.port
     one.close()
     assert cover(page, "start cinegen drive again, and open the address that it prints")
-    with Cockpit(arrange({"five_bar": robot("five_bar")}), port=port, own_process=False, token="second"):
+    with cockpit("five_bar", port=port, token="second"):
         assert cover(page, "open the address that cinegen drive printed last")
         picture(page, "wrong_token")
         answer = page.goto(f"http://127.0.0.1:{port}/?token=first")
         assert answer.status == 403
-        assert (
-            page.inner_text("p") == "This address lacks the session's token: open the one that cinegen drive printed."
-        )
+        refused = "This address lacks the session's token: open the one that cinegen drive printed."
+        assert page.inner_text("p") == refused
         picture(page, "refused")
-    page = tab(
-        one := Cockpit(arrange({"five_bar": robot("five_bar")}), port=port, own_process=False, token="t"),
-        strict=False,
-        viewport={"width": 800, "height": 500},
-    )
+    one = cockpit("five_bar", port=port, token="t")
+    page = tab(one, strict=False, viewport={"width": 800, "height": 500})
     one.close()
-    with Cockpit(arrange({"scara": robot("scara")}), port=port, own_process=False, token="t"):
+    with cockpit("scara", port=port, token="t"):
         assert becomes(page, "document.getElementById('toasts').textContent.includes('it drives scara')")
         assert page.is_hidden("#cover")
 
 
-def test_a_mesh_that_is_lost_is_told_in_the_page(cockpit, tab, tmp_path):
-    (tmp_path / "arm.urdf").write_text(LOST_MESH)
+def test_a_mesh_that_is_lost_is_told_in_the_page(cockpit, tab):
     with pytest.warns(cinegen.CinegenWarning, match="is not found"):
-        one = cockpit(setup=arrange({"arm": cinegen.load(tmp_path / "arm.urdf")}))
+        one = cockpit(setup=arrange({"arm": cinegen.load(LOST_MESH)}))
     page = tab(one)
     toast = page.locator("#toasts .toast").first.inner_text()
     assert "mesh 'lost.stl' is not found" in toast
     assert "sticks are drawn instead" in toast
 
 
-def chain(count):
-    links = "".join(f'<link name="link{i}"/>' for i in range(count))
-    joints = "".join(
-        f'<joint name="joint{i}" type="revolute"><parent link="link{i - 1}"/><child link="link{i}"/>'
-        f'<origin xyz="0 0 0.01"/><axis xyz="{i % 2} {1 - i % 2} 0"/>'
-        '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
-        for i in range(1, count)
-    )
-    return f'<robot name="chain">{links}{joints}</robot>'
-
-
-def test_lists_of_a_robot_of_many_bodies_are_filtered(cockpit, tab, tmp_path):
-    (tmp_path / "chain.urdf").write_text(chain(300))
-    page = tab(cockpit(setup=arrange({"chain": cinegen.load(tmp_path / "chain.urdf")})))
+def test_lists_of_a_robot_of_many_bodies_are_filtered(cockpit, tab):
+    links, joints = ([f"{kind}{i}" for i in range(1, 300)] for kind in ("link", "joint"))
+    page = tab(cockpit(setup=arrange({"chain": cinegen.load(urdf("chain", links, joints))})))
     tools(page, "pose")
     rows = page.locator("[data-joint]:visible")
     page.fill("#section-joints input[type=search]", "joint29")

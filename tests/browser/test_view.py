@@ -90,23 +90,13 @@ def chain(count):
 
 
 @pytest.fixture
-def loaded(robot, tmp_path):
-    def load(name):
-        if name == "chain":
-            path = tmp_path / "chain.raff"
-            path.write_text(chain(60))
-            return cinegen.load(path)
-        if name == "box":
-            return box(tmp_path, 2e-8)
-        return robot(name)
-
-    return load
+def loaded(robot):
+    made = {"chain": lambda: cinegen.load(chain(60)), "box": lambda: box(2e-8)}
+    return lambda name: made[name]() if name in made else robot(name)
 
 
-def box(folder, size, colour="1 1 1"):
-    path = folder / "box.urdf"
-    path.write_text(BOX.format(size=size, colour=colour))
-    return cinegen.load(path)
+def box(size, colour="1 1 1"):
+    return cinegen.load(BOX.format(size=size, colour=colour))
 
 
 def share(page):
@@ -171,9 +161,9 @@ def test_a_robot_that_leaves_the_view_is_brought_back_with_room_where_the_camera
         ("dark", "0.2 0.2 0.2", "0.32 0.32 0.32"),
     ],
 )
-def test_a_face_in_full_light_has_the_colour_of_its_material(tmp_path, cockpit, tab, scheme, colour, expected):
+def test_a_face_in_full_light_has_the_colour_of_its_material(cockpit, tab, scheme, colour, expected):
     """On a dark page a dark colour is brighter, so that it is seen before it; what is darker stays so."""
-    page = tab(cockpit(setup=Setup({"box": box(tmp_path, 0.5, colour)})), drawn=True, color_scheme=scheme)
+    page = tab(cockpit(setup=Setup({"box": box(0.5, colour)})), drawn=True, color_scheme=scheme)
     for complete in (True, False):
         seen = np.array(page.evaluate(LIT, complete)) / 255.0
         assert np.abs(seen - np.array(expected.split(), dtype=float)).max() < 0.08, complete

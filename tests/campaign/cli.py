@@ -11,7 +11,6 @@ import shutil
 import signal
 import sys
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +27,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         prog="python -m campaign", description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
-    parser.add_argument("what", choices=("all", *MAKE, "soak", "replay"))
+    parser.add_argument("what", choices=("all", *SHARES, "replay"))
     parser.add_argument("case", nargs="?", help="of replay, such as raff:123")
     parser.add_argument("--cases", type=lambda text: int(float(text)), default=ENDLESS, help="number of cases [no end]")
     parser.add_argument("--seconds", type=float, default=float("inf"), help="after which no case is begun [no end]")
@@ -57,22 +56,16 @@ def main() -> None:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _make(what: str) -> Callable[[Any, Path], workers.Campaign]:
-    def make(options: Any, folder: Path) -> workers.Campaign:
-        from campaign import kills, messages, readers, ticks
+def make(what: str, options: Any, folder: Path) -> workers.Campaign:
+    """Make a campaign by its name, one of `SHARES` but for the soak."""
+    from campaign import kills, messages, readers, ticks
 
-        names = tuple(filter(None, options.only.split(",")))
-        if what == "files":
-            return readers.Files(folder, options.seed, [readers.READERS[name] for name in names])
-        if what == "kills":
-            return kills.Kills(folder, options.seed, names)
-        return ticks.Ticks(options.seed) if what == "ticks" else messages.Messages(options.seed)
-
-    return make
-
-
-MAKE = {what: _make(what) for what in ("files", "ticks", "messages", "kills")}
-"""Make the campaigns, by name."""
+    names = tuple(filter(None, options.only.split(",")))
+    if what == "files":
+        return readers.Files(folder, options.seed, [readers.READERS[name] for name in names])
+    if what == "kills":
+        return kills.Kills(folder, options.seed, names)
+    return ticks.Ticks(options.seed) if what == "ticks" else messages.Messages(options.seed)
 
 
 SHARES = {"files": 0.4, "ticks": 0.2, "messages": 0.15, "kills": 0.15, "soak": 0.1}
@@ -100,7 +93,7 @@ def campaign(what: str, options: Any, folder: Path) -> bool:
     if what == "soak":
         result = soak(folder, min(options.seconds, 1e9), options.seed, progress)
     else:
-        made = MAKE[what](options, folder / what)
+        made = make(what, options, folder / what)
         result = workers.run(made, options.cases, options.seconds, options.workers, progress)
     report.write(options.output, what, result, command)
     print(file=sys.stderr)
@@ -113,11 +106,11 @@ def again(options: Any, folder: Path) -> None:
     from campaign.readers import READERS
 
     name, _, number = options.case.partition(":")
-    if not number.isdecimal() or name not in (*READERS, *MAKE):
+    if not number.isdecimal() or name not in (*READERS, "ticks", "messages", "kills"):
         sys.exit(f"'{options.case}': name a case as reports do, such as raff:123")
     if name in READERS:
         options.only = name
-    cases = MAKE["files" if name in READERS else name](options, folder)
+    cases = make("files" if name in READERS else name, options, folder)
     cases.begin(0)
     try:
         for one in cases.run(int(number))[2]:

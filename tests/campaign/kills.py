@@ -384,14 +384,10 @@ class _Begun:
         """Yield what is wrong with files after a kill or a full disk."""
         for name in {*self.new, *files}:
             data = files.get(name)
+            as_before = data in (None, old.get(name), self._before.get(name))
             if data is None and name in old:
                 yield "lost", name, ""
-            elif (
-                data is None
-                or _is_temporary(name)
-                or self.writer.resumes
-                or data in (old.get(name), self._before.get(name))
-            ):
+            elif as_before or _is_temporary(name) or self.writer.resumes:
                 continue
             elif name not in {**self.new, **self._before}:
                 yield "strange file", name, ""

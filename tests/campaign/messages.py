@@ -170,10 +170,9 @@ class Messages(Campaign):
             message["node"] = None if message["robot"] is None else ""  # a robot's cursor has a node
         description = message.get("description") or {}
         of_joints = {name: [{joint: 0.3} for joint in names["joint"]] for name in ("values", "coefficients")}
+        described = dict.fromkeys(("node", "other", "on"), names["node"]) | of_joints
         for part in (message, description, description.get("task") or {}):
-            own = (
-                names if part is message else {**{name: names["node"] for name in ("node", "other", "on")}, **of_joints}
-            )
+            own = names if part is message else described
             for name in part:
                 if part[name] is not None and name in own and rng.random() >= careless:
                     part[name] = rng.choice(own[name])

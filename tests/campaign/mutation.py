@@ -8,6 +8,7 @@ those of bytes, words and lines attack the parser. A file that a mutation can't 
 import json
 import re
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from random import Random
 from typing import Any
 
@@ -135,9 +136,31 @@ def _replace(rng: Random, data: bytes, pattern: re.Pattern[bytes], new: Callable
     return data[: one.start()] + new(one[0]) + data[one.end() :]
 
 
-# --- XML ---------------------------------------------------------------------------------------------------------
+def _parsed(parse: Callable[[bytes], Any]) -> Callable[[bytes], Any]:
+    """Return a function that returns what a text holds, and None of one that can't be parsed."""
+
+    def parsed(data: bytes) -> Any:
+        with suppress(etree.XMLSyntaxError, yaml.YAMLError, ValueError, RecursionError):
+            return parse(data)
+
+    return parsed
+
 
 _XML = etree.XMLParser(resolve_entities=False, recover=False, huge_tree=False)
+_xml = _parsed(lambda data: etree.fromstring(data, _XML))
+_json = _parsed(json.loads)
+_yaml = _parsed(yaml.safe_load)
+
+
+def _shuffle(rng: Random, table: Any) -> None:
+    """Change the order of a table's entries."""
+    items = list(table.items())
+    rng.shuffle(items)
+    table.clear()
+    table.update(items)
+
+
+# --- XML ---------------------------------------------------------------------------------------------------------
 
 
 def change_xml(rng: Random, data: bytes, words: Words) -> bytes:
@@ -189,22 +212,11 @@ def relayout_xml(rng: Random, data: bytes, _: Words) -> bytes:
     if root is None:
         return data
     for node in [node for node in root.iter() if isinstance(node.tag, str)]:
-        attributes = list(node.attrib.items())
-        rng.shuffle(attributes)
-        node.attrib.clear()
-        for name, value in attributes:
-            node.set(name, value)
+        _shuffle(rng, node.attrib)
         if len(node) and not (node.text or "").strip():
             node.insert(rng.randint(0, len(node)), etree.Comment(" of no meaning "))
             node.text = " \n\t "
     return etree.tostring(root, encoding="utf-8", xml_declaration=rng.random() < 0.5) + b"\n"
-
-
-def _xml(data: bytes) -> Any:
-    try:
-        return etree.fromstring(data, _XML)
-    except (etree.XMLSyntaxError, ValueError):
-        return None
 
 
 def _tag(rng: Random, name: str, words: Words) -> str:
@@ -266,10 +278,7 @@ def relayout_json(rng: Random, data: bytes, _: Words) -> bytes:
         return data
     for table in _containers(values):
         if isinstance(table, dict):
-            items = list(table.items())
-            rng.shuffle(items)
-            table.clear()
-            table.update(items)
+            _shuffle(rng, table)
     return json.dumps(values, indent=rng.choice((None, 0, 3, "\t"))).encode()
 
 
@@ -295,20 +304,6 @@ def misspell_yaml(rng: Random, data: bytes, _: Words) -> bytes:
 def relayout_yaml(rng: Random, data: bytes, _: Words) -> bytes:
     """Change the style of lists and tables, and the order of keys."""
     return b"# of no meaning\n" + yaml.safe_dump(_yaml(data), default_flow_style=rng.random() < 0.5).encode()
-
-
-def _yaml(data: bytes) -> Any:
-    try:
-        return yaml.safe_load(data)
-    except (yaml.YAMLError, ValueError, RecursionError):
-        return None
-
-
-def _json(data: bytes) -> Any:
-    try:
-        return json.loads(data)
-    except (ValueError, RecursionError):
-        return None
 
 
 def _containers(values: Any) -> list[Any]:

@@ -24,6 +24,13 @@ from campaign import mutation as m
 from campaign.corpus import Seed, entries, seed_of
 from campaign.judge import Finding, Outcome, judged
 from campaign.workers import Campaign
+from cinegen.cli import main
+from cinegen.collision.scene_file import load_scene
+from cinegen.mission import MissionRecorder, Recording, RobotSample
+from cinegen.toolpath.seam_file import open_seam
+from cinegen.workspace import open_map
+from raff2urdf.graphics.meshes import Graphics
+from raff2urdf.raff.document import RaffBase, RaffRobot
 from raff2urdf.raff.syntax import STATEMENTS
 from raff2urdf.readers.ignored import _MJCF, _SDF, _URDF
 
@@ -85,11 +92,6 @@ def meaning_of(mechanism: cinegen.Mechanism) -> Any:
     return mechanism.nodes, nq, mechanism.mobility, loops, couplings, mechanism.actuated, q
 
 
-def constraints_in(meaning: Any) -> int:
-    """Return the number of loops and couplings of a mechanism, by `meaning_of`."""
-    return len(meaning[3]) + int(meaning[4])
-
-
 # --- seeds -------------------------------------------------------------------------------------------------------
 
 _SMALL = ("four_bar", "five_bar", "planar_3r", "scara", "differential_wrist", "belt_five_bar", "planetary_gear")
@@ -99,28 +101,23 @@ def make_all(folder: Path) -> None:
     """Make files of all formats in a folder, from the robots of the repository."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        _convert_all(folder)
+        for name in _SMALL:
+            path = ROOT / "robots" / f"{name}.raff"
+            for dialect in ("json", "constraint", "urdf+", "closing-frames", "mimic", "robot.yaml"):
+                try:
+                    raff2urdf.convert(path, folder / dialect / name, dialect=dialect)
+                except raff2urdf.RaffError:  # the dialect has no notation for it
+                    shutil.rmtree(folder / dialect / name, ignore_errors=True)
+            for kind in ("sdf", "mjcf"):
+                raff2urdf.convert(path, folder / kind / name, format=kind)
     make_recording(folder / "recording")
-    _map(folder / "map")
-
-
-def _convert_all(folder: Path) -> None:
-    for name in _SMALL:
-        path = ROOT / "robots" / f"{name}.raff"
-        for dialect in ("json", "constraint", "urdf+", "closing-frames", "mimic", "robot.yaml"):
-            try:
-                raff2urdf.convert(path, folder / dialect / name, dialect=dialect)
-            except raff2urdf.RaffError:  # the dialect has no notation for it
-                shutil.rmtree(folder / dialect / name, ignore_errors=True)
-        for kind in ("sdf", "mjcf"):
-            raff2urdf.convert(path, folder / kind / name, format=kind)
+    over, out = "x=-0.4..0.4:4,y=-0.4..0.4:4", str(folder / "map/map.zarr")
+    with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
+        assert main(["map", str(ROOT / "robots/planar_3r.raff"), "--over", over, "--workers", "1", "-o", out]) == 0
 
 
 def make_recording(folder: Path, names: tuple[str, ...] = ("planar_3r", "four_bar")) -> None:
     """Make a short recording of some robots."""
-    from cinegen.mission.file_format import RobotSample
-    from cinegen.mission.recorder import MissionRecorder
-
     folder.mkdir(parents=True, exist_ok=True)
     robots = {name: cinegen.load(ROOT / f"robots/{name}.raff") for name in names}
     with MissionRecorder(folder / "mission.jsonl", robots) as recorder:
@@ -128,25 +125,13 @@ def make_recording(folder: Path, names: tuple[str, ...] = ("planar_3r", "four_ba
             recorder.write(0.1 * i, {name: RobotSample(robot.q_home, "IDLE") for name, robot in robots.items()})
 
 
-def _map(folder: Path) -> None:
-    from cinegen.cli import main
-
-    out = str(folder / "map.zarr")
-    over = "x=-0.4..0.4:4,y=-0.4..0.4:4"
-    with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
-        assert main(["map", str(ROOT / "robots/planar_3r.raff"), "--over", over, "--workers", "1", "-o", out]) == 0
-
-
 def _of_folder(folder: Path, subject: str, main: str | None = None) -> list[Seed]:
     """Return the seeds of each folder in a folder: all its files, the subject by its ending."""
     seeds = []
     for one in sorted(folder.iterdir()) if folder.is_dir() else ():
         files = {path.name: path.read_bytes() for path in sorted(one.iterdir()) if path.is_file()}
-        seeds += [
-            Seed(files, name, next((other for other in files if other.endswith(main or subject)), name))
-            for name in files
-            if name.endswith(subject)
-        ]
+        mains = [name for name in files if name.endswith(main or subject)]
+        seeds += [Seed(files, name, (mains or [name])[0]) for name in files if name.endswith(subject)]
     return seeds
 
 
@@ -191,10 +176,10 @@ def _none(_: Path) -> list[Seed]:
     return []
 
 
-def _graphics(name: str) -> Callable[[Path], list[Seed]]:
+def _graphics(ending: str) -> Callable[[Path], list[Seed]]:
     return lambda _: [
         Seed({path.name: b"\n".join(path.read_bytes().split(b"\n")[:400])}, path.name, path.name)
-        for path in sorted((ROOT / "robots/graphics").glob(f"*{name}"))
+        for path in sorted((ROOT / "robots/graphics").glob(f"*.{ending}"))
     ]
 
 
@@ -208,8 +193,6 @@ def _zarr(folder: Path) -> list[Seed]:
 
 
 def _read_recording(path: Path) -> Any:
-    from cinegen.mission.recording import Recording
-
     recording = Recording.load(path)
     recording.at(0.25)
     recording.placements_at(0.25)
@@ -224,8 +207,6 @@ def _wrong_with_recording(recording: Any) -> Iterator[str]:
 
 
 def _read_seam(path: Path) -> Any:
-    from cinegen.toolpath.seam_file import open_seam
-
     return open_seam(f"seam:{path}?distance=5mm")
 
 
@@ -234,28 +215,13 @@ def _wrong_with_seam(seam: Any) -> Iterator[str]:
         yield f"length {seam.length}"
 
 
-def _read_scene(path: Path) -> Any:
-    from cinegen.collision.scene_file import load_scene
-
-    return load_scene(path)
-
-
 def _wrong_with_scene(scene: Any) -> Iterator[str]:
     if not np.isfinite(scene.safety) or scene.safety < 0.0:
         yield f"safety {scene.safety}"
 
 
-def _read_map(path: Path) -> Any:
-    from cinegen.workspace.maps import open_map
-
-    return open_map(path).load()
-
-
 def _read_graphics(path: Path) -> Any:
     """Read a graphic file as a robot does that names it: what can't be drawn is reported, never raised."""
-    from raff2urdf.graphics.meshes import Graphics
-    from raff2urdf.raff.document import RaffBase, RaffRobot
-
     robot = RaffRobot(name="r", base=RaffBase(filenames=(path.name,)))
     drawings, reasons = Graphics(robot, path.parent, path.parent / "meshes").of(robot.base)
     return drawings, reasons
@@ -309,10 +275,6 @@ _SCHEMA_WORDS = tuple(set(_keys(json.loads((ROOT / "raff2urdf/constraints.schema
 _RECORDING_WORDS = ("robots", "obstacles", "tasks", "status", "q", "t", "null")
 
 
-def _missions(folder: Path) -> list[Seed]:
-    return _alone(folder / "recording/mission.jsonl")
-
-
 def _mechanism(name: str, seeds: Any, mutations: tuple[m.Mutation, ...], words: tuple[str, ...]) -> Reader:
     return Reader(name, seeds, cinegen.load, mutations, words, wrong_with, meaning_of)
 
@@ -328,13 +290,21 @@ READERS = {
         _mechanism("xacro", _none, m.XML, _DIALECT_WORDS),
         _mechanism("robot_yaml", _robot_yaml, m.YAML, _YAML_WORDS),
         _mechanism("loop_closures", _none, m.YAML, _YAML_WORDS),
-        Reader("scene", _scene, _read_scene, m.JSON, _SCENE_WORDS, _wrong_with_scene),
-        Reader("recording", _missions, _read_recording, m.PLAIN, _RECORDING_WORDS, _wrong_with_recording),
+        Reader("scene", _scene, load_scene, m.JSON, _SCENE_WORDS, _wrong_with_scene),
+        Reader(
+            "recording",
+            lambda folder: _alone(folder / "recording/mission.jsonl"),
+            _read_recording,
+            m.PLAIN,
+            _RECORDING_WORDS,
+            _wrong_with_recording,
+        ),
         Reader("seam", _none, _read_seam, m.PLAIN, ("x", "nz", "mm", "deg"), _wrong_with_seam),
-        Reader("nff", _graphics(".nff"), _read_graphics, m.PLAIN, (), _wrong_with_drawings),
-        Reader("dxf", _graphics(".dxf"), _read_graphics, m.PLAIN, (), _wrong_with_drawings),
-        Reader("mesh", _none, _read_graphics, m.PLAIN, (), _wrong_with_drawings),
-        Reader("map", _zarr, _read_map, m.JSON, ("shape", "chunks", "codecs", "attributes")),
+        *(
+            Reader(name, _graphics(name), _read_graphics, m.PLAIN, (), _wrong_with_drawings)
+            for name in ("nff", "dxf", "mesh")
+        ),
+        Reader("map", _zarr, lambda path: open_map(path).load(), m.JSON, ("shape", "chunks", "codecs", "attributes")),
     )
 }
 
@@ -447,7 +417,7 @@ def _lost(original: Outcome, found: Outcome) -> list[tuple[str, str, str]]:
     """A name that is misspelt must not lose a loop in silence."""
     if original.status != "read" or found.status != "read" or original.value is None:
         return []
-    had, has = constraints_in(original.value), constraints_in(found.value)
+    had, has = (len(loops) + couplings for _, _, _, loops, couplings, *_ in (original.value, found.value))
     if has < had and not found.message:
         return [("silent loss", "a misspelt name", f"{had} loops and couplings became {has}, and nothing is reported")]
     return []

@@ -17,6 +17,7 @@ def write(folder: Path, what: str, result: Result, command: str) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "report.json"
     report: dict[str, Any] = json.loads(path.read_text()) if path.exists() else {}
+    cases = {one.key: one.case for one in reversed(result.findings)}
     report[what] = {
         "command": command,
         "version": __version__,
@@ -26,7 +27,7 @@ def write(folder: Path, what: str, result: Result, command: str) -> None:
         "workers": result.workers,
         "counts": dict(sorted(result.counts.items())),
         "worst": dict(sorted(result.worst.items())),
-        "causes": {key: {"number": n, "case": _first(result, key)} for key, n in result.causes.most_common()},
+        "causes": {key: {"number": n, "case": cases[key]} for key, n in result.causes.most_common()},
     }
     path.write_text(json.dumps(report, indent=1, default=str) + "\n")
     (folder / "report.md").write_text(table(report))
@@ -37,10 +38,6 @@ def write(folder: Path, what: str, result: Result, command: str) -> None:
             target = folder / "findings" / file
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_bytes(data)
-
-
-def _first(result: Result, key: str) -> str:
-    return next(one.case for one in result.findings if one.key == key)
 
 
 def table(report: dict[str, Any]) -> str:

@@ -1,7 +1,6 @@
 """A page that is served by a process of its own, and clients of it: one that is honest, and the sockets of those that
 are not."""
 
-import base64
 import json
 import math
 import multiprocessing
@@ -15,13 +14,21 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
-from pathlib import Path
-from typing import Any
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import Any, Self
 from urllib.parse import urlsplit
+
+import psutil
 
 from campaign.readers import ROOT
 from campaign.workers import die_with_parent
+
+UPGRADE = (
+    *("Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13"),
+    "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==",
+)
+"""Headers of who asks for a websocket."""
 
 _STATES, _GAP, _LAST, _ENDED, _WRONG = range(5)
 
@@ -66,19 +73,14 @@ class Served:
         self._read += len(new)
         return new.decode(errors="replace")
 
-    def processes(self) -> Iterator[int]:
-        """Yield the ids of its processes."""
-        for path in Path("/proc").glob("[0-9]*/stat"):
-            try:
-                fields = path.read_text().rpartition(") ")[2].split()
-            except OSError:
-                continue
-            if int(fields[3]) == self.process.pid:  # the session
-                yield int(path.parent.name)
-
     def memory(self) -> float:
         """Return the resident memory of all its processes, MB."""
-        return sum(_resident(one) for one in self.processes()) / 1e6
+        found = 0
+        with suppress(psutil.NoSuchProcess):  # it has ended, or one of them just now
+            whole = psutil.Process(self.process.pid)
+            for one in (whole, *whole.children(recursive=True)):
+                found += one.memory_info().rss
+        return found / 1e6
 
     def stop(self) -> int | None:
         """Interrupt it; return its exit code, or None if it had to be killed."""
@@ -98,13 +100,6 @@ def _unlimited() -> None:
     die_with_parent()
 
 
-def _resident(process: int) -> int:
-    try:
-        return int(Path(f"/proc/{process}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-    except (OSError, IndexError):
-        return 0
-
-
 class Peer:
     """A client with its hands on the socket."""
 
@@ -117,18 +112,17 @@ class Peer:
         self.socket.connect((self.address.hostname, self.address.port))
         self._pending = b""
 
-    def request(self, path: str, *headers: str) -> None:
-        """Send a request."""
+    def request(self, path: str, *headers: str, host: str | None = None) -> Self:
+        """Send a request, and return the client."""
         query = f"?{self.address.query}" if self.address.query else ""
-        lines = [f"GET /{path}{query} HTTP/1.1", f"Host: {self.address.netloc}", *headers, "", ""]
+        host = self.address.netloc if host is None else host
+        lines = [f"GET /{path}{query} HTTP/1.1", f"Host: {host}", *headers, "", ""]
         self.socket.sendall("\r\n".join(lines).encode())
+        return self
 
     def upgrade(self, path: str = "session") -> bool:
         """Open a websocket; return whether that is allowed."""
-        key = base64.b64encode(os.urandom(16)).decode()
-        self.request(
-            path, "Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13", f"Sec-WebSocket-Key: {key}"
-        )
+        self.request(path, *UPGRADE)
         while b"\r\n\r\n" not in self._pending:
             if not (new := self.socket.recv(4096)):
                 return False
@@ -169,10 +163,8 @@ class Peer:
 def framed(payload: bytes, opcode: int = 1, final: bool = True, mask: bytes = b"\1\2\3\4") -> bytes:
     """Return a frame of a client."""
     size = len(payload)
-    if size < 126:
-        length = bytes([0x80 | size])
-    else:
-        length = bytes([0x80 | 126]) + struct.pack(">H", size) if size < 65536 else b"\xff" + struct.pack(">Q", size)
+    long = b"\xfe" + struct.pack(">H", size) if size < 65536 else b"\xff" + struct.pack(">Q", size)
+    length = bytes([0x80 | size]) if size < 126 else long
     key = int.from_bytes((mask * (size // 4 + 1))[:size], "big")
     masked = (int.from_bytes(payload, "big") ^ key).to_bytes(size, "big")
     return bytes([(0x80 if final else 0) | opcode]) + length + mask + masked

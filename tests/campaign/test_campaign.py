@@ -5,10 +5,12 @@ import sys
 import time
 import warnings
 from copy import copy
+from random import Random
 
 import numpy as np
 import pytest
 import typer
+from lxml import etree
 
 import cinegen.cli
 import raff2urdf.cli
@@ -16,7 +18,7 @@ import raff2urdf.urdf2raff.cli
 from campaign import messages, mutation, workers
 from campaign.kills import WRITERS, Kills
 from campaign.readers import READERS, Files, Reader, Seed
-from campaign.ticks import Session, Ticks
+from campaign.ticks import Ticks
 from cinegen.errors import CinegenError
 from raff2urdf.errors import RaffError
 
@@ -115,10 +117,6 @@ def test_a_case_is_made_from_its_number_alone(tmp_path):
 
 def test_mutations_of_a_tree_leave_a_tree(root):
     """So they reach what is behind the parser."""
-    from random import Random
-
-    from lxml import etree
-
     data = (root / "generated/four_bar.urdf").read_bytes()
     made = {mutation.change_xml(Random(i), data, ("loop", "joint")) for i in range(200)}
     assert len(made) > 150
@@ -137,21 +135,14 @@ def test_mutations_of_a_tree_leave_a_tree(root):
 )
 def test_a_tick_that_breaks_a_promise_is_found(plant, kind):
     campaign = Ticks(0, ("planar_3r",))
-    session = next(
-        session for i in range(99) if (session := _session(campaign, i)).name == "arm" and session.ticks > 999
-    )
+    sessions = (campaign._session(Random(f"0/ticks:{i}"), i) for i in range(99))
+    session = next(one for one in sessions if one.name == "arm" and one.ticks > 999)
     session.ticks = 300
     session.run()
     _, layout, records = session.records[-1]
     plant(records, lambda name: layout.fields[name][0])
     session.check()
     assert kind in {broken[0] for broken in session.broken}
-
-
-def _session(campaign, number) -> Session:
-    from random import Random
-
-    return campaign._session(Random(f"0/ticks:{number}"), number)
 
 
 # --- a slice of the campaign: half a minute of one core --------------------------------------------------------------

@@ -1,13 +1,34 @@
 """What tests of several commands share."""
 
 import io
+import shutil
 import sys
 from functools import partial
 
 import pytest
 
 import cinegen.cockpit
-from cinegen.cli import progress
+import raff2urdf.cli
+from cinegen.cli import main, progress
+
+
+@pytest.fixture
+def run(capsys, monkeypatch, tmp_path):
+    """`run("info", path)` in an empty folder: the exit code, and what is printed on both streams."""
+    monkeypatch.chdir(tmp_path)
+    return lambda *words, command=main: (command([*map(str, words)]), *capsys.readouterr())
+
+
+@pytest.fixture
+def printed(typed, monkeypatch, tmp_path):
+    """`printed("ik", "rx90", "--all")` in an empty folder: what a command prints, or its errors."""
+    monkeypatch.chdir(tmp_path)
+
+    def command(*words, code=0):
+        said = typed(*words, code=code)
+        return said.err if code and said.err else said.out
+
+    return command
 
 
 @pytest.fixture
@@ -32,3 +53,42 @@ def terminal(monkeypatch):
         return sys.stderr
 
     return open_terminal
+
+
+MEASUREMENTS = """pose,joint1 [deg],joint2 [deg],joint3 [deg],tool.x [mm],tool.y [mm]
+sigma,,,,1,1
+a,0,0,0,900.5,0.2
+b,90,0,0,0.1,901
+c,0,90,0,400.2,500.4
+d,0,0,90,700.1,200.3
+"""
+TASK = """
+starts = 1
+parameters = { "link2.d" = "150..500mm" }
+reach = { points = [[0.5, 0.3]], axes = ["x", "y"], orientation = "home" }
+objective = [{ minimise = "size", of = ["link*.d"] }]
+"""
+
+
+@pytest.fixture(scope="module")
+def inputs(root, tmp_path_factory):
+    """A folder with a file of each kind."""
+    folder = tmp_path_factory.mktemp("inputs")
+    for name in ("four_bar", "five_bar", "planar_3r"):
+        shutil.copy(root / "robots" / f"{name}.raff", folder)
+    for name, content in {"empty": b"", "binary": bytes(range(256)), "text.toml": b"hello = 1\n"}.items():
+        (folder / name).write_bytes(content)
+    (folder / "folder").mkdir()
+    (folder / "unreachable.toml").write_text("robot = 'planar_3r.raff'\ngoal = { point = [0.9, 0.9] }\n")
+    (folder / "task.toml").write_text(TASK)
+    (folder / "measurements.csv").write_text(MEASUREMENTS, encoding="utf-8")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        for made in (
+            "plan disc -o run.jsonl",
+            "map planar_3r.raff --over x,y --grid 3 --workers 1 -o map.zarr",
+            "prove five_bar.raff --over x=-10..10mm,y=0.45..0.46 -o proof.json",
+        ):
+            assert main(made.split()) == 0
+        assert raff2urdf.cli.main(["planar_3r.raff", "-o", "arm.urdf"]) == 0
+    return folder

@@ -1,20 +1,20 @@
 """`cinegen calibrate`: from a file of measurements to a robot, its report, its picture and the next poses."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
 import raff2urdf
-from cinegen.cli import main
 from cinegen.design import Design, Measurements, Parameters
 from cinegen.design.calibration.observation import Observation
 from cinegen.design.poses import random_poses
 
 
 @pytest.fixture
-def typed(capsys, monkeypatch, tmp_path):
+def typed(printed, tmp_path):
     """`typed("five_bar", "m.csv")`: what the command prints, in a folder with measurements of a five-bar whose link 2
     is 1 mm longer; pose 5 has an outlier of 3 mm."""
-    monkeypatch.chdir(tmp_path)
     parameters = Parameters("five_bar", ["*.d"])
     mechanism = parameters.mechanism
     q = random_poses(Design(parameters), 20, 1, 0.6)
@@ -27,13 +27,7 @@ def typed(capsys, monkeypatch, tmp_path):
     values[:, 2:] += 2e-5 * np.random.default_rng(3).normal(size=(20, 2))
     values[4, 3] += 3e-3
     (tmp_path / "m.csv").write_text(Measurements.of(mechanism, columns, values, sigmas).text())
-
-    def call(*words, code=0):
-        assert main(["calibrate", *map(str, words)]) == code
-        out, err = capsys.readouterr()
-        return out if code == 0 else err
-
-    return call
+    return partial(printed, "calibrate")
 
 
 def test_the_robot_its_picture_and_the_next_poses_are_written(typed, tmp_path):

@@ -2,19 +2,17 @@
 
 import json
 import math
+from functools import partial
 
 import pytest
-
-from cinegen.cli import main
 
 LOADED = ("--massless", "--payload", "2kg", "--at", "joint1=0", "joint2=0", "joint3=0")
 
 
 @pytest.fixture
-def typed(typed, monkeypatch, tmp_path):
+def typed(printed):
     """`typed("planar_3r", "--massless")`: what the command prints."""
-    monkeypatch.chdir(tmp_path)
-    return lambda *words: typed("forces", *words).out
+    return partial(printed, "forces")
 
 
 def test_an_arm_holds_a_payload_by_its_levers(typed):
@@ -39,10 +37,9 @@ def test_velocities_are_in_degrees_and_the_power_is_printed(typed):
     assert "note: forces leave out the masses of link1, link2, link3\n" in text
 
 
-def test_torques_along_a_recorded_motion(root, typed, tmp_path, capsys):
+def test_torques_along_a_recorded_motion(typed, printed):
     """Three times the mass needs three times the torque, at the same times."""
-    assert main(["plan", "disc", "-o", "run.jsonl"]) == 0
-    capsys.readouterr()
+    printed("plan", "disc", "-o", "run.jsonl")
     along = ("planar_3r", "--massless", "--payload", "2kg", "--trajectory", "run.jsonl")
     found = json.loads(typed(*along, "--json"))
     assert found["held"]
@@ -52,5 +49,5 @@ def test_torques_along_a_recorded_motion(root, typed, tmp_path, capsys):
         assert three["peak"] == pytest.approx(3.0 * one["peak"])
         assert three["at"] == one["at"]
     assert "peak" in typed(*along)
-    assert main(["forces", "five_bar", "--massless", "--trajectory", "run.jsonl"]) == 1
-    assert "joints of 'planar_3r' are not those of five_bar" in capsys.readouterr().err
+    refused = typed("five_bar", "--massless", "--trajectory", "run.jsonl", code=1)
+    assert "joints of 'planar_3r' are not those of five_bar" in refused

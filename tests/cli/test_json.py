@@ -9,7 +9,6 @@ import pytest
 
 import raff2urdf.cli
 import raff2urdf.urdf2raff.cli
-from cinegen.cli import main
 from cinegen.mission import MissionRecorder, RobotSample
 from cinegen.singularities.slice import Coordinates
 
@@ -68,121 +67,105 @@ def check(root, document, command, number=0):
 
 
 @pytest.fixture
-def printed(root, capsys, monkeypatch, tmp_path):
-    """`printed("info", "four_bar.raff")`: the document that a command prints, in an empty folder."""
+def checked(root, typed, monkeypatch, tmp_path):
+    """`checked("info", "four_bar")`: what a command prints as JSON, in an empty folder, once it has the shape of the
+    command's table."""
     monkeypatch.chdir(tmp_path)
 
-    def call(*words, code=0):
-        files = [str(root / "robots" / word) if word.endswith((".raff", ".toml")) else word for word in words]
-        assert main([*files, "--json"]) == code
-        return json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    def run(command, *words, number=0, code=0):
+        document = json.loads(typed(command, *words, "--json", code=code).out, parse_constant=pytest.fail)
+        check(root, document, command, number)
+        return document
 
-    return call
-
-
-def test_info(root, printed):
-    check(root, printed("info", "four_bar.raff", "planar_3r.raff", "scara.raff"), "info")
+    return run
 
 
-def test_ik(root, printed):
-    check(root, printed("ik", "five_bar.raff", "--at", "x=0.01", "--all"), "ik")
-    check(root, printed("ik", "five_bar.raff", "--at", "x=0.01"), "ik")
-    check(root, printed("ik", "planar_3r.raff", "--at", "x=9,rz=20", "--all", code=1), "ik")
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        ("info four_bar planar_3r scara", 0),
+        ("ik five_bar --at x=0.01 --all", 0),
+        ("ik five_bar --at x=0.01", 0),
+        ("ik planar_3r --at x=9,rz=20 --all", 1),
+        ("modes four_bar", 0),
+        ("modes gough --values 0.1,2,0.1,2,0.1,2", 1),
+        ("singular five_bar", 0),
+        ("singular tssm --at rx=0,ry=0,rz=90", 0),
+        ("forces four_bar --massless --payload 2kg", 0),
+        ("forces planetary_gear --massless --wrench carrier=0,0,0,0,0,1", 0),
+        ("tolerance five_bar --sigma link*.d=0.1mm,link2.alpha=0.1deg --samples 100", 0),
+        ("plan disc", 0),
+        ("sensors five_bar", 0),
+    ],
+)
+def test_a_document_has_the_shape_of_its_table(checked, words, code):
+    checked(*words.split(), code=code)
 
 
-def test_heal(root, printed, tmp_path):
+def test_heal(root, checked, tmp_path):
     text = (root / "robots/four_bar.raff").read_text(encoding="utf-8")
     (tmp_path / "tilted").write_text(text.replace("d 120.0 }", "d 120.0 alpha 0.003 }"), encoding="utf-8")
-    check(root, printed("heal", "tilted", "healed"), "heal")
+    checked("heal", "tilted", "healed")
 
 
-def test_modes(root, printed):
-    check(root, printed("modes", "four_bar.raff"), "modes")
-    check(root, printed("modes", "gough.raff", "--values", "0.1,2,0.1,2,0.1,2", code=1), "modes")
+def test_forces_along_a_recorded_motion(checked):
+    checked("plan", "disc", "-o", "run.jsonl")
+    checked("forces", "planar_3r", "--massless", "--payload", "2kg", "--trajectory", "run.jsonl", number=1)
 
 
-def test_singular(root, printed):
-    check(root, printed("singular", "five_bar.raff"), "singular")
-    check(root, printed("singular", "tssm.raff", "--at", "rx=0,ry=0,rz=90"), "singular")
-
-
-def test_forces(root, printed):
-    check(root, printed("forces", "four_bar.raff", "--massless", "--payload", "2kg"), "forces")
-    check(root, printed("forces", "planetary_gear.raff", "--massless", "--wrench", "carrier=0,0,0,0,0,1"), "forces")
-    printed("plan", str(root / "robots/scenes/disc.toml"), "-o", "run.jsonl")
-    along = printed("forces", "planar_3r.raff", "--massless", "--payload", "2kg", "--trajectory", "run.jsonl")
-    check(root, along, "forces", 1)
-
-
-def test_tolerance(root, printed):
-    sigma = ("--sigma", "link*.d=0.1mm, link2.alpha=0.1deg")
-    check(root, printed("tolerance", "five_bar.raff", *sigma, "--samples", "100"), "tolerance")
-
-
-def test_calibrate(root, printed, tmp_path):
+def test_calibrate(checked, tmp_path):
     lines = ["pose,joint1 [deg],joint2 [deg],joint3 [deg],tool.x [mm],tool.y [mm]", "sigma,,,,1,1"]
     for i, (a, b, c) in enumerate(np.random.default_rng(0).uniform(-90.0, 90.0, (12, 3))):
         arms = zip((405.0, 300.0, 200.0), np.radians(np.cumsum([a, b, c])), strict=True)
         x, y = np.sum([(r * np.cos(t), r * np.sin(t)) for r, t in arms], axis=0)
         lines.append(f"{i},{a},{b},{c},{x},{y + 30.0 * (i == 5)}")
     (tmp_path / "m.csv").write_text("\n".join(lines), encoding="utf-8")
-    words = "calibrate", "planar_3r.raff", str(tmp_path / "m.csv"), "--vary", "link*.d"
-    found = printed(*words)
-    check(root, found, "calibrate")
-    assert [one["pose"] for one in found["outliers"]] == ["5"]
-    check(root, printed(*words, "--propose", "3"), "calibrate")
+    words = "calibrate", "planar_3r", "m.csv", "--vary", "link*.d"
+    assert [one["pose"] for one in checked(*words)["outliers"]] == ["5"]
+    checked(*words, "--propose", "3")
 
 
-def test_synthesize(root, printed, tmp_path):
+def test_synthesize(checked, tmp_path):
     task = tmp_path / "task.toml"
     text = 'starts = 1\nties = ["link2.d = link4.d"]\n[parameters]\n"link2.d" = "200..400mm"\n'
     text += '[reach]\nx = "-50..50mm"\ny = "350..400mm"\n[[objective]]\nminimise = "condition"\n'
     task.write_text(text, encoding="utf-8")
-    out = str(tmp_path / "best.raff")
-    check(root, printed("synthesize", "five_bar.raff", "--task", str(task), "-o", out), "synthesize")
+    checked("synthesize", "five_bar", "--task", "task.toml", "-o", "best.raff")
     assert (tmp_path / "best.raff").is_file()
     assert not list(tmp_path.glob("*.json"))
     text = 'starts = 1\n[parameters]\n"link2.d" = "80..160mm"\n"frame4.d" = "300..400mm"\n'
     text += '[function]\ninput = "joint1"\noutput = "joint3"\npairs = [[50, 88.735], [80, 96]]\n'
     task.write_text(text, encoding="utf-8")
-    out = str(tmp_path / "linkage.raff")
-    found = printed("synthesize", "four_bar.raff", "--task", str(task), "-o", out)
-    check(root, found, "synthesize", 1)
+    checked("synthesize", "four_bar", "--task", "task.toml", "-o", "linkage.raff", number=1)
 
 
-def test_singular_of_a_recording(root, robot, printed, tmp_path):
+def test_singular_of_a_recording(robot, checked, tmp_path):
     mechanism = robot("tssm")
     pose = {"x": 0.0, "y": 0.0, "z": 0.02, "rx": 0.0, "ry": 0.0}
     coordinates = Coordinates(mechanism, (*pose, "rz"))
     with MissionRecorder(tmp_path / "run.jsonl", {"tssm": mechanism}) as recorder:
         for k, angle in enumerate(np.radians([84.0, 88.0, 92.0, 96.0])):
             recorder.write(float(k), {"tssm": RobotSample(coordinates.from_home({**pose, "rz": angle}), "IDLE")})
-    check(root, printed("singular", "run.jsonl"), "singular", 1)
+    checked("singular", "run.jsonl", number=1)
 
 
-def test_maps(root, printed):
-    region = ("planar_3r.raff", "--over", "x=-0.3..0.3:4", "--at", "y=0.2")
-    check(root, printed("map", *region, "-o", "a.zarr"), "map")
-    check(root, printed("map", *region, "--vary", "link2.d=0.3..0.5:2", "-o", "sweep"), "map", 1)
-    check(root, printed("compare", "a.zarr", "a.zarr"), "compare")
+def test_maps(checked):
+    region = ("planar_3r", "--over", "x=-0.3..0.3:4", "--at", "y=0.2")
+    checked("map", *region, "-o", "a.zarr")
+    checked("map", *region, "--vary", "link2.d=0.3..0.5:2", "-o", "sweep", number=1)
+    checked("compare", "a.zarr", "a.zarr")
 
 
-def test_proofs(root, printed):
+def test_proofs(checked):
     box = ("--over", "z=0.95..1.3", "--limits", "--boxes", "7")
-    check(root, printed("prove", "gough.raff", *box, code=1), "prove")
-    check(root, printed("check-proof", "gough-proof.json", code=1), "check-proof")
+    checked("prove", "gough", *box, code=1)
+    checked("check-proof", "gough-proof.json", code=1)
     box = ("--over", "x=-10..10mm,y=500..510mm", "--sigma", "0.5", "-o", "sigma.json")
-    found = printed("prove", "five_bar.raff", *box, code=1)
-    check(root, found, "prove")
+    found = checked("prove", "five_bar", *box, code=1)
     assert {witness["sigma"] for witness in found["witnesses"]} == {"sigma_1"}
     box = ("--over", "x=-10..10mm,y=500..510mm", "--clearance", "300mm", "-o", "near.json")
-    found = printed("prove", "five_bar.raff", *box, code=1)
-    check(root, found, "prove")
+    found = checked("prove", "five_bar", *box, code=1)
     assert {witness["clearance"] for witness in found["witnesses"]} <= {"base and link2", "base and link4"}
-
-
-def test_plan(root, printed):
-    check(root, printed("plan", "scenes/disc.toml"), "plan")
 
 
 def test_raff2urdf(root, capsys, monkeypatch, tmp_path):
@@ -198,7 +181,3 @@ def test_urdf2raff(root, robot, capsys, monkeypatch, tmp_path):
     (tmp_path / "arm.urdf").write_text(robot("planar_3r").source.urdf)
     assert raff2urdf.urdf2raff.cli.main(["arm.urdf", "--json"]) == 0
     check(root, json.loads(capsys.readouterr().out), "urdf2raff")
-
-
-def test_sensors(root, printed, monkeypatch):
-    check(root, printed("sensors", "five_bar.raff"), "sensors")

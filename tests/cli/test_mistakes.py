@@ -61,6 +61,12 @@ MISTAKES: list[tuple[str, int, str]] = [
     ("cinegen info two_arms.raff --robot lefft", 1, "there is no robot 'lefft': did you mean 'left'?"),
     ("cinegen modes two_arms.raff --at x=0", 1, "holds several robots: name one by --robot (left, right)"),
     ("cinegen drive four_bar.raff --node tol", 1, "no node 'tol': did you mean 'tool'?"),
+    ("cinegen drive five_bar.raff --sensor 7=/dev/ttyUSB0", 1, "no node of these files may follow a sensor 7"),
+    ("cinegen drive five_bar.raff --sensor tol=spnav:", 1, "no node 'tol': did you mean 'tool'"),
+    ("cinegen drive five_bar.raff --base five_bar", 1, "write NAME=ROBOT.NODE"),
+    ("cinegen drive five_bar.raff --base five_bar=five_bar.tool", 1, "carry each other"),
+    ("cinegen drive five_bar.raff --no-browser --host 'no such host'", 1, "no such host"),
+    ("cinegen drive five_bar.raff --no-browser --record folder/../", 1, "can't be written"),
     ("cinegen sensors --monitor banana://x", 1, "no kind of sensor 'banana:' (known:"),
     ("cinegen info four_bar.raff --loop frame4-frame6=ball", 1, "no loop 'frame4-frame6': did you mean 'frame4-fr"),
     ("cinegen info five_bar.raff --actuated joint1,jont2", 1, "no joint 'jont2': did you mean 'joint"),
@@ -173,6 +179,7 @@ def folder(root: Path, tmp_path_factory) -> Path:
     return folder
 
 
+@pytest.mark.usefixtures("session_in_a_thread")
 @pytest.mark.parametrize(("typed", "code", "says"), MISTAKES, ids=[one[0] for one in MISTAKES])
 def test_a_mistake_is_answered_in_three_lines(folder, monkeypatch, capsys, typed, code, says):
     if "Permission" in says and os.geteuid() == 0:

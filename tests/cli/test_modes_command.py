@@ -12,17 +12,6 @@ from cinegen.assembly import assembly_modes
 from cinegen.user_units import pose_numbers
 
 
-@pytest.fixture
-def typed(typed):
-    """`typed("tssm", "--json")`: what the command prints, and its errors."""
-
-    def command(*words, code=0):
-        said = typed("modes", *words, code=code)
-        return said.err if code and said.err else said.out
-
-    return command
-
-
 def rows(said):
     """Of a table: the mode's number as written, its numbers, and what is noted."""
     found = []
@@ -41,18 +30,18 @@ def _is_number(word):
 @pytest.mark.parametrize(
     "values", [["0.9", "0.95", "1", "1.05", "1.0", "1.01"], ["900mm,", "95 cm, 1000mm 1050mm,1 m,1.01m"]]
 )
-def test_lengths_are_typed_with_blanks_or_commas_in_m_or_with_units(robot, typed, values):
+def test_lengths_are_typed_with_blanks_or_commas_in_m_or_with_units(robot, printed, values):
     expected = assembly_modes(robot("gough"), [0.9, 0.95, 1.0, 1.05, 1.0, 1.01]).as_dict()
-    assert json.loads(typed("gough", "--values", *values, "--json")) == [expected]
+    assert json.loads(printed("modes", "gough", "--values", *values, "--json")) == [expected]
 
 
 @pytest.mark.parametrize(("name", "mode"), [("tssm", 3), ("five_bar", 1)])
-def test_modes_at_a_mode_that_was_listed_contain_it(typed, name, mode):
+def test_modes_at_a_mode_that_was_listed_contain_it(printed, name, mode):
     """What one copies from the table and types again is marked there."""
-    first = rows(typed(name))
+    first = rows(printed("modes", name))
     numbers = first[mode][1]
     pose = numbers if len(numbers) == 6 else [numbers[0], numbers[1], 0.0]
-    again = rows(typed(name, "--at", ",".join(map(str, pose))))
+    again = rows(printed("modes", name, "--at", ",".join(map(str, pose))))
     marked = [row for row in again if row[0].endswith("*")]
     compared = len(numbers) if len(numbers) == 6 else 2  # without orientation typed, any is right
     assert len(marked) == 1
@@ -64,46 +53,45 @@ def test_modes_at_a_mode_that_was_listed_contain_it(typed, name, mode):
             assert min(np.abs(np.subtract(row[:3], other[1][:3])).max() for other in again) < 5e-4
 
 
-def test_a_pose_may_be_typed_by_name_and_without_orientation(robot, typed):
+def test_a_pose_may_be_typed_by_name_and_without_orientation(robot, printed):
     gough = robot("gough")
-    found = json.loads(typed("gough", "--at", "x=-20mm", "y=0.03,z=88 cm", "--json"))[0]
+    found = json.loads(printed("modes", "gough", "--at", "x=-20mm", "y=0.03,z=88 cm", "--json"))[0]
     assert min(math.dist(mode["position"], (-0.02, 0.03, 0.88)) for mode in found["modes"]) < 1e-4
-    found = json.loads(typed("gough", "--at", "rz=25", "--json"))[0]
+    found = json.loads(printed("modes", "gough", "--at", "rz=25", "--json"))[0]
     home = pose_numbers(gough.placement(gough.q_home, "platform"))
     turned = pin.rpy.rpyToMatrix(np.radians([*home[3:5], 25.0]))
     assert min(np.abs(np.array(mode["rotation"]) - turned).max() for mode in found["modes"]) < 1e-4
 
 
-def test_where_solutions_meet_it_says_so(typed):
+def test_where_solutions_meet_it_says_so(printed):
     """Both cranks of the five-bar outward: its rods, 400 mm each, reach across the 800 mm between them."""
-    ((_, numbers, note),) = rows(typed("five_bar", "--values", 180, 0))
+    ((_, numbers, note),) = rows(printed("modes", "five_bar", "--values", 180, 0))
     np.testing.assert_allclose(numbers[:2], [0.0, 0.0], atol=1e-6)
     assert "2 solutions coincide" in note
 
 
-def test_where_there_is_no_mode_it_says_what_stays_open(typed):
+def test_where_there_is_no_mode_it_says_what_stays_open(printed):
     asked = "--values", 0.1, 2, 0.1, 2, 0.1, 2
-    said = typed("gough", *asked, code=1)
+    said = printed("modes", "gough", *asked, code=1)
     assert "no assembly mode" in said
     assert "There is none." in said
     assert "The closest configuration" in said
     assert rows(said) == []
-    assert json.loads(typed("gough", *asked, "--json", code=1))[0]["modes"] == []
-    assert typed("gough", *asked, "--view", code=1) == said
+    assert json.loads(printed("modes", "gough", *asked, "--json", code=1))[0]["modes"] == []
+    assert printed("modes", "gough", *asked, "--view", code=1) == said
 
 
-def test_what_is_not_proved_is_not_called_all(typed):
+def test_what_is_not_proved_is_not_called_all(printed):
     path = Path(__file__).parents[1] / "robots/data/peaucellier.raff"
-    said = " ".join(typed(path).split())
+    said = " ".join(printed("modes", path).split())
     assert "4 assembly modes" in said
     assert "These are all" not in said
     assert "There may be more. Monodromy: 4 complex solutions" in said
     assert "the last 6 monodromy loops found no more; trace test satisfied to " in said
     assert "in infinitely many configurations (self-motions): joint6, joint7 move (1 DoF, a curve of degree 2)" in said
     assert "2 self-motions found; not excluded: modes and self-motions that neither paths nor 64 random starts" in said
-    found = json.loads(typed(path, "--json"))[0]
+    found = json.loads(printed("modes", path, "--json"))[0]
     assert (found["complete"], found["trace_test"]) == (False, True)
-    assert [(m["dimension"], m["degree"], m["moving"]) for m in found["self_motions"]] == [
-        (1, 2, ["joint6", "joint7"])
-    ] * 2
+    curves = [(m["dimension"], m["degree"], m["moving"]) for m in found["self_motions"]]
+    assert curves == [(1, 2, ["joint6", "joint7"])] * 2
     assert all(mode["isolated"] for mode in found["modes"])

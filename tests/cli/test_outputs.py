@@ -35,29 +35,17 @@ def _is_mission(content: bytes) -> bool:
     return content.splitlines()[0].startswith(b'{"cinegen"') and len(content.splitlines()) > 2
 
 
-# A name for the target, the command (TARGET is where it writes, HERE the folder with its inputs), what it writes.
+# A name for the target, the command (TARGET is where it writes), what it writes.
 COMMANDS = {
-    "singular -o": ("t.json", "singular five_bar.raff --over x,y --grid 5 --plot p.png -o TARGET", _is_json),
-    "modes --plot, no suffix": ("t", "modes four_bar.raff --plot TARGET", _is_png),
-    "plan -o": ("t.jsonl", "plan scenes/disc.toml -o TARGET", _is_mission),
-    "urdf2raff -o": (
-        "t.raff",
-        "urdf2raff HERE/arm.urdf --no-graphics -o TARGET",
-        lambda content: content.startswith(b"RAFF"),
-    ),
+    "singular -o": ("t.json", "singular five_bar --over x,y --grid 5 --plot p.png -o TARGET", _is_json),
+    "modes --plot, no suffix": ("t", "modes four_bar --plot TARGET", _is_png),
+    "plan -o": ("t.jsonl", "plan disc -o TARGET", _is_mission),
+    "urdf2raff -o": ("t.raff", "urdf2raff arm.urdf --no-graphics -o TARGET", lambda text: text.startswith(b"RAFF")),
 }
 
 
 # Other commands write by the functions of one of these.
 every_command = pytest.mark.parametrize("name", COMMANDS)
-
-
-@pytest.fixture(scope="module")
-def inputs(robot, tmp_path_factory):
-    """A folder with a URDF."""
-    folder = tmp_path_factory.mktemp("inputs")
-    (folder / "arm.urdf").write_text(robot("planar_3r").source.urdf)
-    return folder
 
 
 RESULTS: dict[str, object] = {}
@@ -77,27 +65,19 @@ def once(function: str) -> Callable[..., object]:
 
 
 @pytest.fixture
-def command(root, inputs, tmp_path, monkeypatch):
+def command(robot, tmp_path, monkeypatch):
     """`command("plan -o", target)`: its exit code."""
-    for name in (
-        "cinegen.assembly.assembly_modes",
-        "cinegen.planning.plan",
-        "cinegen.singularities.loci.singular_loci",
-    ):
-        monkeypatch.setattr(name, once(name))
+    for name in ("assembly.assembly_modes", "planning.plan", "singularities.loci.singular_loci"):
+        monkeypatch.setattr(f"cinegen.{name}", once(f"cinegen.{name}"))
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
+    (tmp_path / "here/arm.urdf").write_text(robot("planar_3r").source.urdf)
 
     def run(name: str, target: Path, *options: str) -> int:
-        program, *words = COMMANDS[name][1].split()
-        arguments = [
-            str(root / "robots" / word) if word.endswith((".raff", ".toml")) else word.replace("HERE", str(inputs))
-            for word in words
-        ]
-        arguments = [*(str(target) if word == "TARGET" else word for word in arguments), *options]
+        program, *words = [str(target) if word == "TARGET" else word for word in COMMANDS[name][1].split()]
         if program == "urdf2raff":
-            return raff2urdf.urdf2raff.cli.main(arguments)
-        return cinegen.cli.main([program, *arguments])
+            return raff2urdf.urdf2raff.cli.main([*words, *options])
+        return cinegen.cli.main([program, *words, *options])
 
     return run
 
@@ -216,11 +196,15 @@ def test_readings_that_are_there_are_lost_only_where_others_can_be_written(tmp_p
 # --- films -----------------------------------------------------------------------------------------------------------
 
 
+def _written(path, folder):
+    _write(path, _encoded(_frames_of(folder), folder, path, imageio_ffmpeg.get_ffmpeg_exe()))
+
+
 def _filmed(path):
     with tempfile.TemporaryDirectory() as folder:
         for number in range(1, 6):
             Image.new("RGB", (64, 48), "red").save(Path(folder, f"{number:05d}.png"))
-        _write(path, _encoded(_frames_of(Path(folder)), Path(folder), path, imageio_ffmpeg.get_ffmpeg_exe()))
+        _written(path, Path(folder))
 
 
 def test_a_film_follows_links_and_keeps_devices(device, tmp_path):
@@ -240,11 +224,8 @@ def test_a_film_through_a_fifo_is_whole(fifo, tmp_path):
     (tmp_path / "fifo.mp4").symlink_to(path)
     _filmed(tmp_path / "fifo.mp4")
     (tmp_path / "copy.mp4").write_bytes(read())
-    said = subprocess.run(
-        [imageio_ffmpeg.get_ffmpeg_exe(), "-i", tmp_path / "copy.mp4", "-f", "null", "-"],
-        capture_output=True,
-        text=True,
-    )
+    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-i", tmp_path / "copy.mp4", "-f", "null", "-"]
+    said = subprocess.run(command, capture_output=True, text=True)
     assert said.returncode == 0
     assert "frame=    5" in said.stderr
 
@@ -254,8 +235,5 @@ def test_a_film_that_fails_leaves_what_was_there(tmp_path):
     (frames := tmp_path / "frames").mkdir()
     (frames / "00001.png").write_bytes(b"no picture")
     with pytest.raises(FilmError, match="can't write it"):
-        _write(
-            tmp_path / "film.mp4",
-            _encoded(_frames_of(frames), frames, tmp_path / "film.mp4", imageio_ffmpeg.get_ffmpeg_exe()),
-        )
+        _written(tmp_path / "film.mp4", frames)
     assert (tmp_path / "film.mp4").read_bytes() == b"older"

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from functools import partial
 
 import coal
 import numpy as np
@@ -11,7 +12,6 @@ import pytest
 from firas import firas
 
 import cinegen
-from cinegen.cli import main
 from cinegen.collision import load_scene, obstacle_kinds
 from cinegen.collision.body import PlacedShape
 from cinegen.mission import MissionError, Recording
@@ -21,16 +21,9 @@ from cinegen.session import scene_setup
 
 
 @pytest.fixture
-def typed(root, capsys):
-    """`typed("rod", "--json")`: what the command prints; its errors where that is asked for by `err=True`."""
-
-    def command(scene, *options, code=0, err=False):
-        path = scene if "." in str(scene) else root / f"robots/scenes/{scene}.toml"
-        assert main(["plan", str(path), *map(str, options)]) == code
-        said = capsys.readouterr()
-        return said.err if err else said.out
-
-    return command
+def typed(printed):
+    """`typed("rod", "--json")`: what the command prints."""
+    return partial(printed, "plan")
 
 
 @pytest.fixture
@@ -125,12 +118,11 @@ def test_what_can_not_be_is_said_at_once_with_what_to_do(typed, scene, values, s
 # --- JSON --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["rod"])
-def test_json_holds_a_way_from_the_start_to_the_goal(root, typed, name):
-    said = json.loads(typed(name, "--json"))
-    found = load_scene(root / f"robots/scenes/{name}.toml")
+def test_json_holds_a_way_from_the_start_to_the_goal(root, typed):
+    said = json.loads(typed("rod", "--json"))
+    found = load_scene(root / "robots/scenes/rod.toml")
     mechanism = found.mechanism
-    assert (said["scene"], said["status"], said["planner"]) == (name, "reached", "auto")
+    assert (said["scene"], said["status"], said["planner"]) == ("rod", "reached", "auto")
     path = [mechanism.configuration(values) for values in said["path"]]
     assert set(said["path"][0]) == set(mechanism.joints)
     assert (path[0] == found.start).all()
@@ -158,7 +150,7 @@ def test_json_is_json_where_there_is_no_way_and_nothing_to_meet(typed, scene):
 # --- recordings -------------------------------------------------------------------------------------------------
 
 
-def test_a_way_is_recorded_for_replay_and_export(typed, tmp_path, capsys):
+def test_a_way_is_recorded_for_replay_and_export(typed, printed, tmp_path):
     path = tmp_path / "way.jsonl"
     said = json.loads(typed("rod", "--json", "-o", path))
     recording = Recording.load(path)
@@ -166,8 +158,7 @@ def test_a_way_is_recorded_for_replay_and_export(typed, tmp_path, capsys):
     mechanism = recording.mechanism(robot)
     expected = np.array([mechanism.configuration(values) for values in said["path"]])
     assert recording.q[robot][[0, -1]] == pytest.approx(expected[[0, -1]], abs=1e-9)
-    assert main(["export", str(path), "--to", "csv"]) == 0
-    assert "checked: joints within their limits" in capsys.readouterr().out
+    assert "checked: joints within their limits" in printed("export", path, "--to", "csv")
     rows = np.loadtxt(tmp_path / "way.csv", delimiter=",", skiprows=1)
     assert rows[-1, 1:] == pytest.approx(expected[-1], abs=1e-9)
 
@@ -184,8 +175,7 @@ def test_a_way_that_ends_early_is_recorded_as_far_as_it_came_and_none_is_not(typ
 
 
 @pytest.mark.usefixtures("session_in_a_thread", "repelled")
-def test_the_page_of_what_got_stuck_leaves_the_exit_code(typed, monkeypatch, tmp_path):
-    monkeypatch.chdir(tmp_path)
+def test_the_page_of_what_got_stuck_leaves_the_exit_code(typed, tmp_path):
     options = ["--view", "--seconds", "0.2", "--no-browser"]
     assert "page: http://127.0.0.1:" in typed("rod", *options, code=1)
     assert not list(tmp_path.iterdir())
@@ -198,7 +188,7 @@ def test_a_recording_replaces_another_when_it_is_complete(typed, tmp_path, monke
     path = tmp_path / "out.jsonl"
     path.write_text("old")
     monkeypatch.setattr("cinegen.mission.results.timed_path", fail)
-    assert "the motion fails" in typed("rod", "-o", path, "--force", code=1, err=True)
+    assert "the motion fails" in typed("rod", "-o", path, "--force", code=1)
     assert path.read_text() == "old"
     monkeypatch.undo()
     typed("rod", "-o", path, "--force")
@@ -208,21 +198,8 @@ def test_a_recording_replaces_another_when_it_is_complete(typed, tmp_path, monke
 # --- to another assembly mode ----------------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def changed(root, capsys):
-    """`changed("any", "--json")`: what the command prints of the cuspidal platform; its errors with `err=True`."""
-
-    def command(modes, *options, code=0, err=False):
-        scene = str(root / "robots/scenes/cusp.toml")
-        assert main(["plan", scene, *(["--modes", modes] if modes else []), *map(str, options)]) == code
-        printed = capsys.readouterr()
-        return printed.err if err else printed.out
-
-    return command
-
-
-def test_a_path_through_a_singularity_is_reported(changed):
-    text = " ".join(changed("2", "--singular", "cross", "--timeout", 4).split())
+def test_a_path_through_a_singularity_is_reported(typed):
+    text = " ".join(typed("cusp", "--modes", 2, "--singular", "cross", "--timeout", 4).split())
     assert "to assembly mode 2 with the start's values of the actuated joints" in text
     assert "reached: assembly mode 2 of 6, through" in text
     assert re.search(r"singular after step \d+: sigma [-.e\d]+ of type 2", text)
@@ -230,8 +207,8 @@ def test_a_path_through_a_singularity_is_reported(changed):
     assert "the actuated joints lose control: only momentum or gravity" in text
 
 
-def test_no_path_is_no_proof(changed):
-    text = " ".join(changed("2", "--timeout", 0.5, code=1).split())
+def test_no_path_is_no_proof(typed):
+    text = " ".join(typed("cusp", "--modes", 2, "--timeout", 0.5, code=1).split())
     assert "time limit: no path was found in 0.5 s, which is no proof that there is none" in text
     assert "Try --timeout 3, or --singular cross." in text
 

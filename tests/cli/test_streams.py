@@ -128,18 +128,16 @@ def test_signals_end_a_filter_in_order(close, number, code):
 def test_a_command_handles_ctrl_c_after_few_imports(root):
     """Before, Python prints a traceback: when it starts, and imports what every program does."""
     program = "import sys; sys.path.insert(0, sys.argv[1]); import raff2urdf.entry; print(*sys.modules)"
-    done = subprocess.run(
-        [sys.executable, "-I", "-S", "-c", program, str(root)], capture_output=True, text=True, check=True
-    )
+    command = [sys.executable, "-I", "-S", "-c", program, str(root)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert not {"ast", "inspect", "pathlib", "tempfile", "tokenize", "typer"} & set(done.stdout.split())
 
 
 @pytest.mark.parametrize(("when", "code"), [("while it is imported", -signal.SIGINT), ("before it handles it", 130)])
 def test_ctrl_c_at_the_beginning_of_a_command_is_no_traceback(root, tmp_path, when, code):
     interrupt = "signal.raise_signal(signal.SIGINT)"
-    (tmp_path / "some_command.py").write_text(
-        f"import signal\ndef main():\n {interrupt}\n{interrupt if code < 0 else ''}\n", encoding="utf-8"
-    )
+    text = f"import signal\ndef main():\n {interrupt}\n{interrupt if code < 0 else ''}\n"
+    (tmp_path / "some_command.py").write_text(text, encoding="utf-8")
     program = "from raff2urdf import entry; entry._run('some_command')"
     environment = os.environ | {"PYTHONPATH": f"{root}:{tmp_path}"}
     done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=False)

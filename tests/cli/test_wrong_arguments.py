@@ -50,13 +50,6 @@ CALLS = {
     "raff2urdf": "four_bar.raff -o out/",
     "urdf2raff": "arm.urdf -o out.raff",
 }
-MEASUREMENTS = """pose,joint1 [deg],joint2 [deg],joint3 [deg],tool.x [mm],tool.y [mm]
-sigma,,,,1,1
-a,0,0,0,900.5,0.2
-b,90,0,0,0.1,901
-c,0,90,0,400.2,500.4
-d,0,0,90,700.1,200.3
-"""
 
 PROGRAMS = {"cinegen": cinegen.cli, "raff2urdf": raff2urdf.cli, "urdf2raff": raff2urdf.urdf2raff.cli}
 
@@ -64,12 +57,6 @@ NAMES = ("", "jont1", "nowhere/x", "folder", "empty", "binary", "text.toml", "a 
 NUMBERS = ("nan", "inf", "-1", "0", "1e400", "1e-300", "1e308", "9" * 20, "1,2,3", "nan,nan,nan", "1e308,0,0", "1e9m")
 PAIRS = ("jont1=10", "joint1=nan", "joint1=1e300", "x=nan", "x=nan..1", "x=0..1e308", "x=0..0:0", "a=b=c", "=", "..")
 PLACES = ("/dev/full", "/dev/zero", "tcp://x", "file:///x", "[]")
-TASK = """
-starts = 1
-parameters = { "link2.d" = "150..500mm" }
-reach = { points = [[0.5, 0.3]], axes = ["x", "y"], orientation = "home" }
-objective = [{ minimise = "size", of = ["link*.d"] }]
-"""
 MORE = {"--monitor": ["--seconds", "0.01"]}  # else it waits for a device to be plugged in
 
 
@@ -99,31 +86,6 @@ def mistaken(command: str) -> Iterator[list[str]]:
             yield [*call[:place], value, *call[place + 1 :]]
         else:
             yield [*call, one.opts[0], value, *MORE.get(one.opts[0], ())]
-
-
-@pytest.fixture(scope="module")
-def inputs(root, tmp_path_factory):
-    """A folder with a file of each kind."""
-    folder = tmp_path_factory.mktemp("inputs")
-    for name in ("four_bar", "five_bar", "planar_3r"):
-        shutil.copy(root / "robots" / f"{name}.raff", folder)
-    for name, content in {"empty": b"", "binary": bytes(range(256)), "text.toml": b"hello = 1\n"}.items():
-        (folder / name).write_bytes(content)
-    (folder / "folder").mkdir()
-    (folder / "unreachable.toml").write_text("robot = 'planar_3r.raff'\ngoal = { point = [0.9, 0.9] }\n")
-    (folder / "task.toml").write_text(TASK)
-    scene = (root / "robots/scenes/disc.toml").read_text().replace("../", "")
-    (folder / "disc.toml").write_text(scene)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        assert cinegen.cli.main(["plan", "disc.toml", "-o", "run.jsonl"]) == 0
-        cells = ["--over", "x,y", "--grid", "3", "--workers", "1"]
-        assert cinegen.cli.main(["map", "planar_3r.raff", *cells, "-o", "map.zarr"]) == 0
-        box = ("--over", "x=-10..10mm,y=0.45..0.46")
-        assert cinegen.cli.main(["prove", "five_bar.raff", *box, "-o", "proof.json"]) == 0
-        assert raff2urdf.cli.main(["planar_3r.raff", "-o", "arm.urdf"]) == 0
-        (folder / "measurements.csv").write_text(MEASUREMENTS, encoding="utf-8")
-    return folder
 
 
 OUTPUTS = {"output", "plot", "plot_joints", "poses", "record", "report", "snapshot", "state", "video"}

@@ -15,16 +15,6 @@ from cinegen.cockpit.server import ServerError
 from cinegen.session import arrange
 
 
-@pytest.fixture
-def cockpit(robot, closing):
-    def open_cockpit(*names, **options):
-        own = {name: options.pop(name) for name in ("host", "port", "token", "own_process") if name in options}
-        setup = arrange({name: robot(name) for name in names}, **options)
-        return closing(Cockpit(setup, **{"port": 0, "own_process": False, **own}))
-
-    return open_cockpit
-
-
 def drag(browser, robot, node, by):
     """Drag a node's origin."""
     place = origin(browser, robot, node)
@@ -111,7 +101,7 @@ def test_nobody_gets_in_without_the_token(cockpit, host):
     assert get(f"{local}?token=wrong")[0] == 403
     assert get(f"{local}?token={token}")[0] == 200
     assert get(f"{local}?token={token}", host="robot.example:1234")[0] == 200
-    for path in ("session", "page", "snapshot.html"):
+    for path in ("session", "page", "snapshot.html", "map/about.json", "map/cells.bin", "map/cell/7"):
         assert get(local, path)[0] == 403
     with pytest.raises(HTTPClientError, match="403"):
         Browser(local)

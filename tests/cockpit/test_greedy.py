@@ -1,24 +1,19 @@
 """Clients that ask for scenes without end, and one that only watches: it still sees the robot move."""
 
-import asyncio
-import base64
 import contextlib
 import gc
 import http.client
 import json
 import logging
-import os
 import socket
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from urllib.parse import urlsplit
 
 import pytest
-import tornado.websocket
 from browsers import Browser, becomes, get
-from campaign import served as served_page
+from campaign.served import UPGRADE, Peer
 from tornado.httpclient import HTTPClientError
 
 from cinegen.cockpit import Cockpit
@@ -29,41 +24,33 @@ from cinegen.session import arrange
 GREEDY = 8
 
 
-async def draw(address, drawn):
-    """Connect, take the first of the scene, and connect again."""
-    while True:
-        with suppress(Exception):
-            connection = await tornado.websocket.websocket_connect(f"ws://{address}/page")
-            await connection.read_message()
-            drawn.append(address)
-            connection.close()
-
-
 @pytest.fixture
-def page(robot):
-    setup = arrange({"delta4": robot("delta4")}, follow="circle")
-    with Cockpit(setup, port=0, token="", own_process=False) as one:
-        yield one
+def page(cockpit):
+    return cockpit("delta4", follow="circle", token="")
 
 
 @pytest.fixture
 def greedy():
-    """`greedy(url)`: begins, with an event loop of their own; a list that grows with each scene."""
-    loop = asyncio.new_event_loop()
-    thread = threading.Thread(target=loop.run_forever)
-    thread.start()
-    begun, drawn = [], []
+    """`greedy(url)`: clients begin to ask for the scene, take the first of it, and ask again; a list that grows with
+    each scene."""
+    over, drawn = threading.Event(), []
+
+    def ask(url):
+        while not over.is_set():
+            with suppress(Exception):
+                browser = Browser(url, path="page")
+                assert becomes(lambda browser=browser: browser.told)
+                drawn.append(url)
+                browser.leave()
 
     def begin(url):
-        address = urlsplit(url).netloc
-        begun.extend(asyncio.run_coroutine_threadsafe(draw(address, drawn), loop) for _ in range(GREEDY))
+        for _ in range(GREEDY):
+            pool.submit(ask, url)
         return drawn
 
-    yield begin
-    for one in begun:
-        one.cancel()
-    loop.call_soon_threadsafe(loop.stop)
-    thread.join()
+    with ThreadPoolExecutor(GREEDY) as pool:
+        yield begin
+        over.set()
 
 
 def test_an_honest_viewer_sees_states_among_greedy_clients(page, greedy):
@@ -128,19 +115,16 @@ def test_connections_that_are_answered_are_not_closed_for_others(page, monkeypat
 
 
 @pytest.mark.parametrize("deadline", ["_SLOW", "_FIRST"])
-def test_who_asks_slowly_is_disconnected(robot, monkeypatch, deadline):
+@pytest.mark.parametrize(
+    "half",
+    [b"", b"GET / HTTP/1.1\r\nHost: ", b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 9\r\n\r\nabc"],
+)
+def test_who_asks_slowly_is_disconnected(cockpit, monkeypatch, deadline, half):
     monkeypatch.setattr(f"cinegen.cockpit.server.{deadline}", 0.3)
-    with Cockpit(arrange({"delta4": robot("delta4")}), port=0, token="", own_process=False) as one:
-        for half in (
-            b"",
-            b"GET / HTTP/1.1\r\nHost: ",
-            b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 9\r\n\r\nabc",
-        ):
-            peer = socket.create_connection(("127.0.0.1", one.server.port))
-            peer.settimeout(5.0)
-            peer.sendall(half)
-            assert peer.recv(1) == b""
-            peer.close()
+    one = cockpit("delta4", token="")
+    with socket.create_connection(("127.0.0.1", one.server.port), timeout=5.0) as peer:
+        peer.sendall(half)
+        assert peer.recv(1) == b""
 
 
 # --- hostile ----------------------------------------------------------------------------------------------------------
@@ -173,25 +157,13 @@ def served(robot, caplog):
     assert logged == []
 
 
-class Peer(served_page.Peer):
-    """A client with its hands on the socket, which waits for no answer."""
-
-    def ask(self, path, *headers, host=None):
-        lines = [f"GET /{path} HTTP/1.1", f"Host: {self.address.netloc if host is None else host}", *headers]
-        self.socket.sendall("\r\n".join([*lines, "", ""]).encode())
-        return self
-
-    def upgrade(self, path):
-        key = base64.b64encode(os.urandom(16)).decode()
-        wanted = ("Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13")
-        return self.ask(path, *wanted, f"Sec-WebSocket-Key: {key}")
-
-    def status(self):
-        answer = b""
-        while b"\r\n" not in answer:
-            answer += self.socket.recv(1000)
-        self.socket.close()
-        return int(answer.split()[1])
+def status(peer):
+    """The status of the answer to a request."""
+    answer = b""
+    while b"\r\n" not in answer:
+        answer += peer.socket.recv(1000)
+    peer.socket.close()
+    return int(answer.split()[1])
 
 
 @pytest.mark.parametrize(
@@ -230,7 +202,7 @@ def test_hosts_that_are_none(served):
     url = served().url
     for host in ("evil.example:80", "127.0.0.1.evil.example", "[::1", "[", "]", "a]b", "[x]", "[127.0.0.1]", ""):
         for path in ("", "session", "page", "snapshot.html", "static/cockpit.js", "map/about.json"):
-            assert (host, path, Peer(url).ask(path, host=host).status()) == (host, path, 403)
+            assert (host, path, status(Peer(url).request(path, host=host))) == (host, path, 403)
 
 
 def test_origins_that_are_none(served):
@@ -242,10 +214,10 @@ def test_origins_that_are_none(served):
 
 
 def test_tokens_that_are_none(served):
-    url = served(host="0.0.0.0").server.local_url
+    url = served(host="0.0.0.0").server.local_url.partition("?")[0]
     for token in ("%ff", "%ed%a0%80", "%00", "a" * 9000):
         for path in ("", "session", "snapshot.html"):
-            assert Peer(url).ask(f"{path}?token={token}").status() in (400, 403)
+            assert status(Peer(url).request(f"{path}?token={token}")) in (400, 403)
 
 
 @pytest.mark.parametrize("path", ["session", "page", "", "viewer.js", "snapshot.html", "static/cockpit.js"])
@@ -254,8 +226,7 @@ def test_who_looks_and_vanishes(served, path):
     one = served()
     for delay in (0.0, 0.0005, 0.001, 0.005, 0.02, 0.1):
         for _ in range(4):
-            peer = Peer(one.url, room=2048)
-            (peer.upgrade if path in ("session", "page") else peer.ask)(path)
+            peer = Peer(one.url, room=2048).request(path, *(UPGRADE if path in ("session", "page") else ()))
             time.sleep(delay)
             peer.vanish()
     assert becomes(lambda: not one.hub.clients and not one.server.pages)
@@ -265,7 +236,7 @@ def test_who_commands_and_vanishes(served):
     one = served()
     for said in ({"hand": True}, {"nonsense": 1}, {"ack": 1}, {"pause": True}, {"pause": False}):
         for _ in range(4):
-            peer = Peer(one.url, room=2048).upgrade("session")
+            peer = Peer(one.url, room=2048).request("session", *UPGRADE)
             assert becomes(lambda: one.hub.clients)
             peer.send(**said)
             peer.vanish()
@@ -275,7 +246,7 @@ def test_who_commands_and_vanishes(served):
 def test_who_acknowledges_without_reading_and_vanishes(served):
     """What is sent piles up; it is in the middle of being sent when the connection ends."""
     one = served()
-    peers = [Peer(one.url, room=2048).upgrade("session") for _ in range(3)]
+    peers = [Peer(one.url, room=2048).request("session", *UPGRADE) for _ in range(3)]
     for frame in range(200):
         for peer in peers:
             peer.send(type="ack", frame=frame)
@@ -290,7 +261,7 @@ def test_who_acknowledges_without_reading_and_vanishes(served):
 @pytest.mark.parametrize("half", [socket.SHUT_WR, socket.SHUT_RD], ids=["says no more", "hears no more"])
 def test_a_connection_that_is_half_open(served, path, half):
     one = served()
-    peers = [Peer(one.url, room=2048).upgrade(path) for _ in range(5)]
+    peers = [Peer(one.url, room=2048).request(path, *UPGRADE) for _ in range(5)]
     assert becomes(lambda: len(one.hub.clients) == 5)
     for peer in peers:
         peer.socket.shutdown(half)
@@ -304,7 +275,7 @@ def test_a_connection_that_is_half_open(served, path, half):
 def test_who_answers_no_ping_is_given_up(served, monkeypatch):
     monkeypatch.setattr("cinegen.cockpit.handlers._PING", 0.1)
     one = served()
-    peers = [Peer(one.url).upgrade(path) for path in ("session", "page")]
+    peers = [Peer(one.url).request(path, *UPGRADE) for path in ("session", "page")]
     assert becomes(lambda: len(one.hub.clients) == 2 and one.server.pages)
     for peer in peers:
         said = b""

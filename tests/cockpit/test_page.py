@@ -207,9 +207,7 @@ def test_a_node_moves_about_its_axis_through_its_origin(robot, name):
     for node in moved:
         q, change = mechanism.q_home, np.zeros(mechanism.model.nv)
         change[mechanism.model.joints[mechanism.model.getJointId(node.joint)].idx_v] = step
-        before, after = (
-            mechanism.placement(there, node.name) for there in (q, pin.integrate(mechanism.model, q, change))
-        )
+        before, after = (mechanism.placement(there, node.name) for there in (q, mechanism.integrate(q, change)))
         twist = pin.log6(before.actInv(after)).vector / step  # in the node's frame
         expected = [*node.axis, 0, 0, 0] if mechanism.is_prismatic(node.joint) else [0, 0, 0, *node.axis]
         assert twist == pytest.approx(np.array(expected), abs=1e-5)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from browsers import Browser, becomes
 
-from cinegen.cockpit import Cockpit
 from cinegen.cockpit.build_messages import NodePoses, hello_message, state_message
 from cinegen.cockpit.page_state import moving_rows, page_state, shown_of
 from cinegen.session import Session, arrange
@@ -15,9 +14,16 @@ LARGEST = 1000
 
 
 @pytest.fixture
-def cockpit(robot):
-    with Cockpit(arrange({"gough": robot("gough")}), port=0, own_process=False) as one:
-        yield one
+def cockpit(cockpit):
+    return cockpit("gough")
+
+
+@pytest.fixture
+def page(cockpit):
+    """A page at rest."""
+    page = Browser(cockpit.url, path="page")
+    assert becomes(lambda: page.report and page.report["rate"]["at_rest"])
+    return page
 
 
 def test_pages_are_sent_nothing_at_rest_and_programs_the_time(cockpit):
@@ -28,9 +34,9 @@ def test_pages_are_sent_nothing_at_rest_and_programs_the_time(cockpit):
     assert [one.received for one in pages] == received
 
 
-def test_pages_at_rest_see_at_once_who_has_control_and_who_is_there(cockpit):
-    page, other = (Browser(cockpit.url, path="page") for _ in range(2))
-    assert becomes(lambda: page.report and page.report["rate"]["at_rest"])
+def test_pages_at_rest_see_at_once_who_has_control_and_who_is_there(cockpit, page):
+    other = Browser(cockpit.url, path="page")
+    assert becomes(lambda: other.told)
     other.say("request_control", on=True)
     assert becomes(lambda: page.state["controller"] == other.told[0]["client"])
     other.say("set_user", name="Ada", colour=1)
@@ -39,9 +45,7 @@ def test_pages_at_rest_see_at_once_who_has_control_and_who_is_there(cockpit):
     assert becomes(lambda: page.state["controller"] is None and page.users == [])
 
 
-def test_reactions_that_are_asked_for_at_rest_come(cockpit):
-    page = Browser(cockpit.url, path="page")
-    assert becomes(lambda: page.report and page.report["rate"]["at_rest"])
+def test_reactions_that_are_asked_for_at_rest_come(page):
     assert page.report["robots"]["gough"]["reactions"] is None
     page.say("request_reactions", on=True)
     assert becomes(lambda: page.report["robots"]["gough"]["reactions"])
@@ -49,9 +53,7 @@ def test_reactions_that_are_asked_for_at_rest_come(cockpit):
     assert becomes(lambda: page.state["controller"] is not None)
 
 
-def test_a_drag_from_rest_is_seen_by_pages(cockpit):
-    page = Browser(cockpit.url, path="page")
-    assert becomes(lambda: page.report and page.report["rate"]["at_rest"])
+def test_a_drag_from_rest_is_seen_by_pages(page):
     page.say("start_drag", robot="gough", node="platform", point=[0, 0, 0])
     assert becomes(lambda: page.state["tasks"])
     x, y, z = page.state["tasks"][0]["position"]

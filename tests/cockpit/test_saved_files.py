@@ -4,6 +4,7 @@ import os
 import threading
 from dataclasses import replace
 
+import hostile_names
 import numpy as np
 import pytest
 import trimesh
@@ -36,19 +37,6 @@ URDF = """<robot name="r">
   </joint>
 </robot>
 """
-SDF = """<sdf version="1.9"><model name="r">
-  <link name="base"/><link name="a"/><link name="b"><pose>0.4 0 0 0 0 0</pose></link>
-  <joint name="f" type="fixed"><parent>world</parent><child>base</child></joint>
-  <joint name="j" type="revolute"><parent>base</parent><child>a</child><axis><xyz>0 0 1</xyz></axis></joint>
-  <joint name="k" type="revolute"><parent>a</parent><child>b</child><axis><xyz>0 0 1</xyz></axis></joint>
-</model></sdf>
-"""
-MJCF = """<mujoco model="r"><compiler angle="radian"/><worldbody>
-  <body name="a"><joint name="j" type="hinge" axis="0 0 1"/><geom type="sphere" size="0.05"/>
-    <body name="b" pos="0.4 0 0"><joint name="k" type="hinge" axis="0 0 1"/><geom type="sphere" size="0.05"/></body>
-  </body>
-</worldbody></mujoco>
-"""
 
 
 @pytest.fixture(autouse=True)
@@ -75,32 +63,31 @@ def part(folder, size):
     trimesh.creation.box([size, 0.1, 0.1]).export(folder / "part.stl")
 
 
-def span(mechanism):
-    return float(np.linalg.norm(mechanism.placement(mechanism.q_home, mechanism.end).translation))
+def step(mechanism):
+    """How far the last joint is from the one before."""
+    return float(np.linalg.norm(mechanism.model.jointPlacements[2].translation))
 
 
 @pytest.mark.parametrize(
     ("name", "text", "old", "new", "bad"),
     [
-        ("r.raff", RAFF, "d 400", "d 500", "d x"),
-        ("r.urdf", URDF, "0.4 0 0", "0.5 0 0", "0.4 0 zero"),
-        ("r.sdf", SDF, "0.4 0 0", "0.5 0 0", "0.4 0 zero"),
-        ("r.xml", MJCF, "0.4 0 0", "0.5 0 0", "0.4 0 zero"),
+        ("r.raff", hostile_names.raff(("a", "b")), "d 300", "d 400", "d x"),
+        ("r.urdf", hostile_names.arm_of(("a", "b"), "r"), "0.3 0 0", "0.4 0 0", "0.3 0 zero"),
+        ("r.sdf", hostile_names.sdf(("a", "b")), "0.3 0 0", "0.4 0 0", "0.3 0 zero"),
+        ("r.xml", hostile_names.mjcf(("a", "b")), "0.3 0 0", "0.4 0 0", "0.3 0 zero"),
     ],
 )
 def test_each_format_is_read_again_and_its_errors_are_returned(tmp_path, name, text, old, new, bad):
-    part(tmp_path, 0.1)
-    path = tmp_path / name
+    path, over = tmp_path / name, threading.Event()
     path.write_text(text)
-    files = watched(path)
-    over = threading.Event()
-    before = span(cinegen.load(path))
-    path.write_text(text.replace(old, bad, 1))
+    files, before = watched(path), cinegen.load(path)
+    path.write_text(text.replace(old, bad))
     wrong = files.wait(over)
     assert wrong.made is None
     assert name in wrong.problem
-    path.write_text(text.replace(old, new, 1))
-    assert span(files.wait(over).made) == pytest.approx(before + 0.1, abs=1e-6)
+    path.write_text(text.replace(old, new))
+    after = files.wait(over).made
+    assert step(after) == pytest.approx(step(before) * 4.0 / 3.0, abs=1e-6)
 
 
 @pytest.fixture

@@ -10,9 +10,9 @@ import trimesh
 from browsers import Browser, becomes, get
 
 import cinegen
-from cinegen.cockpit import Cockpit, show_map
+from cinegen.cockpit import show_map
 from cinegen.cockpit.served_map import MOST, ServedMap
-from cinegen.session import Session, SetupError, map_setup
+from cinegen.session import SetupError, map_setup
 from cinegen.session.setup import MapOverlay
 from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map
 
@@ -27,9 +27,8 @@ def path(robot, tmp_path_factory):
 
 
 @pytest.fixture
-def cockpit(path):
-    with Cockpit(map_setup(path, "solutions"), port=0, own_process=False) as one:
-        yield one
+def cockpit(cockpit, path):
+    return cockpit(setup=map_setup(path, "solutions"))
 
 
 def read(block):
@@ -58,9 +57,8 @@ def test_the_page_gets_all_cells_as_numbers(cockpit, path):
     assert found["numbers"].tolist() == cells["numbers"].tolist()
     assert found["indices"].reshape(-1, 2).tolist() == cells["indices"].tolist()
     assert found["points"].reshape(-1, 3) == pytest.approx(cells["points"], abs=1e-6)
-    assert found["edges"].reshape(-1, 2, 3) == pytest.approx(
-        np.broadcast_to([[0.1, 0.0, 0.0], [0.0, 0.08, 0.0]], (len(cells["points"]), 2, 3)), abs=1e-6
-    )
+    edges = np.broadcast_to([[0.1, 0.0, 0.0], [0.0, 0.08, 0.0]], (len(cells["points"]), 2, 3))
+    assert found["edges"].reshape(-1, 2, 3) == pytest.approx(edges, abs=1e-6)
     assert found["value sigma_1"].tolist() == cells["value sigma_1"].tolist()
     assert [one["unit"] for one in about["quantities"]] == ["1", "1"]
 
@@ -103,14 +101,6 @@ def test_a_cell_says_how_it_is_reached_and_the_robot_goes_there(cockpit, path):
 def test_what_is_not_there_is_not_found(cockpit):
     wrong = ("cell/40", "cell/999999999999999999", "cell/-1", "cell/x", "")
     assert {get(cockpit.url, f"map/{name}")[0] for name in wrong} == {404}
-
-
-def test_a_map_is_kept_from_who_has_no_token(path):
-    with Cockpit(map_setup(path), port=0, own_process=False, host="0.0.0.0", token="secret") as one:
-        address = f"http://127.0.0.1:{one.server.port}/"
-        for name in ("about.json", "cells.bin", "cell/7"):
-            assert get(address, f"map/{name}")[0] == 403
-        assert get(f"{address}?token=secret", "map/about.json")[0] == 200
 
 
 def test_a_map_that_is_taken_away_meanwhile_ends_nothing(path, robot, tmp_path):
@@ -239,26 +229,14 @@ def test_turns_in_one_place_are_shown_on_a_ball_about_it(made, robot):
     home = gough.placement(gough.q_home, gough.end).translation
     for point, number in zip(cloud.arrays["points"], cloud.arrays["numbers"], strict=True):
         q = dataset["configuration"].values.reshape(-1, gough.model.nq)[number]
-        assert (point - home) / np.linalg.norm(point - home) == pytest.approx(
-            gough.placement(q, gough.end).rotation[:, 2]
-        )
+        upwards = gough.placement(q, gough.end).rotation[:, 2]
+        assert (point - home) / np.linalg.norm(point - home) == pytest.approx(upwards)
     assert not any(axis.translates for axis in cloud.description.axes)
-
-
-def test_beside_the_map_stands_its_robot(made, robot):
-    path, _ = made("delta4", Region(BOX), "sigma_1", "margin")
-    setup = map_setup(path, "margin", robot("delta4"))
-    assert setup.map.path == str(path)
-    assert (setup.map.robot, setup.map.node, setup.map.quantity) == ("r1", "platform", "margin")
-    assert setup.robots == {"r1": robot("delta4")}
-    session = Session(map_setup(path))
-    session.tick()
-    assert session.robots["r1"].q == pytest.approx(robot("delta4").q_home)
-    session.close()
 
 
 def test_what_makes_no_sense_is_refused(made, robot, tmp_path):
     path, _ = made("delta4", Region(BOX), "sigma_1", "margin")
+    assert map_setup(path, "margin", robot("delta4")).robots == {"r1": robot("delta4")}
     with pytest.raises(SetupError, match=r"no quantity 'sigma_2'.*it has sigma_1, margin"):
         map_setup(path, "sigma_2")
     with pytest.raises(SetupError, match="of another robot"):

@@ -7,9 +7,7 @@ import pytest
 from browsers import Browser, becomes, get
 from tornado.httpclient import HTTPClientError
 
-from cinegen.cockpit import Cockpit
 from cinegen.cockpit.hub import VIEW_ONLY
-from cinegen.session import arrange
 
 COMMANDS = [
     {"said": "request_control", "on": True},
@@ -23,9 +21,8 @@ COMMANDS = [
 
 
 @pytest.fixture
-def page(robot):
-    with Cockpit(arrange({"delta4": robot("delta4")}), port=0, own_process=False) as one:
-        yield one
+def page(cockpit):
+    return cockpit("delta4")
 
 
 def notices(browser):
@@ -88,6 +85,5 @@ def test_neither_token_stands_for_the_other(page):
     both.leave()
 
 
-def test_a_page_without_a_token_is_open_to_all(robot):
-    with Cockpit(arrange({"delta4": robot("delta4")}), port=0, token="", own_process=False) as one:
-        assert one.view_url is None
+def test_a_page_without_a_token_is_open_to_all(cockpit):
+    assert cockpit("delta4", token="").view_url is None

@@ -9,18 +9,9 @@ import select
 import threading
 import time
 import tty
-from collections.abc import Callable
 from pathlib import Path
 
 from mouse_streams import magellan_keys, magellan_motion, spaceball_motion
-
-
-def wait(condition: Callable[[], object], seconds: float = 15.0) -> None:
-    """Until something is so."""
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it took too long"
-        time.sleep(0.002)
 
 
 class Device:

@@ -5,10 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from browsers import becomes
 from hypothesis import given
 from hypothesis import strategies as st
 from mouse_streams import magellan_motion
-from played import PlayedMagellan, wait
+from played import PlayedMagellan
 
 import cinegen
 from cinegen.devices import SensorError, TwistMapping, open_sensor
@@ -151,7 +152,7 @@ def test_a_mouse_moves_the_node_that_it_is_switched_to_and_its_axes_are_turned_b
         def sensor():
             return next(one for one in runner.state.sensors if one.id == "1")
 
-        wait(lambda: runner.state is not None and sensor().state.value == "live")
+        assert becomes(lambda: runner.state is not None and sensor().state.value == "live")
         for sign in (-1, 1):
             begin = height()
 
@@ -160,31 +161,31 @@ def test_a_mouse_moves_the_node_that_it_is_switched_to_and_its_axes_are_turned_b
                 assert sign * (height() - begin) > -0.01
                 return sign * (height() - begin) > 0.02
 
-            wait(moved)
+            assert becomes(moved)
             assert sensor().twist[2] > 0.5
             device.unplug()
-            wait(lambda: sensor().state.value in ("lost", "silent", "opening"))
+            assert becomes(lambda: sensor().state.value in ("lost", "silent", "opening"))
             runner.send(c.ChangeSensor("1", "x y z"))
-            wait(lambda: sensor().axes == "x, y, z, 0, 0, 0")
+            assert becomes(lambda: sensor().axes == "x, y, z, 0, 0, 0")
             rest = []
 
             def rests(rest=rest):
                 rest.append(height())
                 return len(rest) > 100 and rest[-1] == rest[-100]
 
-            wait(rests)
+            assert becomes(rests)
             (task,) = runner.state.robots["delta"].tasks
             assert abs(task.target.translation[2] - height()) < 1e-6
             device.plug()
-            wait(lambda: sensor().state.value == "live", 20.0)
+            assert becomes(lambda: sensor().state.value == "live", 20.0)
     device.unplug()
 
 
-def test_a_session_keeps_changed_axes_until_the_file_changes_them(raff):
+def test_a_session_keeps_changed_axes_until_the_file_changes_them(raff, closing):
     def setup(axes="", rate=1000.0):
         return replace(arrange({"r": raff(RAFF.format(port="gamepad:", axes=axes))}), rate=rate)
 
-    session = Session(setup('axes "-x"'))
+    session = closing(Session(setup('axes "-x"')))
 
     def shown():
         return next(one.axes for one in session.state().sensors if one.id == "1")
@@ -206,4 +207,3 @@ def test_a_session_keeps_changed_axes_until_the_file_changes_them(raff):
     assert shown() == "x, z, y, 0, 0, 0"
     with pytest.raises(CommandError, match=r"Unknown sensor '2' - at `\$.sensor`"):
         check_names(c.ChangeSensor("2", "x"), session.setup)
-    session.close()

@@ -52,9 +52,8 @@ HINGE = """<robot name="hinge">
 </robot>"""
 
 
-def test_a_joint_with_limits_moves_to_and_fro_between_them_and_keeps_its_velocity_limit(tmp_path):
-    (tmp_path / "hinge.urdf").write_text(HINGE)
-    hinge = load(tmp_path / "hinge.urdf")
+def test_a_joint_with_limits_moves_to_and_fro_between_them_and_keeps_its_velocity_limit():
+    hinge = load(HINGE)
     path = fit_path(hinge, "tip")
     assert not path.closed
     angles = [np.arctan2(*path.target(t).translation[1::-1]) for t in np.arange(0.0, 2.0 * path.period, 0.02)]

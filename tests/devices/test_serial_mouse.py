@@ -3,8 +3,9 @@
 import random
 
 import pytest
+from browsers import becomes
 from mouse_streams import magellan_motion, magellan_twist, spaceball_twist
-from played import Device, PlayedMagellan, PlayedSpaceball, wait
+from played import Device, PlayedMagellan, PlayedSpaceball
 
 from cinegen.devices import SensorState
 from cinegen.devices.serial_mouse import SerialMouse
@@ -24,7 +25,7 @@ def played(request, tmp_path):
     mouse = SerialMouse(str(device.path), patience=0.3)
     mouse.longest = 0.1
     mouse.start()
-    wait(device.started.is_set)
+    assert becomes(device.started.is_set)
     yield device, mouse, twist, request.param
     mouse.close()
     device.unplug()
@@ -35,7 +36,7 @@ def magellan(tmp_path):
     device = PlayedMagellan(tmp_path / "port").plug()
     mouse = SerialMouse(str(device.path), patience=0.3)
     mouse.start()
-    wait(lambda: mouse.status.state is SensorState.LIVE)
+    assert becomes(lambda: mouse.status.state is SensorState.LIVE)
     yield device, mouse
     mouse.close()
     device.unplug()
@@ -45,33 +46,31 @@ def magellan(tmp_path):
 def test_a_malformed_url_is_a_status_and_no_defect(url):
     mouse = SerialMouse(url)
     mouse.start()
-    wait(lambda: mouse.status.state is SensorState.LOST)
+    assert becomes(lambda: mouse.status.state is SensorState.LOST)
     mouse.close()
     assert not mouse.exception_log.messages
 
 
 def reads(mouse: SerialMouse, twist: tuple[float, ...], device: Device, counts: tuple[int, ...]) -> None:
     """Waits until a movement is read; a device goes on sending while it is deflected."""
-    newest = []
 
     def there() -> bool:
         device.move(counts)
         reading = mouse.read()
-        newest.append(reading)
         return reading is not None and reading.twist == twist
 
-    wait(there)
+    assert becomes(there)
 
 
 def test_it_is_found_started_and_read(played):
     device, mouse, twist, name = played
-    wait(lambda: mouse.status.state is SensorState.LIVE and name in mouse.status.message)
+    assert becomes(lambda: mouse.status.state is SensorState.LIVE and name in mouse.status.message)
     for counts in [(20, -30, 40, 50, -60, 70), (0, 0, 0, 0, 0, 0), (1, 2, 3, 4, 5, 6)]:
         reads(mouse, twist(counts), device, counts)
     assert mouse.status.state is SensorState.LIVE
     complaint, why = COMPLAINTS[name]
     device.send(complaint)
-    wait(lambda: why in mouse.status.message)
+    assert becomes(lambda: why in mouse.status.message)
     mouse.close()
     assert mouse.status.state is SensorState.CLOSED
 
@@ -80,14 +79,14 @@ def test_unplugged_and_plugged_in_again(played):
     device, mouse, twist, _ = played
     counts = (20, -30, 40, 50, -60, 70)
     for _ in range(2):
-        wait(device.started.is_set)
+        assert becomes(device.started.is_set)
         reads(mouse, twist(counts), device, counts)
         device.unplug()
-        wait(lambda: mouse.status.state is SensorState.LOST)
+        assert becomes(lambda: mouse.status.state is SensorState.LOST)
         for _ in range(100):
             mouse.read()
         device.plug()
-    wait(lambda: mouse.status.state is SensorState.LIVE)
+    assert becomes(lambda: mouse.status.state is SensorState.LIVE)
     reads(mouse, twist(counts), device, counts)
 
 
@@ -96,11 +95,11 @@ def test_a_cable_that_is_pulled_is_noticed_by_its_silence(played):
     device, mouse, twist, _ = played
     reads(mouse, twist((1, 1, 1, 1, 1, 1)), device, (1, 1, 1, 1, 1, 1))
     device.deaf = True
-    wait(lambda: mouse.status.state not in (SensorState.LIVE, SensorState.SILENT))
+    assert becomes(lambda: mouse.status.state not in (SensorState.LIVE, SensorState.SILENT))
     device.started.clear()
     device.deaf = False
-    wait(device.started.is_set)
-    wait(lambda: mouse.status.state is SensorState.LIVE)
+    assert becomes(device.started.is_set)
+    assert becomes(lambda: mouse.status.state is SensorState.LIVE)
 
 
 def test_a_device_at_rest_is_asked_again_and_again_and_stays_live(played):
@@ -114,13 +113,13 @@ def test_a_device_at_rest_is_asked_again_and_again_and_stays_live(played):
         states.add(mouse.status.state)
         return device.heard.count(question) >= before + 3
 
-    wait(asked_thrice)
+    assert becomes(asked_thrice)
     assert states <= {SensorState.LIVE, SensorState.SILENT}
 
 
 def test_garbage_and_halves_do_no_harm(played):
     device, mouse, twist, _ = played
-    wait(lambda: mouse.status.state is SensorState.LIVE)
+    assert becomes(lambda: mouse.status.state is SensorState.LIVE)
     chance = random.Random(0)
     for _ in range(20):
         device.send(bytes(chance.randrange(256) for _ in range(100)) + b"\r")
@@ -133,14 +132,14 @@ def test_garbage_and_halves_do_no_harm(played):
 
 def test_presses_are_kept_for_a_slow_reader_and_of_motion_the_newest(magellan):
     device, mouse = magellan
-    wait(lambda: device.heard.endswith(b"kQ\r"))
+    assert becomes(lambda: device.heard.endswith(b"kQ\r"))
     for keys in (1, 0, 2, 3, 0):
         device.press(keys)
         device.move((keys,) * 6)
     for i in range(500):
         device.move((i % 400,) * 6)
     device.move((111,) * 6)
-    wait(lambda: mouse.newest.last.twist == magellan_twist((111,) * 6))
+    assert becomes(lambda: mouse.newest.last.twist == magellan_twist((111,) * 6))
     reading = mouse.read()
     assert reading.twist == magellan_twist((111,) * 6)
     assert reading.buttons == frozenset()
@@ -153,10 +152,10 @@ def test_nobody_answers(magellan):
     mouse.close()
     device.deaf = True
     mouse.start()
-    wait(lambda: mouse.status.state is SensorState.REFUSED)
+    assert becomes(lambda: mouse.status.state is SensorState.REFUSED)
     assert "no 3D mouse answers" in mouse.status.message
     device.deaf = False
-    wait(lambda: mouse.status.state is SensorState.LIVE)
+    assert becomes(lambda: mouse.status.state is SensorState.LIVE)
 
 
 def test_no_port_and_closing_at_once(tmp_path):
@@ -164,7 +163,7 @@ def test_no_port_and_closing_at_once(tmp_path):
     assert mouse.status.state is SensorState.CLOSED
     assert mouse.read() is None
     mouse.start()
-    wait(lambda: mouse.status.state is SensorState.LOST)
+    assert becomes(lambda: mouse.status.state is SensorState.LOST)
     assert "none" in mouse.status.message
     mouse.close()
     mouse.start()  # and again
@@ -176,5 +175,5 @@ def test_no_port_and_closing_at_once(tmp_path):
 def test_a_port_that_hears_itself_is_no_mouse():
     mouse = SerialMouse("loop://", patience=0.1)
     mouse.start()
-    wait(lambda: mouse.status.state is SensorState.REFUSED)
+    assert becomes(lambda: mouse.status.state is SensorState.REFUSED)
     mouse.close()

@@ -31,20 +31,6 @@ def test_who_it_is(minor, name, buttons):
     assert decoder.feed(ALIVE + FIRMWARE % minor) == [MouseModel("Spaceball", 8), MouseModel(name, buttons)]
 
 
-def test_axes_are_right_away_and_up():
-    def only(axis: int) -> tuple[float, ...]:
-        decoder = Spaceball()
-        values = [0.1 * (8000 if axis < 3 else 1600) if i == axis else 0 for i in range(6)]
-        (event,) = decoder.feed(spaceball_motion([round(value) for value in values]))
-        return event.twist
-
-    assert only(0) == (0.1, 0, 0, 0, 0, 0)
-    assert only(1) == (0, 0, 0.1, 0, 0, 0)  # its y is up
-    assert only(2) == (0, 0.1, 0, 0, 0, 0)  # its z is away from the user
-    assert only(4) == (0, 0, 0, 0, 0, 0.1)
-    assert only(5) == (0, 0, 0, 0, 0.1, 0)
-
-
 def test_a_4000flx_is_known_by_its_keys():
     decoder = Spaceball()
     decoder.feed(ALIVE + FIRMWARE % 42)
@@ -113,10 +99,9 @@ def test_a_swing_at_constant_speed_is_confirmed_by_its_third_packet(axis, start,
     sent = [[round(scale * (start + k * 3200)) if i == axis else 0 for i in range(6)] for k in range(3)]
     decoder = Spaceball()
     decoder.feed(2 * spaceball_motion(sent[0]))
-    assert [decoder.feed(spaceball_motion(values)) for values in sent[1:]] == [
-        [],
-        [MouseMotion(spaceball_twist(sent[2]))],
-    ]
+    second, third = (decoder.feed(spaceball_motion(values)) for values in sent[1:])
+    assert second == []
+    assert third == [MouseMotion(spaceball_twist(sent[2]))]
 
 
 def test_a_single_wild_packet_is_left_out():
@@ -141,15 +126,9 @@ def false_accepts(seed: int, packets: int, share: float) -> tuple[float, float, 
         hurt = chance.random() < share
         if hurt:
             at = chance.randrange(len(packet))
-            kind = chance.randrange(4)
-            if kind == 0:
-                packet = packet[:at] + packet[at + 1 :]
-            elif kind == 1:
-                packet = packet[:at] + bytes([chance.randrange(256)]) + packet[at:]
-            elif kind == 2:
-                packet = packet[:at] + bytes([packet[at] ^ 1 << chance.randrange(8)]) + packet[at + 1 :]
-            else:
-                packet = packet[:at] + bytes([chance.randrange(256)]) + packet[at + 1 :]
+            other, flipped = bytes([chance.randrange(256)]), bytes([packet[at] ^ 1 << chance.randrange(8)])
+            there = chance.choice([b"", other + packet[at : at + 1], flipped, other])
+            packet = packet[:at] + there + packet[at + 1 :]
         damaged += hurt
         truth = spaceball_twist(values)
         for event in decoder.feed(packet):

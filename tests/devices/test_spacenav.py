@@ -9,7 +9,7 @@ import struct
 from pathlib import Path
 
 import pytest
-from played import wait
+from browsers import becomes
 
 from cinegen.devices import SensorState
 from cinegen.devices.spacenav import SOCKET, Spacenav, socket_path
@@ -53,17 +53,17 @@ def sensor(daemon):
 def test_motion_and_buttons(daemon, sensor):
     with daemon.accept() as client:
         client.sendall(event(0, 35, 70, 105, -35, -70, -350, 16))
-        wait(lambda: sensor.status.packets == 1)
+        assert becomes(lambda: sensor.status.packets == 1)
         reading = sensor.read()
         assert reading.twist == pytest.approx((0.1, 0.3, 0.2, -0.1, -1.0, -0.2))  # its y is up, its z away
         assert sensor.read() is None
         client.sendall(event(1, 3, 1) + event(2, 3, 0) + event(1, 5, 1))
-        wait(lambda: sensor.status.packets == 4)
+        assert becomes(lambda: sensor.status.packets == 4)
         pressed = sensor.read()
         assert pressed.pressed == (3, 5)
         assert pressed.buttons == {5}
         assert (pressed.twist, pressed.time) == (reading.twist, reading.time)  # no newer for that
-        wait(lambda: sensor.status.state is SensorState.SILENT)
+        assert becomes(lambda: sensor.status.state is SensorState.SILENT)
 
 
 def test_events_cut_anywhere(daemon, sensor):
@@ -74,30 +74,30 @@ def test_events_cut_anywhere(daemon, sensor):
             size = chance.randrange(1, 90)
             client.sendall(stream[:size])
             stream = stream[size:]
-        wait(lambda: sensor.newest.last.twist == pytest.approx((59 / 350, 59 / 350, -59 / 350, 0, 0, 0)))
+        assert becomes(lambda: sensor.newest.last.twist == pytest.approx((59 / 350, 59 / 350, -59 / 350, 0, 0, 0)))
     assert sensor.damaged == 0
 
 
 def test_the_daemon_ends_and_comes_back(daemon, sensor):
     client = daemon.accept()
     client.sendall(event(1, 2))
-    wait(lambda: sensor.newest.last.buttons == {2})
+    assert becomes(lambda: sensor.newest.last.buttons == {2})
     client.close()
     daemon.listener.close()
-    wait(lambda: sensor.status.state is SensorState.LOST)
-    wait(lambda: "no spacenav daemon" in sensor.status.message)
+    assert becomes(lambda: sensor.status.state is SensorState.LOST)
+    assert becomes(lambda: "no spacenav daemon" in sensor.status.message)
     assert sensor.newest.last.buttons == frozenset()
     daemon.start()
     with daemon.accept() as client:
-        wait(lambda: sensor.status.state is SensorState.LIVE)
+        assert becomes(lambda: sensor.status.state is SensorState.LIVE)
         client.sendall(event(0, 350))
-        wait(lambda: sensor.newest.last.twist == (1, 0, 0, 0, 0, 0))
+        assert becomes(lambda: sensor.newest.last.twist == (1, 0, 0, 0, 0, 0))
 
 
 def test_what_it_does_not_know_is_counted(daemon, sensor):
     with daemon.accept() as client:
         client.sendall(event(77, 1) + event(1, -1) + event(1, 256) + event(1, 255) + event(0, 350))
-        wait(lambda: sensor.newest.last.twist is not None)
+        assert becomes(lambda: sensor.newest.last.twist is not None)
         assert sensor.read().pressed == (255,)
     assert sensor.damaged == 3
 

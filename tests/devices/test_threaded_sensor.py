@@ -3,7 +3,7 @@
 import threading
 import time
 
-from played import wait
+from browsers import becomes
 
 from cinegen.devices import SensorState
 from cinegen.devices import threaded_sensor as module
@@ -87,10 +87,10 @@ def test_no_error_ends_it():
     sensor = Wild([OSError(5, "Input/output error"), ValueError("x"), RecursionError(), MemoryError()])
     sensor.start()
     sensor.start()  # once is enough
-    wait(lambda: sensor.status.state is SensorState.LIVE)
+    assert becomes(lambda: sensor.status.state is SensorState.LIVE)
     assert sensor.served == 5
     assert "live" in repr(sensor)
-    wait(lambda: sensor.status.state is SensorState.SILENT)
+    assert becomes(lambda: sensor.status.state is SensorState.SILENT)
     sensor.close()
     assert sensor.status.state is SensorState.CLOSED
 
@@ -99,7 +99,7 @@ def test_a_bug_of_a_driver_is_logged_once_and_a_device_that_is_gone_is_not(caplo
     errors = [OSError(5, "Input/output error"), DeviceLostError("unplugged"), WrongDeviceError("no mouse")]
     sensor = Wild([*errors, ValueError("x"), ValueError("y"), TypeError("z")])
     sensor.start()
-    wait(lambda: sensor.status.state is SensorState.LIVE)
+    assert becomes(lambda: sensor.status.state is SensorState.LIVE)
     sensor.close()
     assert sensor.exception_log.messages == ["wild:: ValueError: x", "wild:: TypeError: z"]
     found = [record for record in caplog.records if record.name == "cinegen"]
@@ -128,8 +128,8 @@ def test_one_that_hangs_is_left_behind(monkeypatch):
     assert sensor.status.state is SensorState.CLOSED
     sensor.start()
     release.set()
-    wait(lambda: len(sensor.ended) == 2)
+    assert becomes(lambda: len(sensor.ended) == 2)
     assert sorted(sensor.ended) == [False, True]
-    wait(lambda: sensor.status.state is SensorState.LIVE)
+    assert becomes(lambda: sensor.status.state is SensorState.LIVE)
     sensor.close()
     assert sensor.status.state is SensorState.CLOSED

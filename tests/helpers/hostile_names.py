@@ -11,6 +11,8 @@ LINKS = (*KEYS, C_CODE, "</script><script>window.owned = 1</script><!--", "a/b%2
 JOINTS = (*LINKS[::-1],)
 CONTROLS = "a\x9b2Jb\nchecked: all is well\u202edc\u200b"
 """The name of a robot: control characters that XML allows, and others that change what a terminal shows."""
+CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b\u200e\u200f\u2028-\u202e\u2066-\u2069]")
+"""None of these reaches a terminal or a file."""
 
 
 def urdf(robot: str = "arm", links: tuple[str, ...] = LINKS, joints: tuple[str, ...] = JOINTS) -> str:

@@ -1,7 +1,6 @@
-"""The screw matrix of a mechanism's loops, in numpy: in closed form, and by differences of Pinocchio's placements."""
+"""The screw matrix of a mechanism's loops, in numpy: in closed form, and from Pinocchio's Jacobians."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -14,7 +13,6 @@ from raff2urdf.raff.document import LoopKind
 
 Array = NDArray[np.float64]
 
-_STEP = 1e-5  # rad, characteristic lengths
 _FREE = {LoopKind.RIGID: (), LoopKind.PRISMATIC: (2,), LoopKind.REVOLUTE: (5,), LoopKind.BALL: (3, 4, 5)}
 
 
@@ -31,50 +29,47 @@ class Openings:
     def __init__(self, mechanism: cinegen.Mechanism) -> None:
         assert not mechanism.couplings
         self.mechanism, self.model = mechanism, mechanism.model
-        self.owner = [k for k, loop in enumerate(mechanism.loops) for _ in _FREE[loop.kind]]
-        self.free = [c for loop in mechanism.loops for c in _FREE[loop.kind]]
-        nv, length = self.model.nv, mechanism.length
-        self.scale = np.append(mechanism.scale, [length if c < 3 else 1.0 for c in self.free])
-        self.signs = np.zeros((len(mechanism.loops), nv + len(self.free)))
+        self.cut = [(k, c) for k, loop in enumerate(mechanism.loops) for c in _FREE[loop.kind]]
+        nv = self.model.nv
+        self.scale = np.append(mechanism.scale, [mechanism.length if c < 3 else 1.0 for _, c in self.cut])
+        self.signs = np.zeros((len(mechanism.loops), nv + len(self.cut)))
         for k, loop in enumerate(mechanism.loops):
             for node, sign in ((loop.first, -1.0), (loop.second, 1.0)):
                 for j in self.model.supports[self._frame(node).parentJoint]:
                     self.signs[k, self.model.joints[j].idx_v : self.model.joints[j].idx_v + self.model.nvs[j]] += sign
-        self.signs[self.owner, nv + np.arange(len(self.free))] = -1.0
-        home = self._placements(mechanism.q_home)
-        axes = self._axes(home)
+        for i, (k, _) in enumerate(self.cut):
+            self.signs[k, nv + i] = -1.0  # moves the first end
+        home, screws = self._moved(mechanism.q_home)
+        # of each velocity the joint that carries its axis, and of balls their own point
+        bodies = np.repeat(range(self.model.njoints), list(self.model.nvs)).tolist()
+        bodies += [self._frame(mechanism.loops[k].first).parentJoint for k, _ in self.cut]
+        balls = {
+            nv + i: self._first_end(home, k).translation
+            for i, (k, _) in enumerate(self.cut)
+            if mechanism.loops[k].kind is LoopKind.BALL
+        }
         self.cluster = connected_components(self.signs @ self.signs.T)[1]
         self.lengths, self.points = [], []
         for c in range(self.cluster.max() + 1):
-            own = [(*axes[j], j) for j in np.flatnonzero(self.signs[self.cluster == c].any(axis=0)) if axes[j]]
-            across = [np.eye(3) - np.outer(w, w) for _, w, _, _ in own]
-            right = sum(m @ point for m, (point, *_) in zip(across, own, strict=True))
-            near = np.mean([home[body].translation for *_, body, _ in own], axis=0)
+            own = [j for j in np.flatnonzero(self.signs[self.cluster == c].any(axis=0)) if screws[3:, j].any()]
+            axes = [(np.cross(screws[3:, j], screws[:3, j]), screws[3:, j]) for j in own]
+            across = [np.eye(3) - np.outer(w, w) for _, w in axes]
+            right = sum(m @ point for m, (point, _) in zip(across, axes, strict=True))
+            near = np.mean([home[bodies[j]].translation for j in own], axis=0)
             centre = near + np.linalg.lstsq(sum(across), right - sum(across) @ near, rcond=1e-4)[0]
-            self.lengths.append(np.sqrt(np.mean([np.sum(np.cross(w, p - centre) ** 2) for p, w, *_ in own])))
-            # of axes the points nearest to their centre, of balls their own point
-            balls = [j >= nv and mechanism.loops[self.owner[j - nv]].kind is LoopKind.BALL for *_, j in own]
-            nearest = [
-                (p if ball else p + w * (w @ (centre - p)), body)
-                for (p, w, body, _), ball in zip(own, balls, strict=True)
-            ]
-            self.points.append([(body, home[body].actInv(p)) for p, body in nearest])
+            self.lengths.append(np.sqrt(np.mean([np.sum(np.cross(w, p - centre) ** 2) for p, w in axes])))
+            # of axes the points nearest to their centre
+            nearest = [balls.get(j, p + w * (w @ (centre - p))) for j, (p, w) in zip(own, axes, strict=True)]
+            self.points.append([(bodies[j], home[bodies[j]].actInv(p)) for j, p in zip(own, nearest, strict=True)])
 
     def matrix(self, q: Array) -> Array:
         """Return (6 loops, nv + cut) at q (nq,): the velocities with which the ends of loops part, each loop cut open,
         in characteristic lengths of its cluster and rad; loops that share joints are distributed evenly."""
-        here, columns = self._placements(q), np.eye(len(self.scale))
-        twists = np.zeros((len(self.signs), 6, len(self.scale)))
-        for j, column in enumerate(columns):
-            ahead, behind = (self._gaps(q, side * _STEP * column * self.scale) for side in (1.0, -1.0))
-            for k, loop in enumerate(self.mechanism.loops):
-                twist = self._end(here, loop.second, loop.second_placement).act(
-                    pin.log6(behind[k].inverse() * ahead[k])
-                )
-                c = self.cluster[k]
-                centre = np.mean([here[body].act(point) for body, point in self.points[c]], axis=0)
-                v = twist.linear + np.cross(twist.angular, centre)
-                twists[k, :, j] = np.append(v / self.lengths[c], twist.angular) / (2.0 * _STEP)
+        here, screws = self._moved(q)
+        twists = self.signs[:, None, :] * (screws * self.scale)
+        for twist, c in zip(twists, self.cluster, strict=True):
+            centre = np.mean([here[body].act(point) for body, point in self.points[c]], axis=0)
+            twist[:3] = (twist[:3] + np.cross(twist[3:], centre[:, None], axis=0)) / self.lengths[c]
         found = np.zeros_like(twists)
         for c in range(self.cluster.max() + 1):
             own = np.flatnonzero(self.cluster == c)
@@ -83,44 +78,21 @@ class Openings:
             found[own] = np.einsum("lm,mrk->lrk", mix, twists[own])
         return found.reshape(-1, len(self.scale))
 
-    def _gaps(self, q: Array, step: Array) -> list[pin.SE3]:
-        """Return where each loop's second end is, seen from its first, after joints have moved by a step."""
-        nv = self.model.nv
-        moved, gaps = self._placements(pin.integrate(self.model, q, step[:nv])), []
-        for k, loop in enumerate(self.mechanism.loops):
-            cut = np.zeros(6)
-            for i, c in enumerate(self.free):
-                cut[c] += step[nv + i] * (self.owner[i] == k)
-            # the cut joint moves the second end by as much as joints on its first side, seen from its own axes
-            first = self._end(moved, loop.first, loop.first_placement) * pin.exp6(pin.Motion(cut))
-            gaps.append(first.inverse() * self._end(moved, loop.second, loop.second_placement))
-        return gaps
+    def _moved(self, q: Array) -> tuple[list[pin.SE3], Array]:
+        """Return where joints are, and the twists (6, nv + cut) in the world of unit velocities."""
+        data = self.model.createData()
+        pin.computeJointJacobians(self.model, data, q)
+        here = [placement.copy() for placement in data.oMi]
+        cut = [self._first_end(here, k).toActionMatrix()[:, c] for k, c in self.cut]
+        return here, np.column_stack([data.J, *cut])
 
-    def _axes(self, home: list[pin.SE3]) -> list[tuple[Array, Array, int] | None]:
-        """Return for each velocity a point and the direction of its axis of rotation at home, and the joint that
-        carries it; None for translations."""
-        data, axes = self.model.createData(), list[Any]()
-        pin.computeJointJacobians(self.model, data, self.mechanism.q_home)
-        for column, j in zip(data.J.T, np.repeat(range(self.model.njoints), list(self.model.nvs)), strict=True):
-            v, w = np.split(column, 2)
-            axes.append((np.cross(w, v), w, int(j)) if w.any() else None)
-        for k, c in zip(self.owner, self.free, strict=True):
-            loop = self.mechanism.loops[k]
-            end, body = self._end(home, loop.first, loop.first_placement), self._frame(loop.first).parentJoint
-            axes.append((end.translation, end.rotation[:, c - 3], body) if c >= 3 else None)
-        return axes
+    def _first_end(self, placements: list[pin.SE3], k: int) -> pin.SE3:
+        loop = self.mechanism.loops[k]
+        frame = self._frame(loop.first)
+        return placements[frame.parentJoint] * frame.placement * loop.first_placement
 
     def _frame(self, node: str) -> pin.Frame:
         return self.model.frames[self.mechanism.frame_id(node)]
-
-    def _placements(self, q: Array) -> list[pin.SE3]:
-        data = self.model.createData()
-        pin.forwardKinematics(self.model, data, q)
-        return [placement.copy() for placement in data.oMi]
-
-    def _end(self, placements: list[pin.SE3], node: str, placement: pin.SE3) -> pin.SE3:
-        frame = self._frame(node)
-        return placements[frame.parentJoint] * frame.placement * placement
 
 
 def jacobian_by(mechanism: cinegen.Mechanism, q: Array, node: str, joints: Sequence[str]) -> Array:

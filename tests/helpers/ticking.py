@@ -21,6 +21,13 @@ def beside(pose: pin.SE3, way: Sequence[float], turn: Sequence[float] = (0.0, 0.
     return pin.SE3(pose.rotation @ pin.exp3(np.array(turn)), pose.translation + np.asarray(way))
 
 
+def of_pinocchio(mechanism: cinegen.Mechanism, q: np.ndarray, node: str) -> pin.SE3:
+    """Return the pose of a node by Pinocchio's own kinematics."""
+    data = mechanism.model.createData()
+    pin.framesForwardKinematics(mechanism.model, data, np.asarray(q))
+    return data.oMf[mechanism.model.getFrameId(node, pin.FrameType.BODY)]
+
+
 def away(mechanism: cinegen.Mechanism, node: str, rng: np.random.Generator, lengths: float) -> pin.SE3:
     """Return a target in a random direction from home."""
     way = rng.normal(size=3)

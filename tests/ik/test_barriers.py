@@ -20,17 +20,14 @@ ROBOTS = ["planar_3r", "arm7", "five_bar", "delta4"]
 EXACT = 1e-9
 
 
-class Linear:
-    """Keeps rows @ v <= most, whatever the configuration."""
+class Objective:
+    """Returns or raises what `answer(state)` does."""
 
-    def __init__(self, rows, most, clear=1.0):
-        self.rows, self.most, self.part = rows, most, clear
+    def __init__(self, answer):
+        self.answer = answer
 
-    def bounds(self, state):
-        return Bounds(self.rows, self.most)
-
-    def clear(self, state, q):
-        return self.part
+    def velocity(self, state):
+        return self.answer(state)
 
 
 class Barrier:
@@ -46,9 +43,13 @@ class Barrier:
         return self._clear(state, q) if self._clear else 1.0
 
 
+def linear(rows, most):
+    """Keeps rows @ v <= most, whatever the configuration."""
+    return Barrier(lambda state: Bounds(rows, most))
+
+
 def away(mechanism, q, rng, lengths):
-    node = mechanism.nodes[-1]
-    here = mechanism.placement(q, node)
+    here = mechanism.placement(q, mechanism.nodes[-1])
     return pin.SE3(here.rotation, here.translation + lengths * mechanism.length * rng.normal(size=3))
 
 
@@ -97,11 +98,10 @@ def test_bounds_are_kept_together_with_all_else(robot, name, seed, wishing, acce
     solver, task = pulled(mechanism, rng, rotation=rotation, acceleration=30.0 if accelerated else None)
     rows, most = random_rows(mechanism, rng, int(rng.integers(1, 6)))
     most = np.maximum(most, 0.0)
-    solver.barriers = [Linear(rows[:2], most[:2]), Linear(rows[2:], most[2:])]
+    solver.barriers = [linear(rows[:2], most[:2]), linear(rows[2:], most[2:])]
     if wishing:
-        solver.objectives = [
-            Posture(mechanism.close(mechanism.q_home + 0.2 * rng.normal(size=mechanism.model.nq)), rate=5.0)
-        ]
+        aim = mechanism.close(mechanism.q_home + 0.2 * rng.normal(size=mechanism.model.nq))
+        solver.objectives = [Posture(aim, rate=5.0)]
     low, high = mechanism.model.lowerPositionLimit, mechanism.model.upperPositionLimit
     size = np.abs(rows) @ mechanism.scale
     for _ in range(15):
@@ -132,13 +132,11 @@ def test_where_it_has_to_go_back_it_does_at_once_if_it_can(robot, name, seed):
         solver.remove_task(task)
     rows, most = random_rows(mechanism, rng, int(rng.integers(1, 4)))
     most -= 0.01 * np.abs(most)
-    solver.barriers = [Linear(rows, most)]
+    solver.barriers = [linear(rows, most)]
     loops = loops_at_home(mechanism) / mechanism.scale
     reach = np.column_stack([-fastest(mechanism), fastest(mechanism)])
-    possible = linprog(
-        np.zeros(len(reach)), rows, most, loops if len(loops) else None, np.zeros(len(loops)) if len(loops) else None,
-        reach,
-    )  # fmt: skip
+    closed = (loops, np.zeros(len(loops))) if len(loops) else (None, None)
+    possible = linprog(np.zeros(len(reach)), rows, most, *closed, reach)
     step = solver.step()
     size = np.abs(rows) @ mechanism.scale
     if possible.status == 0:
@@ -154,7 +152,7 @@ def test_where_joints_cant_go_back_so_fast_they_go_as_fast_as_they_can(robot):
     mechanism = robot("planar_3r")
     solver = Solver(mechanism, DT)
     solver.add_task("tool", rotation=0)
-    solver.barriers = [Linear(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), np.array([-1e3, -1.0]))]
+    solver.barriers = [linear(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), np.array([-1e3, -1.0]))]
     assert solver.step().v[0] == pytest.approx(-mechanism.model.upperVelocityLimit[0], rel=1e-6)
 
 
@@ -172,7 +170,7 @@ def test_within_its_bounds_a_step_does_most_for_the_pulls(robot, name, seed):
     system, memory, free = mechanism.structure.system, solver._memory, np.full(mechanism.model.nv, np.inf)
     levels, loops, barriers = plain_levels(solver), loops_at_home(mechanism), (rows * mechanism.scale, most * DT)
     best = resolve(loops, mechanism.loop_rank, levels, -free, free, memory.longest_step, system.cut_rates(), barriers)
-    solver.barriers = [Linear(rows, most), Linear(-rows, np.full(len(rows), np.inf))]  # the latter binds nothing
+    solver.barriers = [linear(rows, most), linear(-rows, np.full(len(rows), np.inf))]  # the latter binds nothing
     solver.step()
     assert best is not None
     assert memory.step == pytest.approx(best, abs=1e-8)
@@ -224,7 +222,7 @@ def test_what_a_barrier_does_to_what_it_is_shown_changes_nothing(robot):
 
 def test_bounds_that_only_fit_together_do_not_fit(robot):
     solver, _ = pulled(robot("planar_3r"), np.random.default_rng(0))
-    solver.barriers = [Linear(np.zeros((2, 3)), np.ones(3)), Linear(np.zeros((3, 3)), np.ones(2))]
+    solver.barriers = [linear(np.zeros((2, 3)), np.ones(3)), linear(np.zeros((3, 3)), np.ones(2))]
     assert not solver.step().v.any()
 
 
@@ -236,7 +234,7 @@ def test_bounds_that_contradict_each_other_hold_it_there(robot, name):
         solver, _ = pulled(mechanism, np.random.default_rng(0), acceleration=accelerated)
         every = np.vstack([np.eye(nv), -np.eye(nv)])
         for most in (np.full(2 * nv, -0.1), np.full(2 * nv, -np.inf), np.full(2 * nv, -1e9)):
-            solver.barriers = [Linear(every, most)]
+            solver.barriers = [linear(every, most)]
             step = solver.step()
             assert np.abs(step.v / mechanism.scale).max() < 1e-8
             assert step.status is Status.BARRED
@@ -248,7 +246,7 @@ def test_more_rows_than_bits_are_told_from_none(robot):
     v = solver.step().v
     rows = np.zeros((200, 3))
     rows[150] = v / np.linalg.norm(v)
-    solver.barriers = [Linear(rows, np.zeros(200))]
+    solver.barriers = [linear(rows, np.zeros(200))]
     step = solver.step()
     assert rows[150] @ step.v <= 1e-9
     assert step.status is Status.BARRED
@@ -258,7 +256,7 @@ def test_more_rows_than_bits_are_told_from_none(robot):
 @pytest.mark.parametrize("wrong", [object(), Posture, "bounds", 3.0])
 def test_what_is_no_barrier_is_refused_and_the_others_stay(robot, wrong):
     solver, _ = pulled(robot("planar_3r"), np.random.default_rng(0))
-    good = Linear(np.zeros((1, 3)), np.zeros(1))
+    good = linear(np.zeros((1, 3)), np.zeros(1))
     solver.barriers = [good]
     with pytest.raises(CinegenError, match="a barrier has the methods `bounds` and `clear`"):
         solver.barriers = [good, wrong]

@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 import pinocchio as pin
 import pytest
-from test_barriers import Barrier
+from test_barriers import Barrier, Objective
 
 import cinegen
 from cinegen import CinegenError, FrameTask, Solver, Status
@@ -21,18 +21,6 @@ from cinegen.ik import LookAhead, Posture
 from cinegen.ik.barrier import Bounds
 
 DT = 0.01
-ROBOTS = ["delta4"]
-robots = pytest.mark.parametrize("name", ROBOTS)
-
-
-class Objective:
-    """Returns or raises what `answer(state)` does."""
-
-    def __init__(self, answer):
-        self.answer = answer
-
-    def velocity(self, state):
-        return self.answer(state)
 
 
 def fails(state):
@@ -62,9 +50,8 @@ def dragged(mechanism, objectives=(), barriers=()):
     return solver, tick
 
 
-@robots
-def test_objectives_that_raise_are_in_each_step_and_once_in_the_log(robot, caplog, name):
-    mechanism = robot(name)
+def test_objectives_that_raise_are_in_each_step_and_once_in_the_log(robot, caplog):
+    mechanism = robot("delta4")
     good, expected = dragged(mechanism, [Posture()])
     _, tick = dragged(mechanism, [Objective(fails), Posture(), Objective(fails)])
     for _ in range(10):
@@ -119,9 +106,8 @@ def test_an_objective_that_raises_sometimes_is_used_in_all_other_ticks(robot, ca
     ],
     ids=["a column less", "two dimensions", "nothing", "text", "NaN", "infinite", "too fast"],
 )
-@robots
-def test_what_an_objective_returns_that_makes_no_sense_is_an_exception_of_the_step(robot, caplog, name, answer, text):
-    mechanism = robot(name)
+def test_what_an_objective_returns_that_makes_no_sense_is_an_exception_of_the_step(robot, caplog, answer, text):
+    mechanism = robot("delta4")
     nv = mechanism.model.nv
     _, expected = dragged(mechanism, [Objective(lambda state: np.zeros(nv))])
     _, tick = dragged(mechanism, [Objective(lambda state: answer(nv))])
@@ -164,15 +150,13 @@ WRONG_PARTS = {
 
 
 @pytest.mark.parametrize("method", ["bounds", "clear"])
-@robots
-def test_a_barrier_that_fails_stops_the_motion_and_is_reported_once(robot, caplog, name, method):
-    mechanism = robot(name)
+def test_a_barrier_that_fails_stops_the_motion_and_is_reported_once(robot, caplog, method):
+    mechanism = robot("delta4")
     nv = mechanism.model.nv
     for answer, text in (WRONG_BOUNDS if method == "bounds" else WRONG_PARTS).values():
         caplog.clear()
-        bad = (
-            Barrier(lambda state, a=answer: a(nv)) if method == "bounds" else Barrier(clear=lambda s, q, a=answer: a())
-        )
+        answers = {"bounds": lambda state, a=answer: a(nv), "clear": lambda state, q, a=answer: a()}
+        bad = Barrier(**{method: answers[method]})
         for barriers in ([Barrier(), bad], [bad, Barrier()]):
             solver, tick = dragged(mechanism, barriers=barriers)
             for _ in range(3):
@@ -215,11 +199,8 @@ def test_exceptions_of_past_ticks_take_no_memory(robot, same):
         step = tick()
     gc.collect()
     assert len(alive) <= 2  # the last one, and the one that pytest's log records keep
-    assert [frame.name for frame in traceback.extract_tb(step.exceptions[0].__traceback__)] == [
-        "_evaluate_objectives",
-        "velocity",
-        "answer",
-    ]
+    frames = [frame.name for frame in traceback.extract_tb(step.exceptions[0].__traceback__)]
+    assert frames == ["_evaluate_objectives", "velocity", "answer"]
 
 
 def test_neither_a_log_handler_that_raises_nor_an_exception_without_text_ends_the_loop(robot):
@@ -381,25 +362,3 @@ def test_what_another_thread_sets_of_a_task_is_whole_in_the_next_tick(robot, nam
         _set(solver.tasks[0], name)
     for q in expected[1:]:
         np.testing.assert_array_equal(solver.step().q, q)
-
-
-def test_threads_at_once_end_in_errors_not_in_a_crash(robot):
-    solver = _pulled(robot("delta4"))
-    while not solver.is_compiled:
-        solver.step()
-    together = threading.Barrier(4)
-
-    def run() -> int:
-        together.wait(60)
-        refused = 0
-        for _ in range(3000):
-            try:
-                solver.step()
-            except CinegenError:
-                refused += 1
-        return refused
-
-    with ThreadPoolExecutor(4) as pool:
-        list(pool.map(lambda _: run(), range(4)))
-    assert solver.mechanism.closure(solver.q) < 1e-10
-    assert solver.step().errors[0][0] < 1e-9

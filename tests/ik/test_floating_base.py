@@ -2,9 +2,8 @@
 
 import bipeds
 import numpy as np
-import pinocchio as pin
 import pytest
-from ticking import beside, ticked
+from ticking import beside, of_pinocchio, ticked
 
 import cinegen
 from cinegen import Solver, Status
@@ -23,13 +22,6 @@ def loaded(folder, form="urdf", **options):
     else:
         path.write_text(bipeds.MJCF if form == "xml" else bipeds.URDF)
     return cinegen.load(path, **options)
-
-
-def of_pinocchio(mechanism, q, node):
-    """The pose of a node by Pinocchio's own kinematics."""
-    data = mechanism.model.createData()
-    pin.framesForwardKinematics(mechanism.model, data, np.asarray(q))
-    return data.oMf[mechanism.model.getFrameId(node, pin.FrameType.BODY)]
 
 
 @formats

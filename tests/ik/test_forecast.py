@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from loop_openings import pin_screws
-from planar import ROCKER, root, singular_values, two_r
+from planar import ROCKER, two_r
+from scipy.optimize import brentq
 from small_robots import two_bars
 from ticking import ticked
 
@@ -55,10 +56,10 @@ def test_when_an_arm_is_stretched(how, dt):
         return math.acos((max(here + speed * time, 0.0) ** 2 - A**2 - B**2) / (2.0 * A * B))
 
     def sigma(time):
-        return singular_values(two_r(A, B, 0.0, elbow(time)) / arm.length)[1]
+        return np.linalg.svd(two_r(A, B, 0.0, elbow(time)) / arm.length, compute_uv=False)[1]
 
     stretched = (A + B - here) / speed
-    near = root(lambda time: NEAR_SINGULAR - sigma(time), 0.0, stretched)
+    near = brentq(lambda time: NEAR_SINGULAR - sigma(time), 0.0, stretched)
     event = _first(forecast, EventKind.TYPE_1)
     assert event.time == pytest.approx(near, abs=0.2 * (dt or 0.03))
     assert event.sigma == NEAR_SINGULAR
@@ -69,9 +70,8 @@ def test_when_an_arm_is_stretched(how, dt):
     assert forecast.sigma_min[-1] < 0.2 * NEAR_SINGULAR
     assert np.isinf(forecast.passive_sigma_min).all()
     assert _kinds(forecast_motion(solver, 0.9 * near)) == []
-    assert _kinds(forecast_motion(solver, 3.0, moving=False)) == (
-        [] if how == "target" else _kinds(forecast_motion(solver, 3.0))
-    )
+    expected = [] if how == "target" else _kinds(forecast_motion(solver, 3.0))
+    assert _kinds(forecast_motion(solver, 3.0, moving=False)) == expected
 
 
 # --- type 2 ----------------------------------------------------------------------------------------------------------
@@ -111,7 +111,7 @@ def test_when_a_four_bar_meets_its_dead_point(dt):
         def left(time, threshold=threshold):
             return threshold - sign * sigma(time)
 
-        time = root(left, 0.0, 2.0)
+        time = brentq(left, 0.0, 2.0)
         assert left(time) == pytest.approx(0.0, abs=1e-9)  # there is one
         event = _first(forecast_motion(solver, 2.5, dt, passive_threshold=threshold), EventKind.TYPE_2)
         assert event.time == pytest.approx(time, abs=0.05 * dt)
@@ -151,10 +151,8 @@ def test_a_joint_that_is_held_by_its_limit_is_said_at_once(raff):
     solver = Solver(arm, DT, q=[math.radians(70)])
     task = solver.add_task("tool", translation=0, rotation=1)
     task.twist = [0.0, 0.0, 0.0, 0.0, 0.0, 0.5]
-    assert [(event.kind, event.time) for event in forecast_motion(solver, 1.0).events] == [
-        (EventKind.LIMIT, 0.0),
-        (EventKind.STOPPED, 0.0),
-    ]
+    events = [(event.kind, event.time) for event in forecast_motion(solver, 1.0).events]
+    assert events == [(EventKind.LIMIT, 0.0), (EventKind.STOPPED, 0.0)]
     task.twist = [0.0, 0.0, 0.0, 0.0, 0.0, -0.5]  # it stands there, but is not held
     assert forecast_motion(solver, 1.0).events == ()
 
@@ -168,10 +166,8 @@ def test_a_limit_that_holds_for_long_is_said_once(robot):
     met = forecast.events[1].q
     assert met[bar.q_index("joint2")] in (*bar.limits.lower, *bar.limits.upper)
     assert bar.closure(met) < 1e-12
-    assert [(event.kind, event.joint) for event in forecast.events] == [
-        (EventKind.TYPE_1, None),
-        (EventKind.LIMIT, "joint2"),
-    ]
+    events = [(event.kind, event.joint) for event in forecast.events]
+    assert events == [(EventKind.TYPE_1, None), (EventKind.LIMIT, "joint2")]
 
 
 # --- what then happens -----------------------------------------------------------------------------------------------

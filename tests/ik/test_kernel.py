@@ -68,10 +68,8 @@ def test_rows_and_gaps_of_the_loops_are_the_mechanisms_own_closed_and_open(name,
                 second = mechanism.placement(there, loop.second) * loop.second_placement
                 by_hand.append(loop_residual(loop.kind, first.actInv(second).homogeneous, mechanism.length)[0])
             for coupling, size in zip(mechanism.couplings, mechanism.structure.system.coupling_sizes, strict=True):
-                values = [
-                    np.polynomial.Polynomial([0.0, *c])(there[mechanism.q_index(joint)])
-                    for joint, c in coupling.terms.items()
-                ]
+                terms = [(there[mechanism.q_index(joint)], c) for joint, c in coupling.terms.items()]
+                values = [np.polynomial.Polynomial([0.0, *c])(value) for value, c in terms]
                 by_hand.append([(sum(values) - coupling.constant) / size])
             assert memory.residual == pytest.approx(np.concatenate(by_hand), abs=1e-13)
 
@@ -104,12 +102,14 @@ def kernels_equations(solver: Solver) -> tuple[np.ndarray, np.ndarray]:
     return memory.wanted[:p].copy(), memory.task_jacobian[:p].copy()
 
 
-def plain_equations(solver: Solver) -> tuple[np.ndarray, np.ndarray]:
-    mechanism = solver.mechanism
-    system = mechanism.structure.system
+def check_equations(solver: Solver) -> None:
+    """The kernels' rows and errors of all tasks are those of the plain statement."""
+    mechanism, system = solver.mechanism, solver.mechanism.structure.system
     system.evaluate(solver.q)
-    tasks = [(task, axes_of(task, mechanism, system)) for task in solver.tasks]
-    return equations(mechanism, system, tasks)
+    error, jacobian = equations(mechanism, system, [(task, axes_of(task, mechanism, system)) for task in solver.tasks])
+    wanted, rows = kernels_equations(solver)
+    assert wanted == pytest.approx(error, abs=1e-12)
+    assert rows == pytest.approx(jacobian, abs=1e-12)
 
 
 @every_robot
@@ -118,10 +118,7 @@ def test_rows_and_errors_of_all_kinds_of_pulls_are_those_of_the_plain_statement(
     for q in mechanism.random_closed(3, seed=2):
         solver = Solver(mechanism, 0.01, q=q)
         all_kinds_of_tasks(mechanism, solver, rng)
-        wanted, rows = kernels_equations(solver)
-        error, jacobian = plain_equations(solver)
-        assert wanted == pytest.approx(error, abs=1e-12)
-        assert rows == pytest.approx(jacobian, abs=1e-12)
+        check_equations(solver)
 
 
 def test_a_floating_base_has_columns_for_all_tasks():
@@ -129,11 +126,7 @@ def test_a_floating_base_has_columns_for_all_tasks():
     for node in ("hand", "trunk"):
         solver = Solver(mechanism, 0.01)
         solver.add_task(node, near(mechanism, mechanism.placement(solver.q, node), rng, 0.1))
-        wanted, rows = kernels_equations(solver)
-        error, jacobian = plain_equations(solver)
-        assert rows.shape == (6, mechanism.model.nv)
-        assert wanted == pytest.approx(error, abs=1e-12)
-        assert rows == pytest.approx(jacobian, abs=1e-12)
+        check_equations(solver)
 
 
 # --- the step of a tick ------------------------------------------------------------------------------------------
@@ -245,19 +238,13 @@ def test_near_a_singularity_of_the_loops_too(off):
 # --- singular values ---------------------------------------------------------------------------------------------
 
 
-def decomposed(matrix: np.ndarray, guess: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-    """u, b, sigma and the sweeps."""
-    n, width = matrix.shape
+def check_decomposition(matrix: np.ndarray, guess: np.ndarray | None = None, orthogonal_to: float = 1e-12) -> int:
+    (n, width), size = matrix.shape, np.linalg.norm(matrix)
     u = np.full((n, n), np.nan) if guess is None else guess.copy()
     b, square = np.full((n, width), np.nan), np.full(n, np.nan)
     sweeps = svd.decompose(np.ascontiguousarray(matrix), n, width, u, b, square, guess is not None)
     assert (square >= 0.0).all()
-    return u, b, np.sqrt(square), sweeps
-
-
-def check_decomposition(matrix: np.ndarray, guess: np.ndarray | None = None, orthogonal_to: float = 1e-12) -> int:
-    u, b, sigma, sweeps = decomposed(matrix, guess)
-    n, size = len(matrix), np.linalg.norm(matrix)
+    sigma = np.sqrt(square)
     assert u @ u.T == pytest.approx(np.eye(n), abs=1e-13)
     assert b == pytest.approx(u @ matrix, abs=1e-14 * size)
     assert sigma == pytest.approx(np.linalg.svd(matrix, compute_uv=False), abs=1e-14 * size)
@@ -421,8 +408,7 @@ def check_nearest(wanted: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.n
     assert (g @ x <= high + 1e-10 * size).all()
     assert (g @ x >= low - 1e-10 * size).all()
     on = np.flatnonzero(held)
-    where = np.where(held > 0.0, high, low)[on]
-    assert g[on] @ x == pytest.approx(where, abs=1e-10 * size)
+    assert g[on] @ x == pytest.approx(np.where(held > 0.0, high, low)[on], abs=1e-10 * size)
     left = nnls((g[on] * held[on, None]).T, wanted - x)[1] if len(on) else np.linalg.norm(wanted - x)
     assert left <= 1e-8 * size
     return x
@@ -538,12 +524,3 @@ def test_the_free_motions_keep_their_width_where_the_loops_lose_a_rank():
     motions, sigma = free_motions(loops, 3)
     assert motions.shape == (4, 1)
     assert sigma == pytest.approx([1.0, 1.0, 0.0], abs=1e-13)
-
-
-def test_damping_is_exactly_none_away_from_singularities_and_smooth_up_to_them():
-    assert not damping(np.array([10.0, 1.0, NEAR_SINGULAR]), 0.1).any()
-    sigma = np.linspace(0.0, 2 * NEAR_SINGULAR, 4001)
-    values = damping(sigma, 0.05)
-    assert values[0] == RESTING + 0.05
-    assert (np.diff(values) <= 0.0).all()
-    assert np.abs(np.diff(values, 2)).max() < 1e-6  # no kink

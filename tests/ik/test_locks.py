@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from lxml import etree
-from ticking import ticked
+from ticking import of_pinocchio, ticked
 
 import cinegen
 from cinegen import CinegenError, PersistentSolver, Solver, Status, forecast_motion, inverse_kinematics
@@ -264,13 +264,6 @@ def test_what_cannot_be_locked_is_an_error_that_changes_nothing(robot):
 # Locked joints in inverse kinematics and plans: they stay, and the others reach the target.
 
 
-def reached(mechanism, q, node):
-    """The pose by Pinocchio's own kinematics."""
-    data = mechanism.model.createData()
-    pin.framesForwardKinematics(mechanism.model, data, q)
-    return data.oMf[mechanism.model.getFrameId(node, pin.FrameType.BODY)]
-
-
 @pytest.mark.parametrize(
     ("name", "joints"), [("arm7", ["joint3"]), ("arm7", ["joint1", "joint5"]), ("gough", ["joint3"])]
 )
@@ -278,13 +271,13 @@ def test_named_joints_stay_where_they_are(robot, name, joints):
     mechanism = robot(name)
     q, goal = mechanism.q_home, None
     for there in mechanism.with_held(joints, q).random_closed(3):
-        goal = reached(mechanism, there, mechanism.end)
+        goal = of_pinocchio(mechanism, there, mechanism.end)
         found = inverse_kinematics(mechanism, {mechanism.end: goal}, q, locked=joints, limits=False)
         assert found
         assert found.closure <= 1e-10
         for joint in joints:
             assert found.q[mechanism.q_index(joint)] == q[mechanism.q_index(joint)]
-        error = pin.log6(goal.actInv(reached(mechanism, found.q, mechanism.end))).vector
+        error = pin.log6(goal.actInv(of_pinocchio(mechanism, found.q, mechanism.end))).vector
         assert np.abs(error).max() < 1e-6
     other = pin.SE3(goal.rotation, goal.translation + 0.3 * mechanism.length)
     missed = inverse_kinematics(mechanism, {mechanism.end: other}, q, locked=mechanism.joints, starts=2)
@@ -308,8 +301,8 @@ def test_a_locked_base_stays_and_the_hand_reaches():
     task = cinegen.FrameTask("hand", far, rotation=0)
     assert inverse_kinematics(mechanism, [task])
     assert not inverse_kinematics(mechanism, [task], locked=["base"], starts=5)
-    near = cinegen.FrameTask("hand", reached(mechanism, mechanism.configuration({"elbow": 0.7}), "hand"), rotation=0)
-    found = inverse_kinematics(mechanism, [near], locked=["base"])
+    near = of_pinocchio(mechanism, mechanism.configuration({"elbow": 0.7}), "hand")
+    found = inverse_kinematics(mechanism, [cinegen.FrameTask("hand", near, rotation=0)], locked=["base"])
     assert found
     assert (found.q[:7] == mechanism.q_home[:7]).all()
 

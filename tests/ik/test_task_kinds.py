@@ -1,5 +1,6 @@
 """Kinds of tasks in Python, ranges, and tasks of a program's own."""
 
+import re
 import warnings
 
 import numpy as np
@@ -144,9 +145,8 @@ def test_a_cone_about_upright_is_never_left():
     for tick in range(800):
         w = 2.0 * np.pi * tick / 400.0
         turn = pin.exp3(np.radians(25.0) * np.array([np.cos(w), np.sin(w), 0.0]))
-        tool.target = pin.SE3(
-            start.rotation @ turn, start.translation + 0.05 * np.array([np.sin(w), np.cos(w) - 1.0, 0.0])
-        )
+        way = 0.05 * np.array([np.sin(w), np.cos(w) - 1.0, 0.0])
+        tool.target = pin.SE3(start.rotation @ turn, start.translation + way)
         solver.step()
         angles.append(float(np.linalg.norm(up.error(solver.state))))
     assert max(angles) < most + 1e-6
@@ -248,7 +248,7 @@ def test_a_task_that_fails_is_left_out_of_the_tick_and_told(name, broken, says):
         assert step.task_statuses[0] is Status.BAD_TARGET
         assert repr(own) in step.problems[0]
         assert not step.problems[1]
-    assert says.replace("\\", "") in str(step.exceptions[0]) or pytest.fail(str(step.exceptions[0]))
+    assert re.search(says, str(step.exceptions[0]))
     assert len(solver.exception_log.messages) == 1
     setattr(own, name, good)
     solver.remove_task(tool)
@@ -485,9 +485,8 @@ def test_what_a_solver_does_otherwise_is_an_error_with_the_remedy():
     with pytest.raises(CinegenError, match="compute_error"):
         PinkTask(pin.SE3.Identity())
     arm = load("arm7", "arm")
-    coupling = JointCouplingTask(
-        ["joint1", "joint2"], [1.0, -1.0], 1.0, Configuration(arm.model, arm.model.createData(), arm.q_home)
-    )
+    home = Configuration(arm.model, arm.model.createData(), arm.q_home)
+    coupling = JointCouplingTask(["joint1", "joint2"], [1.0, -1.0], 1.0, home)
     with pytest.raises(CinegenError, match="give unit="):
         PinkTask(coupling)
     assert PinkTask(coupling, unit="rad").unit == "rad"

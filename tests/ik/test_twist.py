@@ -74,11 +74,8 @@ def test_what_is_0_in_a_twist_does_not_drift_in_thousands_of_ticks(raff, axes):
         task.twist = [0.1 * math.sin(1e-3 * tick), 0.0, 0.0, 0.0, 0.0, 0.0]
         solver.step()
     gone = arm.placement(solver.q, "tool")
-    along = (
-        begin.rotation.T @ (gone.translation - begin.translation)
-        if axes == "target"
-        else (gone.translation - begin.translation)
-    )
+    way = gone.translation - begin.translation
+    along = begin.rotation.T @ way if axes == "target" else way
     assert abs(along[0]) > 0.1
     assert along[1:] == pytest.approx([0.0, 0.0], abs=1e-11)
     assert gone.rotation == pytest.approx(begin.rotation, abs=1e-11)

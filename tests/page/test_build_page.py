@@ -6,13 +6,13 @@ import re
 import shutil
 import subprocess
 import zlib
-from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote
 
 import meshcat
 import pytest
 import umsgpack
+from html_elements import Elements
 
 from cinegen.page import build_page, modules
 from cinegen.session import Setup
@@ -21,25 +21,6 @@ NODE = shutil.which("node")
 LARGEST = 600_000
 IMPORTED = re.compile(r'(?:^import |\} from |^import \{[^}]*\} from |^ *await import\()"([^"]+)"\)?;', re.MULTILINE)
 HOSTILE = "</script><script>alert(1)</script><!--"
-
-
-class Elements(HTMLParser):
-    """All elements of a page with their attributes, and the texts of scripts and styles."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.found = []
-        self.feed(text)
-
-    def handle_starttag(self, tag, attrs):
-        self.found.append([tag, dict(attrs), ""])
-
-    def handle_data(self, data):
-        if self.found:
-            self.found[-1][2] += data
-
-    def named(self, tag):
-        return [(attributes, text) for name, attributes, text in self.found if name == tag]
 
 
 @pytest.fixture(scope="module")

@@ -4,6 +4,7 @@ import bipeds
 import numpy as np
 import pinocchio as pin
 import pytest
+from hostile_names import urdf
 from node import needs_three, run
 from variants import slow
 
@@ -15,10 +16,6 @@ from cinegen.singularities.ball_joints import CountedLoops, balls
 
 RATE, TICKS = 240.0, 12
 GAIN, DAMPING = 100.0, 0.05
-ONE_JOINT = """<robot name="x */ throw new Error('it runs'); /*">
-  <link name="a"/><link name="b"/>
-  <joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint>
-</robot>"""
 ROBOTS = ["delta4", "rx90", *slow("sr400", "scara")]
 
 pytestmark = needs_three
@@ -97,7 +94,7 @@ def test_singular_values_are_those_of_python(any_robot, tmp_path, name):
 
 
 def test_a_name_can_not_leave_its_comment(tmp_path):
-    mechanism = cinegen.load(ONE_JOINT)
+    mechanism = cinegen.load(urdf("x */ throw new Error('it runs'); /*", ("a",), ("j",)))
     assert "*/" in mechanism.name
     (found,) = in_javascript(robot_tables(mechanism, RATE), some_calls(mechanism, 1, 0), tmp_path)
     assert len(found["steps"]) == TICKS

@@ -56,10 +56,8 @@ def same(tmp_path):
     """`same(setup, script)`: the states of Python, once those of JavaScript are equal to them."""
 
     def compare(setup, script, tolerance=MOVED):
-        expected, found = (
-            in_python(setup, script),
-            run("run_session.js", tmp_path, content=content_of(setup, ""), script=script),
-        )
+        expected = in_python(setup, script)
+        found = run("run_session.js", tmp_path, content=content_of(setup, ""), script=script)
         for (_, command), one, other in zip(script, expected, found, strict=True):
             for name, robot in one["robots"].items():
                 mine = other["robots"][name]

@@ -47,9 +47,8 @@ def two(closing):
 
 def add(session, description, robot="duo"):
     """Add a task as a message does, and return what the session has of it."""
-    session.obey(
-        decode_command(json.dumps({"type": "add_task", "robot": robot, "description": description}), session.setup)
-    )
+    message = json.dumps({"type": "add_task", "robot": robot, "description": description})
+    session.obey(decode_command(message, session.setup))
     described = session.state().robots[robot].described
     return described[-1] if described else None
 
@@ -87,9 +86,8 @@ def test_every_kind_is_one_of_messages_and_is_reached(two):
         assert not session.state().robots["duo"].described
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_hands_that_are_pinned_together_stay_so_while_one_is_dragged_anywhere(two, seed):
-    session, goals = two(), np.random.default_rng(seed).uniform(-0.6, 0.6, (3, 3))
+def test_hands_that_are_pinned_together_stay_so_while_one_is_dragged_anywhere(two):
+    session, goals = two(), np.random.default_rng(0).uniform(-0.6, 0.6, (3, 3))
     add(session, HANDS)
     before = seen(session).frame("left_hand", "right_hand")
     for _ in drag_around(session, "left_hand", goals):
@@ -98,25 +96,8 @@ def test_hands_that_are_pinned_together_stay_so_while_one_is_dragged_anywhere(tw
     assert not np.allclose(session.robots["duo"].q, session.robots["duo"].home)
 
 
-def test_a_part_stays_upright_while_it_is_dragged_and_within_a_cone_by_a_range(two):
-    session = two()
-    add(session, UPRIGHT)
-    up = session.robots["duo"].placement("left_hand").rotation[2]
-    goals = [np.array([0.1, 0.1, 0.1]), np.array([-0.2, 0.2, -0.2])]
-    for _ in drag_around(session, "left_hand", goals):
-        now = session.robots["duo"].placement("left_hand").rotation[2]
-        assert np.arccos(min(1.0, now @ up)) <= 1e-6
-    session = two()
-    add(session, {"kind": "range", "task": UPRIGHT, "radius": 0.1})
-    widest = 0.0
-    for _ in drag_around(session, "left_hand", goals):
-        now = session.robots["duo"].placement("left_hand").rotation[2]
-        widest = max(widest, np.arccos(min(1.0, now @ up)))
-    assert 0.05 < widest <= 0.1 + 1e-6
-
-
-def test_a_biped_that_is_dragged_keeps_its_feet():
-    session = Session(arrange({"duo": cinegen.load(bipeds.URDF)}))
+def test_a_biped_that_is_dragged_keeps_its_feet(closing):
+    session = closing(Session(arrange({"duo": cinegen.load(bipeds.URDF)})))
     add(session, {"kind": "relative_pose", "node": "left_foot", "other": "right_foot"})
     session.obey(c.Pin("duo", "right_foot"))
     session.obey(c.ChangeTask(session.state().robots["duo"].tasks[0].id, priority=0))
@@ -129,7 +110,6 @@ def test_a_biped_that_is_dragged_keeps_its_feet():
     refused = add(session, {"kind": "center_of_mass", "position": [0, 0, 0.5]})
     assert refused.description.__struct_config__.tag == "relative_pose"  # still the only one
     assert "biped has no masses" in session.state().notices[-1].text
-    session.close()
 
 
 def test_points_and_directions_are_those_of_the_sessions_world(two):
@@ -204,8 +184,8 @@ def test_tasks_survive_the_reload_of_a_file_as_far_as_their_parts_do(two):
     assert "relative_pose has ended" in session.state().notices[-1].text
 
 
-def test_a_robot_among_obstacles_follows_tasks_and_takes_no_ranges(root):
-    session = Session(scene_setup(load_scene(root / "robots/scenes/rod.toml")))
+def test_a_robot_among_obstacles_follows_tasks_and_takes_no_ranges(root, closing):
+    session = closing(Session(scene_setup(load_scene(root / "robots/scenes/rod.toml"))))
     (name,) = session.robots
     folded = {"kind": "joint_equality", "coefficients": {"joint2": 1, "joint3": -1}}
     add(session, folded, name)
@@ -219,7 +199,6 @@ def test_a_robot_among_obstacles_follows_tasks_and_takes_no_ranges(root):
     add(session, {"kind": "range", "task": folded, "low": 0.0}, name)
     assert "may have to brake beyond a range" in session.state().notices[-1].text
     assert len(session.state().robots[name].described) == 1
-    session.close()
 
 
 @pytest.mark.parametrize(
@@ -277,9 +256,8 @@ def test_a_recording_keeps_tasks_and_their_changes(two, tmp_path):
     session.obey(c.RemoveTask(task.id))
     run(session, 0.1)
     session.close()
-    weights = [
-        tuple(one.weight for one in each) for each in Recording.load(tmp_path / "mission.jsonl").described["duo"]
-    ]
+    described = Recording.load(tmp_path / "mission.jsonl").described["duo"]
+    weights = [tuple(one.weight for one in each) for each in described]
     assert list(dict.fromkeys(weights)) == [(), (1.0,), (3.0,)]
     assert weights[-1] == ()
     text = (tmp_path / "mission.jsonl").read_text()

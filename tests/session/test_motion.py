@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import cinegen
-from cinegen.session import Session, Setup, arrange
 from cinegen.session import commands as c
 from cinegen.session.commands import MoveTo
 from cinegen.session.motion import ConfigurationMotion, LineMotion, Retrace
@@ -61,9 +60,9 @@ def test_a_motion_that_is_blocked_now_and_then_arrives_however_long_that_takes(r
     assert q == pytest.approx(goal, abs=1e-9)
 
 
-def test_undo_goes_back_along_the_way_and_not_straight(robot):
+def test_undo_goes_back_along_the_way_and_not_straight(session):
     """The tool was led round two sides of a square."""
-    session = Session(arrange({"planar_3r": robot("planar_3r")}))
+    session = session("planar_3r")
     arm = session.setup.robots["planar_3r"]
     begin = arm.placement(arm.q_home, "tool").translation
 
@@ -88,7 +87,6 @@ def test_undo_goes_back_along_the_way_and_not_straight(robot):
     assert max(np.abs(way - q).max(axis=1).min() for q in back) < 0.03
     straight = 0.5 * (there[-1] + arm.q_home)
     assert np.abs(way - straight).max(axis=1).min() > 0.1
-    session.close()
 
 
 PERIOD = 0.02
@@ -178,9 +176,8 @@ def test_another_assembly_mode_is_come_to_at_once_and_said(robot):
 
 
 @pytest.mark.parametrize(("wrong", "words"), [(0.1, "open loops"), (None, "numbers")])
-def test_what_can_not_be_is_said_and_nothing_moves(robot, wrong, words):
-    delta = robot("delta4")
-    session = Session(Setup({"delta4": delta}))
+def test_what_can_not_be_is_said_and_nothing_moves(session, robot, wrong, words):
+    session, delta = session("delta4"), robot("delta4")
     q = delta.q_home + wrong if wrong is not None else delta.q_home[:-1]
     session.obey(MoveTo("delta4", "platform", tuple(q.tolist())))
     for _ in range(20):
@@ -188,4 +185,3 @@ def test_what_can_not_be_is_said_and_nothing_moves(robot, wrong, words):
     assert words in session.state().notices[-1].text
     assert session.state().robots["delta4"].q == pytest.approx(delta.q_home)
     assert session.state().undo == 0
-    session.close()

@@ -59,13 +59,11 @@ def test_the_ellipsoid_is_as_far_as_the_joints_lead_the_node(session, name):
     if mechanism.is_constrained:
         free = np.linalg.svd(jacobians.loops)[2][mechanism.loop_rank :].T
         motions = jacobians.joints @ orthonormal(free, jacobians.cut_rates)
-    step = 1e-6
-    moved = [
-        mechanism.placement(pin.integrate(mechanism.model, q, sign * step * motion * mechanism.scale), end).translation
-        for motion in motions.T
-        for sign in (1.0, -1.0)
-    ]
-    rate = np.array([(moved[2 * i] - moved[2 * i + 1]) / (2 * step) for i in range(motions.shape[1])])
+
+    def moved(by):
+        return mechanism.placement(mechanism.integrate(q, by), end).translation
+
+    rate = np.array([(moved(by) - moved(-by)) / 2e-6 for by in 1e-6 * motions.T * mechanism.scale])
     rng = np.random.default_rng(1)
     for direction in rng.normal(size=(50, 3)):
         direction /= np.linalg.norm(direction)
@@ -234,20 +232,15 @@ def test_reactions_balance_each_other_and_undetermined_ones_are_named(session, r
     assert [report.undetermined for report in found] == [()] * 17
     joints, loops = found[:15], found[15:]
     assert [report.kind for report in loops] == ["loop", "loop"]
-    on = {delta.model.frames[delta.frame_id(report.node)].parentJoint for report in found}
-    assert len(on) == 15
-    carrier = delta.model.frames[delta.frame_id(delta.end)].parentJoint
-    own = sum(
-        np.array(report.force)
-        for report in found
-        if delta.model.frames[delta.frame_id(report.node)].parentJoint == carrier
-    )
-    firsts = [loop.first for loop in delta.loops]
-    against = sum(
-        np.array(report.force)
-        for report, first in zip(loops, firsts, strict=True)
-        if delta.model.frames[delta.frame_id(first)].parentJoint == carrier
-    )
+
+    def parent(node):
+        return delta.model.frames[delta.frame_id(node)].parentJoint
+
+    assert len({parent(report.node) for report in found}) == 15
+    carrier = parent(delta.end)
+    own = sum(np.array(report.force) for report in found if parent(report.node) == carrier)
+    ends = zip(loops, delta.loops, strict=True)
+    against = sum(np.array(report.force) for report, loop in ends if parent(loop.first) == carrier)
     weight = 9.81 * (delta.model.inertias[carrier].mass + 4.0)
     np.testing.assert_allclose(own - against, [0.0, 0.0, weight], atol=1e-8 * weight)
     for report in joints:

@@ -8,6 +8,7 @@ import time
 import numpy as np
 import pytest
 from browsers import becomes
+from leading import run
 from variants import FEWER
 
 from cinegen.collision import load_scene
@@ -16,54 +17,49 @@ from cinegen.session import commands as c
 from cinegen.session.runner import AT_REST
 
 
-def ticks(session, seconds):
-    for _ in range(round(seconds / session.dt)):
-        session.tick()
-
-
 @pytest.mark.parametrize("name", sorted(FEWER))
 def test_every_robot_comes_to_rest_with_and_without_a_pin(robot, name):
     session = Session(arrange({name: robot(name)}, rate=100.0))
-    ticks(session, 0.5)
+    run(session, 0.5)
     assert not session.at_rest
-    ticks(session, 1.0)
+    run(session, 1.0)
     assert session.at_rest
     session.obey(c.Pin(name, session.robots[name].mechanism.end))
     assert not session.at_rest
-    ticks(session, 1.5)
+    run(session, 1.5)
     assert session.at_rest
 
 
 def test_what_moves_is_not_at_rest(robot):
     session = Session(arrange({"arm": robot("planar_3r")}, rate=100.0))
-    ticks(session, 1.5)
+    run(session, 1.5)
     here = session.robots["arm"].placement("tool").translation
     session.obey(c.StartDrag("arm", "tool", (0.0, 0.0, 0.0)))
     for k in range(300):
         session.obey(c.MoveDrag(tuple(here - np.array([1e-4 * k, 0.0, 0.0]))))
         session.tick()
         assert not session.at_rest
-    ticks(session, 1.5)
+    run(session, 1.5)
     assert session.at_rest  # though a part is held
     session.obey(c.MoveHome())
     while session.robots["arm"].motion is not None:
         session.tick()
         assert not session.at_rest
     session.obey(c.SetRecording(False))
-    ticks(session, 1.5)
+    run(session, 1.5)
     assert session.at_rest
 
 
 def test_a_script_or_a_recording_is_not_at_rest_until_the_session_is_paused_or_it_ends(robot, tmp_path):
     session = Session(arrange({"arm": robot("planar_3r")}, rate=100.0, follow="circle"))
-    ticks(session, 2.0)
+    run(session, 2.0)
     assert not session.at_rest
     session.obey(c.Pause(True))
-    ticks(session, 1.5)
+    run(session, 1.5)
     assert session.at_rest
     session.close()
     session = Session(arrange({"arm": robot("planar_3r")}, rate=100.0, record=str(tmp_path / "run.jsonl")))
-    ticks(session, 2.0)
+    run(session, 2.0)
     assert not session.at_rest
     session.close()
 
@@ -123,7 +119,7 @@ def test_a_reading_of_a_sensor_wakes_the_session(robot):
 
 def test_an_obstacle_that_is_dragged_wakes_the_session(root):
     session = Session(scene_setup(load_scene(root / "robots/scenes/disc.toml"), rate=100.0))
-    ticks(session, 1.5)
+    run(session, 1.5)
     assert session.at_rest
     name, obstacle = next((name, one) for name, one in session.obstacles.items() if one.mechanism.mobility)
     here = obstacle.pose.translation

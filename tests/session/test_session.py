@@ -57,9 +57,8 @@ def test_what_is_let_go_as_a_pin_stays_held_and_what_was_pinned_is_pinned_again_
     aside = c.MoveDrag(tuple(begin + np.array([0.1, 0, 0])))
     state = run(one, 0.5, c.StartDrag("delta4", "platform", (0, 0, 0)), aside, c.EndDrag(True))
     assert [task.source for task in state.robots["delta4"].tasks] == ["pin"]
-    state = run(
-        one, 0.5, c.StartDrag("delta4", "platform", (0, 0, 0)), c.MoveDrag(tuple(begin + np.array([0, 0, -0.2])))
-    )
+    down = c.MoveDrag(tuple(begin + np.array([0, 0, -0.2])))
+    state = run(one, 0.5, c.StartDrag("delta4", "platform", (0, 0, 0)), down)
     assert [task.source for task in state.robots["delta4"].tasks] == ["pointer"]
     state = run(one, 0.5, c.EndDrag())
     (task,) = state.robots["delta4"].tasks
@@ -132,39 +131,33 @@ def test_a_switch_ties_a_sensor_to_a_node_and_the_hand_borrows_it(session):
 @pytest.mark.parametrize(
     ("frame", "way"), [("world", [0, 1, 0]), ("base", [-1, 0, 0]), ("view", [-1, 0, 0]), ("tool", None)]
 )
-def test_a_sensor_moves_along_the_frame_of_command(robot, frame, way):
+def test_a_sensor_moves_along_the_frame_of_command(robot, closing, frame, way):
     """A push away from oneself: the robot stands turned by a quarter about z, and is looked at along the world's -x."""
     turned = BasePose(placement=pin.SE3(pin.rpy.rpyToMatrix(0, 0, np.pi / 2), np.array([1.0, 0.0, 0.0])))
     setup = arrange({"arm": robot("rx90")})
-    one = Session(Setup(setup.robots, {"arm": turned}, setup.devices, setup.switches))
+    one = closing(Session(Setup(setup.robots, {"arm": turned}, setup.devices, setup.switches)))
     eye = (0.5, 0.5, 0.5, 0.5)  # x to the right is the world's y, y up its z, z towards the viewer its x
-    push = c.GamepadInput((0, 1, 0, 0, 0, 0), frozenset())
-    state = run(
-        one, 0.01, c.ChangeSettings(frame=frame), c.SetView(eye), c.SelectSensor("arm", "tool", "gamepad"), push
-    )
+    seen = c.ChangeSettings(frame=frame), c.SetView(eye), c.SelectSensor("arm", "tool", "gamepad")
+    state = run(one, 0.01, *seen, c.GamepadInput((0, 1, 0, 0, 0, 0), frozenset()))
     begin = place(state, one, "arm", "tool")
     own = one.robots["arm"].placement("tool").rotation[:, 1]
     state = run(one, 0.1)
     moved = place(state, one, "arm", "tool") - begin
     assert moved / np.linalg.norm(moved) == pytest.approx(own if way is None else way, abs=1e-3)
-    one.close()
 
 
-def test_a_robot_on_another_goes_along_and_what_is_pinned_stays_in_the_world(robot):
-    setup = arrange({"carrier": robot("rx90"), "rider": robot("arm7")}, bases=["rider=carrier.tool@0,0,0.05"])
-    one = Session(setup)
+def test_a_robot_on_another_goes_along_and_what_is_pinned_stays_in_the_world(session):
+    one = session("rx90", "arm7", bases=["arm7=rx90.tool@0,0,0.05"])
     state = one.state()
-    tool = one.robots["carrier"].placement("tool")
-    assert state.robots["rider"].base.isApprox(tool * pin.SE3(np.eye(3), np.array([0, 0, 0.05])))
-    run(one, 0.01, c.Pin("rider", "tool"))
-    pinned = one.robots["rider"].placement("tool")
+    tool = one.robots["rx90"].placement("tool")
+    assert state.robots["arm7"].base.isApprox(tool * pin.SE3(np.eye(3), np.array([0, 0, 0.05])))
+    run(one, 0.01, c.Pin("arm7", "tool"))
+    pinned = one.robots["arm7"].placement("tool")
     begin = tool.translation
-    state = run(
-        one, 1.0, c.StartDrag("carrier", "tool", (0, 0, 0)), c.MoveDrag(tuple(begin + np.array([0.02, -0.03, 0.03])))
-    )
-    assert np.linalg.norm(state.robots["rider"].base.translation - begin) > 0.01
-    assert np.linalg.norm(pin.log6(pinned.actInv(one.robots["rider"].placement("tool"))).vector) < 1e-4
-    one.close()
+    aside = c.MoveDrag(tuple(begin + np.array([0.02, -0.03, 0.03])))
+    state = run(one, 1.0, c.StartDrag("rx90", "tool", (0, 0, 0)), aside)
+    assert np.linalg.norm(state.robots["arm7"].base.translation - begin) > 0.01
+    assert np.linalg.norm(pin.log6(pinned.actInv(one.robots["arm7"].placement("tool"))).vector) < 1e-4
 
 
 def test_hundreds_of_random_commands_never_stop_it(session):
@@ -194,22 +187,20 @@ def test_hundreds_of_random_commands_never_stop_it(session):
         assert np.isfinite(state.robots[name].q).all()
 
 
-def test_a_recording_is_shown_and_can_not_be_driven(session, tmp_path):
+def test_a_recording_is_shown_and_can_not_be_driven(session, tmp_path, closing):
     one = session("delta4", record=str(tmp_path / "run.jsonl"), follow="circle")
     run(one, 1.0)
     one.close()
-    shown = Session(replay_setup(tmp_path / "run.jsonl"))
+    shown = closing(Session(replay_setup(tmp_path / "run.jsonl")))
     state = run(shown, 0.5)
     assert state.playback.playing
     assert state.playback.time == pytest.approx(0.5, abs=1e-6)
     state = run(shown, 0.1, c.StartDrag("delta4", "platform", None))
     assert any("recording" in notice.text for notice in state.notices)
-    state = run(
-        shown, 0.01, c.ControlPlayback(playing=False), c.ControlPlayback(time=0.2), c.ControlPlayback(speed=0.5)
-    )
+    changes = [{"playing": False}, {"time": 0.2}, {"speed": 0.5}]
+    state = run(shown, 0.01, *(c.ControlPlayback(**change) for change in changes))
     assert (state.playback.playing, state.playback.speed) == (False, 0.5)
     assert state.robots["delta4"].closure < 1e-10
-    shown.close()
 
 
 def test_a_motion_that_leads_astray_ends_and_is_told(session):
@@ -229,16 +220,15 @@ def test_a_motion_that_leads_astray_ends_and_is_told(session):
     assert state.moving is None
 
 
-def test_a_joint_that_its_limit_stops_is_named(raff):
+def test_a_joint_that_its_limit_stops_is_named(raff, closing):
     """A link of 500 mm, limited to 30 degrees, and a target at 90 degrees."""
     arm = raff("""sensor 1 { port "spnav:" translation 3 rotation 3 }
       robot r { base { } link 1 { type 2 pred 0 limits { -30 30 } velocity 90 }
         frame 2 { parameters { d 500 } pred 1 name "tool" } constraint { frame 2 sensor ( 0 1 ) } }""")
-    one = Session(arrange({"arm": arm}))
+    one = closing(Session(arrange({"arm": arm})))
     state = run(one, 2.0, c.StartDrag("arm", "tool", (0, 0, 0)), c.MoveDrag((0.0, 0.5, 0.0)))
     assert state.robots["arm"].status.label == "at the limit of joint1"
     assert state.robots["arm"].q == pytest.approx([np.pi / 6.0], abs=1e-6)
-    one.close()
 
 
 # --- two drags --------------------------------------------------------------------------------------------------------
@@ -292,8 +282,8 @@ def test_two_pointers_on_one_part_rotate_it(session):
     assert np.linalg.norm(line - goal.rotation[:, 0]) < 1e-6
 
 
-def test_home_brings_a_floating_base_back_too():
-    one = Session(arrange({"biped": cinegen.load(bipeds.URDF)}))
+def test_home_brings_a_floating_base_back_too(closing):
+    one = closing(Session(arrange({"biped": cinegen.load(bipeds.URDF)})))
     trunk = one.robots["biped"].placement("trunk")
     goal = trunk.translation + np.array([0.5, 0.2, 0.1])
     run(one, 1.0, c.StartDrag("biped", "trunk", None, rotation=True), c.MoveDrag(tuple(goal)))
@@ -301,4 +291,3 @@ def test_home_brings_a_floating_base_back_too():
     run(one, 5.0, c.EndDrag(), c.MoveHome("biped"))
     assert one.robots["biped"].motion is None
     assert one.robots["biped"].placement("trunk").isApprox(trunk, 1e-9)
-    one.close()

@@ -107,6 +107,5 @@ def test_nor_for_a_known_type(kind, fields):
 
 @given(st.lists(st.floats(-1, 1), min_size=4, max_size=4).filter(lambda x: 0.91 < math.hypot(*x) < 1.09))
 def test_a_quaternion_is_normalized(numbers):
-    assert math.hypot(*decode_command(of("set_view", quaternion=numbers), SETUP).quaternion) == pytest.approx(
-        1.0, abs=1e-12
-    )
+    quaternion = decode_command(of("set_view", quaternion=numbers), SETUP).quaternion
+    assert math.hypot(*quaternion) == pytest.approx(1.0, abs=1e-12)

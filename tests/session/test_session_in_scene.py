@@ -187,8 +187,8 @@ def test_motions_of_joints_home_and_to_a_configuration_obey_the_limits_of_accele
     assert max(map(mechanism.closure, q)) <= 1e-9
 
 
-def test_a_disc_that_moves_by_itself_keeps_clear_too(root):
-    one = Session(scene_setup(load_scene(root / "robots" / "scenes" / "discs.toml"), rate=250.0))
+def test_a_disc_that_moves_by_itself_keeps_clear_too(root, closing):
+    one = closing(Session(scene_setup(load_scene(root / "robots" / "scenes" / "discs.toml"), rate=250.0)))
     scene = one.setup.avoidance.scene
     begin = point(one, "mobile", "mobile")
     run(one, 0, c.StartDrag("mobile", "mobile", (0, 0, 0)))
@@ -204,7 +204,6 @@ def test_a_disc_that_moves_by_itself_keeps_clear_too(root):
     lead(one, line(begin, scene.goal.translation, 200), each=2, seen=seen)
     assert min(least) >= scene.safety
     assert min(least) < 3.0 * scene.safety
-    one.close()
 
 
 def test_names_that_mean_something_to_the_page_or_are_taken_are_changed(session):

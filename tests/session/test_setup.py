@@ -103,11 +103,6 @@ def test_another_port_is_chosen_from_the_beginning(robot):
     assert [device.name for device in setup.devices if device.token] == ["link5"]
 
 
-def test_a_port_that_is_not_there_is_warned_of(robot):
-    with pytest.warns(cinegen.CinegenWarning, match="ttyd2' is|/dev/ttyd2 is a name from IRIX"):
-        arrange({"delta": robot("delta4")})
-
-
 ITS_SENSOR = """robot r { base { } link 1 { parameters { d 100 } type 2 pred 0 } frame 2 { parameters { d 100 } pred 1 }
   constraint { frame 2 sensor ( 0 1 ) } } sensor 1 { port "%s" }"""
 
@@ -184,9 +179,8 @@ def test_a_stretched_arm_starts_bent_and_follows_a_large_circle(ur5):
     assert fit_path(ur5, ur5.end, q=q).size > 0.1  # m
 
 
-def test_a_session_begins_there_and_home_is_there(ur5):
+def test_a_session_begins_there_and_home_is_there(ur5, closing):
     setup = arrange({"ur5": ur5}, follow="circle")
-    session = Session(setup)
+    session = closing(Session(setup))
     np.testing.assert_array_equal(session.robots["ur5"].q, setup.start("ur5"))
     assert not np.array_equal(setup.start("ur5"), ur5.q_home)
-    session.close()

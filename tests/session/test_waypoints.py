@@ -15,12 +15,10 @@ RATE = 250.0
 
 
 @pytest.fixture
-def session(robot, tmp_path, monkeypatch):
+def session(robot, tmp_path, monkeypatch, closing):
     """Of a five-bar and a planar arm; what it records is in `tmp_path`."""
     monkeypatch.chdir(tmp_path)
-    one = Session(Setup({"five_bar": robot("five_bar"), "arm": robot("planar_3r")}, rate=RATE))
-    yield one
-    one.close()
+    return closing(Session(Setup({"five_bar": robot("five_bar"), "arm": robot("planar_3r")}, rate=RATE)))
 
 
 def run(session, *commands, most=20_000):
@@ -43,12 +41,8 @@ def place(session, value, name):
     five_bar = session.robots["five_bar"]
     joint = five_bar.mechanism.actuated[0]
     at = five_bar.home[five_bar.mechanism.q_index(joint)]
-    run(
-        session,
-        c.MoveJoint("five_bar", joint, at + value),
-        c.MoveJoint("arm", "joint2", 3.0 * value),
-        c.EndJointMotion(),
-    )
+    moves = c.MoveJoint("five_bar", joint, at + value), c.MoveJoint("arm", "joint2", 3.0 * value)
+    run(session, *moves, c.EndJointMotion())
     session.obey(c.SaveWaypoint(name))
     return configurations(session)
 
