@@ -81,7 +81,7 @@ def test_loops_that_have_nothing_to_do_with_each_other_have_each_mode_with_each(
     traced(modes)
 
 
-@pytest.mark.parametrize(("seed", "words"), [(23, "PPS RPS"), *slow((34, "UPS RUS"))])
+@pytest.mark.parametrize(("seed", "words"), [(0, "PPS RPS"), *slow((34, "UPS RUS"))])
 def test_random_closings_find_nothing_beside_what_the_trace_test_passed(built, seed, words):
     """Legs of random geometry, motors wherever they suffice."""
     r = rng(seed)
@@ -138,7 +138,7 @@ def test_motors_that_others_determine_choose_among_the_modes_or_contradict(built
         assert modes.closest is None
         assert len(modes) == 1
         assert two.closure(modes[0]) <= 1e-12
-        coupler = [places(two, there, ["link3"])[0] for there in (modes[0], two.q_home)]
+        coupler = [places(two, there, ["link2"])[0] for there in (modes[0], two.q_home)]
         assert np.abs(coupler[0] @ np.linalg.inv(coupler[1]) - moved).max() < 1e-6
     none = assembly_modes(two, home(two) + np.array([0.2, 0.5]))
     assert (len(none), none.complete) == (0, True)

@@ -1,6 +1,7 @@
 """Assembly modes of mechanisms that are well known, against what is known of each: circles, spheres, polynomials."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from assembled import alike, apart, home, nothing_beside, places, sound, traced
 from linkages import (
@@ -40,12 +41,6 @@ def circles(a, b, r, s):
 def turned(angle, point, about):
     c, s = np.cos(angle), np.sin(angle)
     return about + np.array([[c, -s], [s, c]]) @ (point - about)
-
-
-def rotation(axis, angle):
-    """(3, 3) by Rodrigues' formula."""
-    k = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
-    return np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * k @ k
 
 
 def on_the_circle(function, degree):
@@ -119,9 +114,9 @@ def test_a_spherical_four_or_five_bars_modes_are_where_two_cones_meet(built, see
     legs = spherical_legs(rng(seed), lengths)
     m = built(about_a_point(legs, [0, 0 if lengths == (3, 2) else -1]))
     modes = assembly_modes(m, home(m) + 0.1)
-    crank = rotation(legs[0][0], 0.1)
+    crank = pin.exp3(0.1 * legs[0][0])
     if lengths == (3, 2):  # the third axis, between the second of one leg and that of the other
-        a, b, c = crank @ legs[0][1], rotation(legs[1][0], 0.1) @ legs[1][1], legs[0][2]
+        a, b, c = crank @ legs[0][1], pin.exp3(0.1 * legs[1][0]) @ legs[1][1], legs[0][2]
         first, second = legs[0][1] @ c, legs[1][1] @ c
     else:  # the coupler's second axis, between the crank's and the base's
         a, b, c = crank @ legs[0][1], legs[1][0], legs[1][1]
@@ -156,7 +151,7 @@ def test_a_deltas_modes_are_where_three_spheres_meet(built, seed, linear):
         moved = [k + s * p[:3, 2] for k, s, p in zip(knees, shift, motors, strict=True)]
     else:
         moved = [
-            p[:3, 3] + rotation(p[:3, 2], s) @ (k - p[:3, 3]) for k, s, p in zip(knees, shift, motors, strict=True)
+            p[:3, 3] + pin.exp3(s * p[:3, 2]) @ (k - p[:3, 3]) for k, s, p in zip(knees, shift, motors, strict=True)
         ]
     centres = np.array(moved) - (heads - heads[0])  # of the first head
     squares = ((heads - knees) ** 2).sum(axis=1)
@@ -270,7 +265,7 @@ def test_three_legs_about_a_point_are_an_octic(built):
     m = built(about_a_point(legs, [0, 0, 0]))
     shift = rng(0).uniform(-0.2, 0.2, 3)
     modes = assembly_modes(m, home(m) + shift)
-    on_base = [rotation(leg[0], s) @ leg[1] for leg, s in zip(legs, shift, strict=True)]
+    on_base = [pin.exp3(s * leg[0]) @ leg[1] for leg, s in zip(legs, shift, strict=True)]
     start = places(m, m.q_home, ["tool"])[0, :3, :3]
     expected = spherical_poses(on_base, [leg[2] for leg in legs], [leg[1] @ leg[2] for leg in legs])
     seen = sound(modes, ["tool"], len(expected))
