@@ -221,13 +221,6 @@ ALL = [
 ]  # fmt: skip
 
 
-def moved(line, turn, shift):
-    """A line after x -> turn x + shift."""
-    direction = turn @ line.direction
-    moment = turn @ line.moment + np.cross(shift, direction)
-    return PlueckerLine(direction, moment, turn @ line.point + shift)
-
-
 def rotation(rng):
     q, r = np.linalg.qr(rng.normal(size=(3, 3)))
     q = q * np.sign(np.diag(r))
@@ -248,29 +241,25 @@ class Placed:
     def point(self, xyz):
         return self.turn @ (self.length * xyz) + self.shift
 
-    def line(self, segment):
-        return PlueckerLine.through(*(self.point(end) for end in segment))
-
 
 def _gap(lines, length, rank):
     vectors = np.array([[*line.direction, *line.moment / length] for line in lines])
     return np.linalg.svd(vectors, compute_uv=False)[rank - 1]
 
 
-def placed(maker, rng, noise=0.0, others=None, clear=0.05):
-    """Lines of a variety that span it well (smallest singular value at least `clear`), among other lines."""
+def placed(maker, rng, noise=0.0):
+    """Lines of a variety that span it well, with a smallest singular value of at least 0.05, among other lines."""
     length = 10.0 ** rng.uniform(-3.0, 3.0)
     turn, shift = rotation(rng), length * rng.normal(size=3)
     while True:
         built = maker(rng)
         count = len(built.segments)
-        extra = rng.integers(0, 7 - count) if others is None else others
-        segments = built.segments + [tuple(rng.normal(size=(2, 3))) for _ in range(extra)]
+        segments = built.segments + [tuple(rng.normal(size=(2, 3))) for _ in range(rng.integers(0, 7 - count))]
         plain = [PlueckerLine.through(*ends) for ends in segments]
-        if _gap(plain, 1.0, len(plain) - 1) < clear or any(np.linalg.norm(e) > 20.0 for s in segments for e in s):
+        if _gap(plain, 1.0, len(plain) - 1) < 0.05 or any(np.linalg.norm(e) > 20.0 for s in segments for e in s):
             continue
         subsets = [[j for j in range(count) if j != i] for i in range(count)]
-        if min(_gap([plain[j] for j in some], 1.0, count - 1) for some in subsets) >= clear:
+        if min(_gap([plain[j] for j in some], 1.0, count - 1) for some in subsets) >= 0.05:
             break
     result = Placed(built, [], (), length, turn, shift)
     order = rng.permutation(len(segments))
@@ -280,7 +269,6 @@ def placed(maker, rng, noise=0.0, others=None, clear=0.05):
     return result
 
 
-def nearness(lines, length, origin=None):
-    """The smallest singular value of all lines, moments about an origin or else the middle of the lines."""
-    frame = LineFrame.of(lines, length) if origin is None else LineFrame(origin, length)
-    return float(np.linalg.svd(frame.coordinates(lines), compute_uv=False)[-1])
+def nearness(lines, length):
+    """The smallest singular value of all lines, moments about the middle of the lines."""
+    return float(np.linalg.svd(LineFrame.of(lines, length).coordinates(lines), compute_uv=False)[-1])
