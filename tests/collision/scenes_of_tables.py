@@ -8,17 +8,25 @@ from clearings import apart
 from cinegen.collision import SceneError, scene_of
 
 
+def _point_among(*obstacles, **keys):
+    return {"mobile": {"radius": 0.0}, "goal": {"point": [1.0, 0.0]}, "obstacle": list(obstacles)} | keys
+
+
 def scene_with(*obstacles, **keys):
     """A point at the origin, among obstacles."""
-    values = {"mobile": {"radius": 0.0}, "goal": {"point": [1.0, 0.0]}, "obstacle": list(obstacles)} | keys
-    return scene_of({key: value for key, value in values.items() if value is not None})
+    return scene_of(_point_among(*obstacles, **keys))
+
+
+def refusal(values, folder=".", mechanism=None):
+    """What is said of a scene that is wrong."""
+    with pytest.raises(SceneError) as error:
+        scene_of(values, folder, mechanism)
+    return str(error.value)
 
 
 def refused(*obstacles, **keys):
-    """What is said of a scene that is wrong."""
-    with pytest.raises(SceneError) as error:
-        scene_with(*obstacles, **keys)
-    return str(error.value)
+    """What is said of such a point."""
+    return refusal(_point_among(*obstacles, **keys))
 
 
 def to_point(bodies, point):

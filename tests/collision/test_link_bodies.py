@@ -12,6 +12,7 @@ from example_robots import PANDA, load
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
+from urdf_text import UrdfJoint, urdf_text
 
 import cinegen
 from cinegen.collision.body import PlacedShape as Solid
@@ -115,19 +116,10 @@ def test_no_body_is_much_larger_than_the_hull_of_a_piece(name):
 
 # --- which shapes count --------------------------------------------------------------------------------------------
 
-URDF = """<robot name="arm">
-  <link name="base">{base}</link>
-  <link name="upper">{upper}</link>
-  <link name="tool">{tool}</link>
-  <joint name="turn" type="revolute">
-    <parent link="base"/><child link="upper"/><origin xyz="0 0 0.5"/><axis xyz="0 0.6 0.8"/>
-    <limit lower="-1" upper="1" effort="1" velocity="1"/>
-  </joint>
-  <joint name="reach" type="prismatic">
-    <parent link="upper"/><child link="tool"/><origin xyz="0.4 0 0"/><axis xyz="1 0 0"/>
-    <limit lower="0" upper="1" effort="1" velocity="1"/>
-  </joint>
-</robot>"""
+JOINTS = (
+    UrdfJoint("turn", "base", "upper", "0 0 0.5", "0 0.6 0.8", limit=(-1.0, 1.0)),
+    UrdfJoint("reach", "upper", "tool", "0.4 0 0", "1 0 0", "prismatic", (0.0, 1.0)),
+)
 
 
 def element(kind, geometry, xyz="0 0 0"):
@@ -138,7 +130,7 @@ def element(kind, geometry, xyz="0 0 0"):
 def arm(tmp_path):
     def load(**links):
         path = tmp_path / "arm.urdf"
-        path.write_text(URDF.format(**{"base": "", "upper": "", "tool": "", **links}))
+        path.write_text(urdf_text(JOINTS, links))
         return cinegen.load(path)
 
     return load
@@ -178,7 +170,7 @@ def test_sticks_collide_for_a_missing_collision_mesh_though_the_visual_one_is_th
         upper=element("visual", '<sphere radius="0.1"/>') + element("collision", '<mesh filename="x.stl"/>')
     )
     assert len(mechanism.visual.geometryObjects) == 1
-    with pytest.warns(cinegen.CinegenWarning, match=r"arm.urdf:3: .*mesh 'x.stl' is not found"):
+    with pytest.warns(cinegen.CinegenWarning, match=r"arm.urdf:1: .*mesh 'x.stl' is not found"):
         bodies = {body.name: body.shape for body in bodies_of(mechanism)}
     assert isinstance(bodies["upper"], coal.Capsule)  # its bar
     assert list(mechanism.unchecked_links) == ["upper"]

@@ -13,6 +13,7 @@ from clearings import apart
 from example_robots import PANDA, SHARE, load
 from lxml import etree
 from mesh_contact import adjacent_links
+from urdf_text import UrdfJoint, urdf_text
 from variants import FEWER
 
 import cinegen
@@ -171,18 +172,11 @@ def test_what_stands_in_the_world_may_be_hit_by_a_link_further_out():
 PANDA_URDF, PANDA_SRDF = SHARE / "panda_description/urdf/panda.urdf", SHARE / "panda_description/srdf/panda.srdf"
 
 LINKS = "abcde"
-CHAIN = (
-    '<robot name="chain">'
-    + "".join(
-        f'<link name="{name}"><collision><geometry><box size="0.1 0.1 0.3"/></geometry></collision></link>'
-        for name in LINKS
-    )
-    + "".join(
-        f'<joint name="{one}{other}" type="revolute"><parent link="{one}"/><child link="{other}"/>'
-        '<origin xyz="0 0 0.4"/><axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>'
-        for one, other in pairwise(LINKS)
-    )
-    + "</robot>"
+BOX = '<collision><geometry><box size="0.1 0.1 0.3"/></geometry></collision>'
+CHAIN = urdf_text(
+    [UrdfJoint(one + other, one, other, "0 0 0.4", "0 1 0") for one, other in pairwise(LINKS)],
+    dict.fromkeys(LINKS, BOX),
+    "chain",
 )
 
 

@@ -199,10 +199,6 @@ def test_the_raff_file_is_the_calibrated_robot(tmp_path):
 MISTAKES = [
     ({"platform.x": 1000.0}, "platform.x: .* is far beyond the reach .* did you mean"),
     ({"joint1": 1000.0}, "joint1: .* far beyond its limits"),
-    (
-        dict.fromkeys(("joint1", "joint6", "joint12"), np.radians(1.0)),
-        "They fit with joint1, joint6, joint12 in rad instead of deg .* multiply the numbers in joint1, .* by 57.2958",
-    ),
 ]
 
 

@@ -199,7 +199,7 @@ MISTAKES = [
     ("scara", 3, tracked(scaled(-1.0, 0)), "with the opposite sign of joint1 "),
     # units
     ("five_bar", 2, scaled(1 / GON, 0, 1), "with joint1, joint3 in gon instead of deg"),
-    ("scara", 3, scaled(np.pi / 180, 0, 1, 2, 3), "joint4 in rad instead of deg"),
+    ("scara", 3, scaled(np.pi / 180, 0, 1, 2, 3), "joint4 in rad instead of deg .* multiply the numbers .* by 57.2958"),
     ("five_bar", 2, scaled(1e3, 2, 3), "with tool.x, tool.y in mm instead of m"),
     ("five_bar", 2, scaled(1 / 25.4, 2, 3), "tool.y in in instead of mm"),
     ("scara", 3, scaled(0.1, 4, 5, 6), "tool.z in cm instead of mm"),

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
+from gough_lines import lines_of
 from random_masses import massive, random_motion
 
 import cinegen
@@ -262,18 +263,6 @@ def gough(robot):
 @pytest.fixture(scope="module")
 def arm(robot):
     return robot("planar_3r")
-
-
-def lines_of(gough, q):
-    """(6, 6) the legs' unit forces as force and moment about the platform's origin."""
-    data = gough.model.createData()
-    pin.forwardKinematics(gough.model, data, q)
-    starts = [data.oMi[gough.model.getJointId(f"joint{k}")].translation for k in (1, 7, 10, 13, 16, 19)]
-    ends = [data.oMi[gough.model.getJointId("joint4")].translation]
-    ends += [(data.oMi[anchor[0]] * anchor[1]).translation for anchor in gough.structure.system.anchors]
-    centre = gough.placement(q, gough.end).translation
-    units = [(b - a) / np.linalg.norm(b - a) for a, b in zip(starts, ends, strict=True)]
-    return np.array([np.concatenate([u, np.cross(a - centre, u)]) for a, u in zip(starts, units, strict=True)])
 
 
 def test_a_platform_exerts_the_sum_of_its_legs_forces(gough):

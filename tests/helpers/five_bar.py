@@ -1,4 +1,4 @@
-"""A symmetric planar five-bar in closed form, by plane geometry and numpy alone.
+"""Arms of two bars, and a symmetric planar five-bar, in closed form, by plane geometry and numpy alone.
 
 The base joints are at (-half, 0) and (half, 0). Each leg has an inner bar on its base joint and an outer bar; both legs
 meet at the tool. Elbows point outward.
@@ -10,6 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+
+def two_bar_angles(x, y, first, second, elbow):
+    """Both angles of an arm of two bars whose end is at x and y, the second one positive for an elbow of 1 and negative
+    for -1, and whether it reaches."""
+    c = (x * x + y * y - first**2 - second**2) / (2.0 * first * second)
+    two = elbow * np.arccos(np.clip(c, -1.0, 1.0))
+    return np.arctan2(y, x) - np.arctan2(second * np.sin(two), first + second * np.cos(two)), two, np.abs(c) <= 1.0
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import scipy.linalg
+from five_bar import two_bar_angles
 from pinocchio_constraints import constraint_dynamics
 from random_masses import free_motions, massive
 from recorded import record, swung
 from scipy.optimize import brentq
 from small_robots import parallelogram
+from urdf_text import UrdfJoint, urdf_text
 
 import cinegen
 from cinegen.dynamics import InverseDynamics, Payload
@@ -34,11 +36,10 @@ def slid(tmp_path: Path):
     """`slid("0 0 1", 30.0)`: a cart on a rail, and a recording in which it moves by 1 m."""
 
     def make(axis: str, effort: float = FORCE, friction: str = "") -> tuple[cinegen.Mechanism, Recording]:
-        mechanism = cinegen.load(f"""<robot name="slider"><link name="rail"/>
-          <link name="cart"><inertial><mass value="{MASS}"/>
-            <inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial></link>
-          <joint name="x" type="prismatic"><parent link="rail"/><child link="cart"/><axis xyz="{axis}"/>
-            <limit lower="-5" upper="5" effort="{effort}" velocity="100"/>{friction}</joint></robot>""")
+        body = f'''<inertial><mass value="{MASS}"/>
+          <inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial>'''
+        rail = UrdfJoint("x", "rail", "cart", "0 0 0", axis, "prismatic", (-5.0, 5.0), effort, 100.0, more=friction)
+        mechanism = cinegen.load(urdf_text([rail], {"cart": body}))
         return mechanism, record(tmp_path / "run.jsonl", mechanism, [0.0, 9.0], [[0.0], [1.0]])
 
     return make
@@ -187,14 +188,8 @@ def straight(five_bar, first, last, count=41):
     found = []
     for tool in np.linspace(first, last, count):
         values = []
-        for x, side in ((-0.15, 1.0), (0.15, -1.0)):
-            far = tool - (x, 0.0)
-            length = np.hypot(*far)
-            angle = math.atan2(far[1], far[0]) + side * math.acos(
-                (length**2 + UPPER**2 - FORE**2) / (2.0 * UPPER * length)
-            )
-            outer = tool - (x, 0.0) - UPPER * np.array([math.cos(angle), math.sin(angle)])
-            values += [angle, math.atan2(outer[1], outer[0]) - angle]
+        for x, elbow in ((-0.15, -1.0), (0.15, 1.0)):
+            values += two_bar_angles(tool[0] - x, tool[1], UPPER, FORE, elbow)[:2]
         found.append(five_bar.close(np.array([*values, 0.0]), five_bar.joints[:4]))
     return np.unwrap(found, axis=0)
 
@@ -328,11 +323,10 @@ def test_the_option_of_the_command(root, fall, tmp_path, typed):
 @pytest.fixture
 def pendulum(tmp_path):
     """A point mass of 2 kg on a bar of 0.5 m, recorded from hanging down to standing upright."""
-    mechanism = cinegen.load("""<robot name="pendulum"><link name="base"/><link name="bar">
-      <inertial><origin xyz="0 0 -0.5"/>
-      <mass value="2"/><inertia ixx="1e-9" iyy="1e-9" izz="1e-9" ixy="0" ixz="0" iyz="0"/></inertial></link>
-      <joint name="pin" type="revolute"><parent link="base"/><child link="bar"/><axis xyz="0 1 0"/>
-      <limit lower="-4" upper="4" effort="1" velocity="100"/></joint></robot>""")
+    body = """<inertial><origin xyz="0 0 -0.5"/><mass value="2"/>
+      <inertia ixx="1e-9" iyy="1e-9" izz="1e-9" ixy="0" ixz="0" iyz="0"/></inertial>"""
+    hinge = UrdfJoint("pin", "base", "bar", axis="0 1 0", limit=(-4.0, 4.0), velocity=100.0)
+    mechanism = cinegen.load(urdf_text([hinge], {"bar": body}))
     return record(tmp_path / "up.jsonl", mechanism, [0.0, 9.0], [[0.0], [math.pi]])
 
 

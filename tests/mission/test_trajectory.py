@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from five_bar import two_bar_angles
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from recorded import record, swung
@@ -216,16 +217,10 @@ def test_loops_that_were_open_are_told(robot, tmp_path):
 # --- singularities between samples -----------------------------------------------------------------------------------
 
 
-def _two_bars(base, x, y, side):
-    """The angles of a five-bar's arm (0.25 and 0.4 m long) whose end is at x, y."""
-    dx, square = x - base, (x - base) ** 2 + y * y
-    elbow = side * math.acos((square - 0.25**2 - 0.4**2) / (2 * 0.25 * 0.4))
-    return math.atan2(y, dx) - math.atan2(0.4 * math.sin(elbow), 0.25 + 0.4 * math.cos(elbow)), elbow
-
-
 def _five_bar(mechanism, x, y):
     """The five-bar with its tool at x, y, the one elbow left and the other right of its arm, inwards."""
-    (first, second), (third, fourth) = _two_bars(-0.15, x, y, 1.0), _two_bars(0.15, x, y, -1.0)
+    first, second, _ = two_bar_angles(x + 0.15, y, 0.25, 0.4, 1.0)
+    third, fourth, _ = two_bar_angles(x - 0.15, y, 0.25, 0.4, -1.0)
     values = {"joint1": first, "joint2": second, "joint3": third, "joint4": fourth}
     return mechanism.configuration({**values, "joint5": first + second - third - fourth})
 

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from paths import along
+from urdf_text import UrdfJoint, urdf_text
 
 import cinegen
 from cinegen.collision import clearance_of, load_scene, scene_of
@@ -59,14 +60,10 @@ def test_the_scenes_of_the_figures_are_solved(root, name):
 
 
 def test_a_joint_without_limits_goes_the_long_way_round(tmp_path):
-    urdf = """<robot name="hand"><link name="base"/><link name="tip"/>
-      <joint name="turn" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint>
-      <joint name="end" type="fixed"><parent link="arm"/><child link="tip"/><origin xyz="1 0 0"/></joint>
-      <link name="arm">
-        <collision><origin xyz="0.5 0 0"/><geometry><box size="1 0.02 0.02"/></geometry></collision>
-      </link>
-    </robot>"""
-    (tmp_path / "hand.urdf").write_text(urdf)
+    bar = '<collision><origin xyz="0.5 0 0"/><geometry><box size="1 0.02 0.02"/></geometry></collision>'
+    turn = UrdfJoint("turn", "base", "arm", kind="continuous")
+    end = UrdfJoint("end", "arm", "tip", "1 0 0", kind="fixed")
+    (tmp_path / "hand.urdf").write_text(urdf_text([turn, end], {"arm": bar}))
     post = {"kind": "disc", "radius": 0.1, "point": [0.5 * math.cos(1.0), 0.5 * math.sin(1.0)]}
     aim = 2.5  # rad: the short way there leads through the post, the other is longer than half a turn
     goal = {"point": [math.cos(aim), math.sin(aim)]}

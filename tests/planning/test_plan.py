@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from cusp_platform import configuration, determinant, scene
-from example_robots import PANDA, load
+from example_robots import PANDA, PANDA_READY, load
 from paths import along
 
 import cinegen
@@ -16,8 +16,7 @@ from cinegen.planning import PlanStatus, plan
 from cinegen.planning.clear_motion import clear_motion
 from cinegen.planning.sampling.shortcuts import shortened
 
-READY = {f"panda_joint{i}": value for i, value in enumerate((0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785), 1)}
-AIM = {**READY, "panda_joint1": 1.9, "panda_joint4": -1.6}
+AIM = {**PANDA_READY, "panda_joint1": 1.9, "panda_joint4": -1.6}
 POST = {"name": "post", "kind": "cylinder", "radius": 0.05, "length": 0.8, "point": [0.25, 0.25, 0.4]}
 
 
@@ -73,7 +72,9 @@ def test_a_cell_without_a_door_ends_at_the_time_limit():
 
 
 def test_where_nothing_is_in_between_joints_move_straight():
-    scene = scene_of({"node": "panda_hand", "start": {"joints": READY}, "goal": {"joints": AIM}}, mechanism=load(PANDA))
+    scene = scene_of(
+        {"node": "panda_hand", "start": {"joints": PANDA_READY}, "goal": {"joints": AIM}}, mechanism=load(PANDA)
+    )
     found = plan(scene)
     assert [one.strategy for one in found.attempts] == ["all joints straight to the goal"]
     assert found.field is None
@@ -103,7 +104,7 @@ def test_without_ompl_the_reason_names_what_was_not_tried(monkeypatch):
 
 
 def test_joint_values_are_reached_exactly_around_a_post_and_fingers_do_not_move():
-    start = {**READY, "panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02}  # fingers are partly open
+    start = {**PANDA_READY, "panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02}  # fingers are partly open
     values = {"node": "panda_hand", "start": {"joints": start}, "goal": {"joints": AIM}, "obstacle": [POST]}
     around_post = scene_of(values, mechanism=load(PANDA))
     mechanism = around_post.mechanism
@@ -166,7 +167,7 @@ def test_a_path_through_an_obstacle_is_not_shortened():
 
 def test_links_that_cannot_separate_are_no_collision():
     """A closed gripper: its fingers are nearer to each other than the safety distance, and stay so."""
-    closed = {**READY, "panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
+    closed = {**PANDA_READY, "panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
     values = {"node": "panda_hand", "start": {"joints": closed}, "goal": {"joints": AIM}}
     assert clearance_of(scene_of(values, mechanism=load(PANDA))).least(load(PANDA).configuration(closed)) < 0.01
     found = plan(scene_of(values, mechanism=load(PANDA)))

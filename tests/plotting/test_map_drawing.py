@@ -89,18 +89,6 @@ def test_a_five_bars_curves_are_circles(five_bar, robot):
             assert singularity(robot("five_bar"), q, tolerance=0.01).kind in (curve.kind, SingularityType.BOTH)
 
 
-def test_an_arm_of_two_links_is_singular_where_its_elbow_is_straight(wrist):
-    """sin q2 = 0 on circles of 700 and 100 about (200, 0), all of them."""
-    curves = loci(wrist)
-    assert {curve.kind for curve in curves} == {SingularityType.TYPE_1}
-    points = points_of(curves, SingularityType.TYPE_1)
-    radii = np.hypot(points[:, 0] - 0.2, points[:, 1])
-    assert np.abs(radii[:, None] - [0.7, 0.1]).min(axis=1).max() < 1e-6
-    turned = np.sort(np.arctan2(points[:, 1], points[:, 0] - 0.2)[radii > 0.4])
-    assert np.diff(turned).max() < 0.1
-    assert (radii < 0.4).sum() >= 8
-
-
 def test_a_joints_limit_is_no_singularity(made, robot):
     """Joint 2 within 5 to 170 degrees either way stops five_bar's arms before they are stretched."""
     curves = loci(made("five_bar", ("x", -0.5, 0.5, 25), ("y", 0.0, 0.7, 20), limits=True))

@@ -14,6 +14,7 @@ import pytest
 from flint import arb, arb_mat, ctx
 from matplotlib.colors import to_rgba
 from scipy.spatial.transform import Rotation
+from variants import slow
 
 import cinegen
 import cinegen.proof.checker
@@ -201,38 +202,6 @@ def test_ten_million_poses_of_a_proved_region_have_legs_of_allowed_length_and_ar
         lengths, determinants = legs_of(gough, rng.uniform(*np.array(list(over.values())).T, (100_000, 6)))
         assert 0.7 < lengths.min() < lengths.max() < 1.3
         assert (sign * determinants > 0.0).all()
-
-
-def arms_of_the_delta(poses):
-    """Of each arm and pose of delta4, by plane geometry: shoulders (., 3), both elbow angles, forearms (., 3, 3)."""
-    angles = np.radians([0.0, 120.0, 240.0])
-    x = poses[:, :1] * np.cos(angles) + poses[:, 1:2] * np.sin(angles) + 0.50654 - 1.5  # a wrist from its shoulder
-    y, z = poses[:, 1:2] * np.cos(angles) - poses[:, :1] * np.sin(angles), poses[:, 2:]
-    shoulder = np.arctan2(z, x) + np.arccos((x**2 + y**2 + z**2 + 2.0**2 - 3.5**2) / (4.0 * np.hypot(x, z)))
-    forearm = np.stack([x - 2.0 * np.cos(shoulder), y, z - 2.0 * np.sin(shoulder)], axis=2)
-    first = (np.arctan2(forearm[..., 2], forearm[..., 0]) - shoulder) % (2.0 * math.pi)
-    turned = [
-        forearm[..., 0] * np.cos(angles) - y * np.sin(angles),
-        forearm[..., 0] * np.sin(angles) + y * np.cos(angles),
-    ]
-    return shoulder, first, np.arcsin(y / 3.5), np.stack([*turned, forearm[..., 2]], axis=2)
-
-
-@pytest.mark.slow
-def test_ten_million_poses_of_a_proved_region_of_a_delta(robot):
-    over, _ = INSIDE["delta4"]
-    assert prove(robot("delta4"), over, limits=True)
-    rng = np.random.default_rng(1)
-    sign = np.sign(np.linalg.det(arms_of_the_delta(np.array([[0.0, 0.0, -2.5]]))[3])[0])
-    for _ in range(100):
-        shoulder, first, second, forearms = arms_of_the_delta(
-            rng.uniform(*np.array(list(over.values())).T, (100_000, 3))
-        )
-        assert (np.abs(shoulder - math.radians(-2.5)) < math.radians(82.5)).all()  # there is one, within its limits
-        assert (np.abs(first - math.radians(270.0)) < math.radians(85.0)).all()
-        assert np.abs(second).max() < math.radians(60.0)
-        assert (sign * np.linalg.det(forearms) > 0.0).all()
-        assert (np.sin(first) * np.cos(second) < 0.0).all()  # no forearm is along its upper arm: type 1
 
 
 def test_mechanisms_whose_pose_is_not_enough_are_undecided(robot):
@@ -604,10 +573,6 @@ def test_a_singular_value_below_its_bound_refutes_with_a_witness(robot):
         assert singularity(mechanism, q).sigma[0] < 0.24
 
 
-def test_a_gough_platform_with_a_bound_of_singular_values(robot):
-    assert prove(robot("gough"), INSIDE["gough"][0], sigma=0.05, boxes=10)
-
-
 @pytest.mark.slow
 def test_a_gough_platform_in_six_coordinates_with_half_of_its_least_singular_value(robot):
     turn = math.radians(10.0)
@@ -791,27 +756,15 @@ def mutate(certificate, mechanism, count):
     return accepted
 
 
-def test_mutated_certificates_are_rejected_unless_they_are_true(robot):
-    proof = prove(robot("five_bar"), {"x": (-0.08, 0.08), "y": (0.45, 0.55)}, limits=True)
+@pytest.mark.parametrize(("bounds", "count", "fewest", "most"), [
+    ({"limits": True}, 100, 5, 80), ({"limits": True, "sigma": 0.1}, 60, 5, 50), ({"clearance": 0.18}, 40, 5, 35),
+    *slow(({"limits": True}, 8_000, 0, 8_000), ({"limits": True, "sigma": 0.1}, 1_000, 0, 1_000),
+          ({"clearance": 0.18}, 1_000, 0, 1_000)),
+])  # fmt: skip
+def test_mutated_certificates_are_rejected_unless_they_are_true(robot, bounds, count, fewest, most):
+    proof = prove(robot("five_bar"), {"x": (-0.08, 0.08), "y": (0.45, 0.55)}, **bounds)
     assert proof
-    accepted = mutate(proof.certificate, robot("five_bar"), 100)
-    assert 5 < accepted < 80
-    proof = prove(robot("five_bar"), {"x": (-0.08, 0.08), "y": (0.45, 0.55)}, limits=True, sigma=0.1)
-    assert proof
-    assert 5 < mutate(proof.certificate, robot("five_bar"), 60) < 50
-    proof = prove(robot("five_bar"), {"x": (-0.08, 0.08), "y": (0.45, 0.55)}, clearance=0.18)
-    assert proof
-    assert 5 < mutate(proof.certificate, robot("five_bar"), 40) < 35
-
-
-@pytest.mark.slow
-def test_ten_thousand_mutated_certificates(robot):
-    proof = prove(robot("five_bar"), {"x": (-0.08, 0.08), "y": (0.45, 0.55)}, limits=True)
-    mutate(proof.certificate, robot("five_bar"), 8_000)
-    proof = prove(robot("five_bar"), {"x": (-0.08, 0.08), "y": (0.45, 0.55)}, limits=True, sigma=0.1)
-    mutate(proof.certificate, robot("five_bar"), 1_000)
-    proof = prove(robot("five_bar"), {"x": (-0.08, 0.08), "y": (0.45, 0.55)}, clearance=0.18)
-    mutate(proof.certificate, robot("five_bar"), 1_000)
+    assert fewest < mutate(proof.certificate, robot("five_bar"), count) < most
 
 
 @pytest.mark.slow

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-from closed_forms import delta4, five_bar, planar_3r, rx90, two_bars, within
+from closed_forms import delta4, five_bar, planar_3r, rx90, within
+from five_bar import two_bar_angles
 from mapped import mapped, middles, over
 from scipy.ndimage import label, maximum_filter, minimum_filter
 
@@ -107,7 +108,7 @@ def test_both_parts_are_found_where_limits_part_an_arm_s_poses(raff, root):
     x, y = middles(region)
     wanted = np.zeros(region.shape, dtype=bool)
     for elbow in (1, -1):
-        one, two, ok = two_bars(x + 0.2, y, 0.4, 0.3, elbow)
+        one, two, ok = two_bar_angles(x + 0.2, y, 0.4, 0.3, elbow)
         wanted |= ok & within(one, -120, 120) & within(two, -100, 100) & within(math.pi - one - two, -30, 30)
     assert label(wanted)[1] == 2
     found = mapped(MapSpecification(arm, region, ()), 100)
