@@ -172,7 +172,7 @@ def test_what_makes_no_sense_is_refused_by_its_key(robot, name, values, said):
         ("latin.toml", b"name = '\xe4'", "this is not text in utf-8"),
     ],
 )
-def test_what_is_no_scene_isrefusal(tmp_path, name, content, said):
+def test_what_is_no_scene_is_said(tmp_path, name, content, said):
     path = tmp_path / name
     if content is not None:
         path.write_bytes(content)

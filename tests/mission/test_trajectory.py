@@ -302,24 +302,22 @@ def test_a_matrix_that_turns_between_two_samples(robot, turn, zero):
     assert found == pytest.approx([zero] if 0.0 < zero < 1.0 else [], abs=1e-8)
 
 
-def test_a_motion_near_a_type_2_singularity_is_noted_where_it_is_nearest(robot, tmp_path):
-    mechanism = robot("five_bar")
-    times = np.arange(101) / 100
-    q = [_five_bar(mechanism, 0.0, 0.58 + 0.015 * math.sin(math.pi * time)) for time in times]
-    findings = check(resampled(record(tmp_path / "run.jsonl", mechanism, times, q)))
+def test_a_motion_near_a_type_2_singularity_is_noted_where_it_is_nearest_and_one_that_ends_there_is_serious(
+    robot, tmp_path
+):
+    mechanism, times = robot("five_bar"), np.arange(101) / 100
+
+    def checked(heights):
+        q = [_five_bar(mechanism, 0.0, height) for height in heights]
+        return check(resampled(record(tmp_path / "run.jsonl", mechanism, times, q)))
+
+    findings = checked(0.58 + 0.015 * np.sin(np.pi * times))
     (near,) = (one for one in findings if one.kind is FindingKind.NEAR_TYPE_2)
     assert near.recorded == pytest.approx(0.5, abs=0.01)
     assert near.sigma == findings.passive_sigma < 0.05
     assert near not in findings.serious
     assert FindingKind.TYPE_2 not in _kinds(findings)
-
-
-def test_a_motion_that_ends_at_a_type_2_singularity_is_serious(robot, tmp_path):
-    mechanism = robot("five_bar")
-    times = np.arange(101) / 100
-    q = [_five_bar(mechanism, 0.0, 0.57 + 0.03 * time) for time in times]
-    findings = check(resampled(record(tmp_path / "run.jsonl", mechanism, times, q)))
-    assert FindingKind.TYPE_2 in _kinds(findings.serious)
+    assert FindingKind.TYPE_2 in _kinds(checked(0.57 + 0.03 * times).serious)
 
 
 def test_an_elbow_that_is_stretched_is_noted(robot, tmp_path):

@@ -20,11 +20,11 @@ AIM = {**PANDA_READY, "panda_joint1": 1.9, "panda_joint4": -1.6}
 POST = {"name": "post", "kind": "cylinder", "radius": 0.05, "length": 0.8, "point": [0.25, 0.25, 0.4]}
 
 
-def trap(**more):
-    """A mobile robot in a U, open to the side away from its goal."""
-    walls = [([1.0, 0.0], [0.1, 2.1]), ([0.0, 1.0], [2.0, 0.1]), ([0.0, -1.0], [2.0, 0.1])]
-    boxes = [{"kind": "box", "size": size, "point": point} for point, size in walls]
-    return scene_of({"mobile": {"radius": 0.1}, "goal": {"point": [2.0, 0.0]}, "obstacle": boxes, **more})
+def trap(walls=3):
+    """A mobile robot in a U, open to the side away from its goal, or between four walls."""
+    middles = [(1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (-1.0, 0.0)][:walls]
+    boxes = [{"kind": "box", "size": [0.1, 2.1] if x else [2.0, 0.1], "point": [x, y]} for x, y in middles]
+    return scene_of({"mobile": {"radius": 0.1}, "goal": {"point": [2.0, 0.0]}, "obstacle": boxes})
 
 
 def length(scene, path):
@@ -60,10 +60,7 @@ def test_a_trap_that_stops_vortices_is_left_by_sampling_without_being_asked():
 
 
 def test_a_cell_without_a_door_ends_at_the_time_limit():
-    cell = [{"kind": "box", "size": size, "point": point} for point, size in (
-        ([0.0, 1.0], [2.1, 0.1]), ([0.0, -1.0], [2.1, 0.1]), ([1.0, 0.0], [0.1, 2.1]), ([-1.0, 0.0], [0.1, 2.1])
-    )]  # fmt: skip
-    scene = scene_of({"mobile": {"radius": 0.1}, "goal": {"point": [2.0, 0.0]}, "obstacle": cell})
+    scene = trap(4)
     found = plan(scene, seconds=0.5)
     assert not found
     assert found.status is PlanStatus.TIME_LIMIT
