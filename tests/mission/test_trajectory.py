@@ -260,29 +260,18 @@ def test_a_type_2_singularity_between_two_samples_is_found(robot, tmp_path, step
     assert motion.positions(mechanism.actuated)[-1] == pytest.approx(q[-1][[0, 2]], abs=1e-12)
 
 
-@pytest.fixture
-def rocker(robot, raff, root):
-    """The four-bar with its rocker as the motor, and the crank's angles where that loses its hold: the crank and the
-    coupler are in line."""
-    text = (root / "robots" / "four_bar.raff").read_text(encoding="utf-8").partition("\n")[2]
-    text = text.replace("    velocity 360.0\n    actuated 1\n", "", 1)
-    mechanism = raff(text.replace("    limits { 80.0 152.0 }\n", "    velocity 900.0\n    actuated 1\n", 1))
-    assert mechanism.actuated == ("joint3",)
-    dead = []
-    for way, turned in ((0.48, 0.0), (0.24, math.pi)):  # from the crank's axis to the rocker's end
-        dead.append(math.acos((0.4**2 + way**2 - 0.24**2) / (2.0 * 0.4 * way)) + turned)
-    return mechanism, np.array(dead)
-
-
-def test_singularities_far_apart_from_samples(robot, rocker):
-    """However far two samples are apart, as far as the way between them is known: each is found, and nothing else."""
-    (mechanism, dead), rng = rocker, np.random.default_rng(1)
-    rows, counts = of_passive_joints(mechanism), []
+def test_singularities_far_apart_from_samples():
+    """However far two samples are apart, as far as the way between them is known: each is found, and nothing else. The
+    rocker of a four-bar loses its hold where the crank and the coupler are in line."""
+    crank, rocker = (cinegen.load(four_bar(words=words)) for words in (("actuated 1", "", ""), ("", "", "actuated 1")))
+    reaches = np.array([0.48, 0.24])  # from the crank's axis to the rocker's end
+    dead = np.arccos((0.4**2 + reaches**2 - 0.24**2) / (2.0 * 0.4 * reaches)) + np.array([0.0, math.pi])
+    rows, counts, rng = of_passive_joints(rocker), [], np.random.default_rng(1)
     for begin, way in zip(rng.uniform(-6.0, 6.0, 40), rng.uniform(0.1, 2.5, 40), strict=True):
-        forward = ForwardKinematics(robot("four_bar"))
+        forward = ForwardKinematics(crank)
         first, second = forward.move({"joint1": begin}), forward.move({"joint1": begin + way})
         expected = sorted((dead - begin) % (2.0 * math.pi))
-        found = [one.q[0] - begin for one in crossings(rows, partial(between, mechanism, first, second))]
+        found = [one.q[0] - begin for one in crossings(rows, partial(between, rocker, first, second))]
         assert found == pytest.approx([one for one in expected if one < way], abs=1e-6)
         counts.append(len(found))
     assert set(counts) == {0, 1}

@@ -33,11 +33,8 @@ def test_a_five_bar_is_singular_of_type_1_on_circles_about_its_motors(five_bar):
     for x in (-0.15, 0.15):
         for radius in (0.65, 0.15):
             assert (np.abs(np.hypot(points[:, 0] - x, points[:, 1]) - radius) < 1e-6).sum() > 4
-    inside = (np.hypot(*np.meshgrid(five_bar.u + 0.15, five_bar.v, indexing="ij")) < 0.65) & (
-        np.hypot(*np.meshgrid(five_bar.u - 0.15, five_bar.v, indexing="ij")) < 0.65
-    )
-    for x in (-0.15, 0.15):
-        inside &= np.hypot(*np.meshgrid(five_bar.u - x, five_bar.v, indexing="ij")) > 0.15
+    across = [np.hypot(*np.meshgrid(five_bar.u - x, five_bar.v, indexing="ij")) for x in (-0.15, 0.15)]
+    inside = np.all([(distance > 0.15) & (distance < 0.65) for distance in across], axis=0)
     assert (five_bar.reached == inside).all()
 
 

@@ -18,40 +18,8 @@ from cinegen.singularities.line_varieties import GrassmannClass
 from cinegen.singularities.pluecker import PlueckerLine
 from cinegen.singularities.slice import Coordinates
 
-
-def three_rrr(elbows, platform, base=((0.0, 0.0), (1.0, 0.1), (0.4, 0.9))) -> str:
-    """A planar 3-RRR as RAFF: pivots on the base, elbows and the platform's points, all (3, 2) in the world, m."""
-
-    def angle(a, b):
-        return math.degrees(math.atan2(b[1] - a[1], b[0] - a[0]))
-
-    def away(a, b):
-        return 1000.0 * math.dist(a, b)
-
-    lines, origin = ["robot r {", "base { }"], (0.0, 0.0)
-    for leg, (foot, elbow, head) in enumerate(zip(base, elbows, platform, strict=True)):
-        n = 10 * leg
-        first, second = angle(foot, elbow), angle(elbow, head)
-        foot_angle, foot_away = angle(origin, foot), away(origin, foot)
-        lines.append(
-            f"link {n + 1} {{ parameters {{ gamma {foot_angle!r} d {foot_away!r} theta {first - foot_angle!r} }} "
-            "type 2 pred 0 actuated 1 }"
-        )
-        bar, turn = away(foot, elbow), second - first
-        lines.append(f"link {n + 2} {{ parameters {{ d {bar!r} theta {turn!r} }} type 2 pred {n + 1} }}")
-        if leg == 0:
-            bar, turn = away(elbow, head), angle(head, platform[1]) - second
-            lines.append(f"link {n + 3} {{ parameters {{ d {bar!r} theta {turn!r} }} type 2 pred {n + 2} }}")
-        else:
-            turned = angle(platform[0], head) - angle(platform[0], platform[1])
-            lines.append(f"frame {n + 4} {{ parameters {{ d {away(elbow, head)!r} }} pred {n + 2} }}")
-            lines.append(f"frame {n + 5} {{ parameters {{ gamma {turned!r} d {away(platform[0], head)!r} }} pred 3 }}")
-            lines.append(f"constraint {{ frame {n + 4} frame {n + 5} type 2 }}")
-    lines.append('frame 40 { name "tool" parameters { d 100.0 } pred 3 } constraint { frame 40 sensor ( 0 1 ) } }')
-    return "\n".join([*lines, 'sensor 1 { port "/dev/null" translation 3 rotation 3 }'])
-
-
-ELBOWS, HEADS = ((0.1, 0.5), (1.2, 0.5), (0.8, 1.1)), ((0.35, 0.4), (0.75, 0.45), (0.5, 0.75))
+FEET = ((0.0, 0.0), (1.0, 0.1), (0.4, 0.9))
+HEADS = np.array([[0.35, 0.4], [0.75, 0.45], [0.5, 0.75]])
 
 
 @pytest.mark.parametrize("name", ["hybrid", "delta4", "arm7"])
@@ -112,11 +80,14 @@ def test_type_2_of_a_five_bar_is_where_its_outer_bars_are_in_line(robot):
 
 @pytest.mark.parametrize("parallel", [False, True])
 def test_a_3rrr_gains_a_motion_where_its_outer_bars_meet_in_a_point_or_are_parallel(raff, parallel):
-    heads = np.array(HEADS)
     centre, way = np.array([0.3, 0.6]), np.array([0.3, 1.0])
-    ways = np.array([way] * 3) if parallel else heads - centre
-    elbows = heads + ways * np.array([[0.5], [0.6], [0.4]]) * (1.0 if parallel else 1.5)
-    mechanism = raff(three_rrr(elbows, heads))
+    ways = np.array([way] * 3) if parallel else HEADS - centre
+    elbows = HEADS + ways * np.array([[0.5], [0.6], [0.4]]) * (1.0 if parallel else 1.5)
+    legs = [
+        [linkages.hinge(foot, motor=True), linkages.hinge(elbow), linkages.hinge(head)]
+        for foot, elbow, head in zip(FEET, elbows, HEADS, strict=True)
+    ]
+    mechanism = raff(linkages.legged(legs, "joint").text(joint_digits=None))
     found = singularity(mechanism, mechanism.q_home, tolerance=1e-7)
     assert found.kind is SingularityType.TYPE_2
     assert found.dependence.grassmann_class is GrassmannClass.FLAT_PENCIL
