@@ -137,10 +137,8 @@ def delta(rng, linear=False) -> tuple[Mechanism, np.ndarray, np.ndarray, np.ndar
     tool at home."""
     legs, knees, heads = [], [], []
     for around in 2.0 * math.pi * np.arange(3) / 3.0 + rng.uniform(-0.3, 0.3, 3):
-        out, side = (
-            np.array([math.cos(around), math.sin(around), 0.0]),
-            np.array([-math.sin(around), math.cos(around), 0.0]),
-        )
+        c, s = math.cos(around), math.sin(around)
+        out, side = np.array([c, s, 0.0]), np.array([-s, c, 0.0])
         foot, head = rng.uniform(0.6, 0.9) * out, rng.uniform(0.15, 0.3) * out - rng.uniform(0.9, 1.1) * Z
         knee = foot + rng.uniform(0.2, 0.4) * out - rng.uniform(0.0, 0.3) * Z
         across = np.cross(side, head - knee)
@@ -184,7 +182,6 @@ def ring(joints: Sequence[Joint], cut: int = -1, how: str = "joint") -> Mechanis
 def together(first: Mechanism, second: Mechanism) -> Mechanism:
     """Two mechanisms on one base; the second carries the tool."""
     kept = tuple(body for body in first.bodies if body.number != TOOL)
-    other = second.renumbered(
-        {body.number: body.number + 500 for body in second.bodies if body.number != TOOL} | {TOOL: TOOL}
-    )
+    numbers = {body.number: body.number + 500 for body in second.bodies if body.number != TOOL}
+    other = second.renumbered(numbers | {TOOL: TOOL})
     return Mechanism(kept + other.bodies, first.loops + other.loops)

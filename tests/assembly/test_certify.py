@@ -64,14 +64,11 @@ def residual(mechanism, values):
         known[j] = here * moved(model.joints[j], values[model.names[j]])
     rows = []
     for loop in mechanism.loops:
-        first, second = (
-            known[int(frame.parentJoint)] * orthonormal(frame.placement) * orthonormal(placement)
-            for frame, placement in (
-                (model.frames[mechanism.frame_id(loop.first)], loop.first_placement),
-                (model.frames[mechanism.frame_id(loop.second)], loop.second_placement),
-            )
-        )
-        relative = first**-1 * second
+        ends = []
+        for node, placement in ((loop.first, loop.first_placement), (loop.second, loop.second_placement)):
+            frame = model.frames[mechanism.frame_id(node)]
+            ends.append(known[int(frame.parentJoint)] * orthonormal(frame.placement) * orthonormal(placement))
+        relative = ends[0] ** -1 * ends[1]
         columns = {LoopKind.BALL: (), LoopKind.REVOLUTE: (2,)}.get(loop.kind, (0, 1, 2))
         rows += [relative[i, j] - int(i == j) for j in columns for i in range(3)]
         rows += [relative[i, 3] for i in range(2 if loop.kind is LoopKind.PRISMATIC else 3)]

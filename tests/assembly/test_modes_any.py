@@ -232,13 +232,9 @@ def test_what_motors_do_not_determine_is_no_number(built, robot):
 
 def test_fewer_modes_than_the_theorem_allows_are_all_with_probability_one(built):
     """Semi-regular hexagons: 12 of 40 solutions are at infinity at all lengths, counted from a random start."""
-    base, platform = (
-        radius * np.column_stack([np.cos(angles), np.sin(angles), height * np.ones(6)])
-        for radius, height, angles in (
-            (2.0, 0.0, np.radians([-10, 10, 110, 130, 230, 250])),
-            (1.0, 2.0, np.radians([-50, 50, 70, 170, 190, 290])),
-        )
-    )
+    low, high = np.radians([-10, 10, 110, 130, 230, 250]), np.radians([-50, 50, 70, 170, 190, 290])
+    base = 2.0 * np.column_stack([np.cos(low), np.sin(low), np.zeros(6)])
+    platform = np.column_stack([np.cos(high), np.sin(high), np.full(6, 2.0)])
     m = built(hexapod(rng(1), "UpS", base, platform))
     modes = assembly_modes(m)
     assert "12 paths ended at infinity" in modes.method

@@ -213,10 +213,8 @@ def test_three_legs_in_a_plane_are_a_sextic(built, word, seed):
         else:
             lengths = [np.linalg.norm(h - k) for k, h in zip(knees, heads, strict=True)]
             along = [leg[0][:2, 2] for leg in legs]
-            feet = [
-                turned(s, k, f) if word == "rRR" else k + s * d
-                for f, k, d, s in zip(feet, knees, along, shift, strict=True)
-            ]
+            led = zip(feet, knees, along, shift, strict=True)
+            feet = [turned(s, k, f) if word == "rRR" else k + s * d for f, k, d, s in led]
         expected, count = planar_poses(feet, heads, lengths)
         modes = assembly_modes(m, home(m) + shift)
         start = np.linalg.inv(places(m, m.q_home, ["tool"])[0])
@@ -287,12 +285,9 @@ def rods_of(m, modes, word):
         if word[0] not in "rp":
             lengths.append(np.linalg.norm(there - feet, axis=1))
         else:
-            motors = [f"link{name[5:]}" for name in m.actuated]
-            own = [
-                np.linalg.inv(places(m, m.q_home, [n])[0]) @ np.append(f, 1.0)
-                for n, f in zip(motors, feet, strict=True)
-            ]
-            knees = [(places(m, q, [n])[0] @ p)[:3] for n, p in zip(motors, own, strict=True)]
+            links = [f"link{name[5:]}" for name in m.actuated]
+            led = places(m, q, links) @ np.linalg.inv(places(m, m.q_home, links))
+            knees = np.einsum("nij,nj->ni", led, np.c_[feet, np.ones(6)])[:, :3]
             lengths.append(np.linalg.norm(there - knees, axis=1))
     return np.array(lengths), np.linalg.norm(heads - feet, axis=1)
 

@@ -122,9 +122,8 @@ def test_a_delta_with_a_platform_like_its_base_moves_on_a_sphere(built):
         out = np.array([math.cos(around), math.sin(around), 0.0])
         side, knee, along = np.array([-out[1], out[0], 0.0]), 0.8 * out, np.array([0.1, 0.0, -1.0])
         across = np.cross(side, along)
-        legs.append(
-            [hinge(0.5 * out, side, True), *universal(knee, side, across), *universal(knee + along, across, side)]
-        )
+        forearm = [*universal(knee, side, across), *universal(knee + along, across, side)]
+        legs.append([hinge(0.5 * out, side, True), *forearm])
     modes = assembly_modes(built(legged(legs)))
     assert moves(modes) == [(2, None)]
     assert not modes.complete

@@ -63,9 +63,8 @@ def outside(points, shape):
     if isinstance(shape, coal.Sphere):
         return np.linalg.norm(points, axis=1) - shape.radius
     if isinstance(shape, coal.Capsule):
-        return np.linalg.norm(
-            np.c_[points[:, :2], np.maximum(np.abs(points[:, 2]) - shape.halfLength, 0.0)], axis=1
-        ) - (shape.radius)
+        beyond = np.maximum(np.abs(points[:, 2]) - shape.halfLength, 0.0)
+        return np.linalg.norm(np.c_[points[:, :2], beyond], axis=1) - shape.radius
     if isinstance(shape, coal.Cylinder):
         return np.maximum(np.linalg.norm(points[:, :2], axis=1) - shape.radius, np.abs(points[:, 2]) - shape.halfLength)
     if isinstance(shape, coal.Box):
@@ -186,13 +185,8 @@ def test_a_cylinder_with_balls_at_its_ends_is_one_capsule(arm):
 
 
 def test_the_hollow_of_a_mesh_is_filled_and_its_scale_counts(arm, tmp_path):
-    angle = trimesh.util.concatenate(
-        [
-            trimesh.creation.box(bounds=[[0, 0, 0], [300, 20, 20]]),
-            trimesh.creation.box(bounds=[[0, 0, 0], [20, 300, 20]]),
-        ]
-    )
-    angle.export(tmp_path / "angle.stl")
+    bars = [trimesh.creation.box(bounds=[[0, 0, 0], size]) for size in ([300, 20, 20], [20, 300, 20])]
+    trimesh.util.concatenate(bars).export(tmp_path / "angle.stl")
     (body,) = bodies_of(arm(upper=element("collision", '<mesh filename="angle.stl" scale="0.001 0.001 0.001"/>')))
     middle = seen(body.placement, np.array([[0.1, 0.1, 0.01], [0.29, 0.01, 0.01], [0.29, 0.29, 0.01]]))
     filled, end, beside = outside(middle, body.shape)

@@ -129,9 +129,8 @@ def test_a_mesh_of_convex_parts_is_as_many_pieces(tmp_path):
     assert sorted(piece.name for piece in obstacle.pieces) == ["mesh 1/1", "mesh 1/2"]
     assert to_point(obstacle.bodies, [1.5, 0, 0]) == pytest.approx(1.0, abs=0.02)
     assert to_point(obstacle.bodies, [1.0, 0, 0]) == pytest.approx(0.5, abs=1e-6)
-    assert sorted(piece.shape.computeVolume() for piece in obstacle.pieces) == pytest.approx(
-        sorted([1.0, ball.volume]), rel=1e-5
-    )
+    volumes = sorted(piece.shape.computeVolume() for piece in obstacle.pieces)
+    assert volumes == pytest.approx(sorted([1.0, ball.volume]), rel=1e-5)
 
 
 def test_damaged_meshes_and_flat_hulls_are_refused(tmp_path):
@@ -231,12 +230,8 @@ def as_values(mesh):
 
 def to_triangles(corners, points):
     """(n,) distances of points from the nearest of all triangles, one by one."""
-    return np.array(
-        [
-            np.linalg.norm(trimesh.triangles.closest_point(corners, np.tile(p, (len(corners), 1))) - p, axis=1).min()
-            for p in points
-        ]
-    )
+    nearest = [trimesh.triangles.closest_point(corners, np.tile(p, (len(corners), 1))) - p for p in points]
+    return np.linalg.norm(nearest, axis=2).min(axis=1)
 
 
 def among(clearance, q):

@@ -393,16 +393,11 @@ FULL = {
     ],
 }
 
+known = st.sampled_from([*KINDS, "tool", "joint1", [], {}, [0, 0], [[0, 0], [1, 0], [0, 1]]])
+keys = st.sampled_from([*FULL, "kind", "x"])
 json_values = st.recursive(
-    st.none()
-    | st.booleans()
-    | st.integers()
-    | st.floats()
-    | st.text(max_size=4)
-    | st.sampled_from([*KINDS, "tool", "joint1", [], {}, [0, 0], [[0, 0], [1, 0], [0, 1]]]),
-    lambda inner: (
-        st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from([*FULL, "kind", "x"]), inner, max_size=3)
-    ),
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=4) | known,
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(keys, inner, max_size=3),
     max_leaves=6,
 )
 

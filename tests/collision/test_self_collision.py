@@ -139,10 +139,8 @@ def test_neighbours_that_are_none_in_the_tree_or_by_a_loop_share_a_point(name):
 )
 def test_all_pairs_of_links_that_an_srdf_watches_are_watched(name, srdf):
     _, bodies, pairs = found(name)
-    disabled = {
-        frozenset((entry.get("link1"), entry.get("link2")))
-        for entry in etree.parse(SHARE / srdf).iter("disable_collisions")
-    }
+    entries = etree.parse(SHARE / srdf).iter("disable_collisions")
+    disabled = {frozenset((entry.get("link1"), entry.get("link2"))) for entry in entries}
     links = {body.name for body in bodies}
     fixed = {frozenset((one.name, other.name)) for one in bodies for other in bodies if one.joint == other.joint}
     watched = {frozenset(pair) for pair in combinations(links, 2)} - disabled - fixed
@@ -225,12 +223,9 @@ def test_the_srdf_that_is_named_replaces_the_one_next_to_the_urdf(chain, tmp_pat
 
 def test_a_link_disabled_by_default_is_checked_against_those_enabled_again(chain):
     """As in MoveIt's AllowedCollisionMatrix: disabled pairs are disabled whatever is enabled."""
-    found = cinegen.load(
-        chain(
-            '<disable_default_collisions link="a"/><enable_collisions link1="a" link2="c"/>'
-            '<enable_collisions link1="d" link2="a"/><disable_collisions link1="a" link2="d" reason="User"/>'
-        )
-    )
+    srdf = '<disable_default_collisions link="a"/><enable_collisions link1="a" link2="c"/>'
+    srdf += '<enable_collisions link1="d" link2="a"/><disable_collisions link1="a" link2="d" reason="User"/>'
+    found = cinegen.load(chain(srdf))
     assert disabled(found) == {"ab", "ad", "ae"}
     assert reasons(found)["ab"] is PairReason.ADJACENT
 

@@ -126,9 +126,8 @@ def test_outliers_change_little_and_are_listed():
     good, bad = noisy(readings, 3), noisy(readings, 3, 0.05)
     found, again = held_out(), calibrate(parameters, bad, folds=0)
     assert (changes(again, found) < 1.0).mean() > 0.98
-    assert {(one.pose, one.column) for one in again.outliers} == set(
-        zip(*np.nonzero(bad.values != good.values), strict=True)
-    )
+    wrong = set(zip(*np.nonzero(bad.values != good.values), strict=True))
+    assert {(one.pose, one.column) for one in again.outliers} == wrong
     # which least squares alone would not ignore
     small = Parameters("five_bar", ["link2.d", "link4.d", "link5.d"])
     readings = exact(small, ["tool.x", "tool.y"], small.values + 1e-4, seed=3)

@@ -186,9 +186,8 @@ def test_other_joints_may_be_fixed():
 
 
 def test_designs_go_to_other_processes():
-    design = pickle.loads(
-        pickle.dumps(Design(Parameters("five_bar", "link*.d", ["link2.d = link4.d"]), [("joint2", "x")]))
-    )
+    tied = Parameters("five_bar", "link*.d", ["link2.d = link4.d"])
+    design = pickle.loads(pickle.dumps(Design(tied, [("joint2", "x")])))
     assert design.names == ("link1.d", "link2.d", "link3.d", "link5.d", "joint2.x")
     tolerances = pickle.loads(pickle.dumps(Tolerances("five_bar", {"link2.d": 1e-4})))
     assert tolerances.at().position == tolerance("five_bar", {"link2.d": 1e-4}).position
@@ -252,16 +251,14 @@ def test_edited_documents(name: str) -> None:
         residuals = [m.structure.system.evaluate(here.q[0])[0] for m in changed]
         np.testing.assert_allclose(unit * here.loop_parameters[0, :, k], unit * difference(residuals, step), atol=1e-8)
         closed = [m.close(here.q[0], mechanism.actuated) for m in changed]
-        poses = [
-            pin.log6(nominal.actInv(m.placement(c, node))).vector * scale for m, c in zip(changed, closed, strict=True)
-        ]
+        placed = [m.placement(c, node) for m, c in zip(changed, closed, strict=True)]
+        poses = [pin.log6(nominal.actInv(place)).vector * scale for place in placed]
         moved = here.pose_derivative(node)[0, :, k] * scale
         np.testing.assert_allclose(unit * moved, unit * difference(poses, step), atol=1e-8)
         jacobians = [jacobian_by(m, c, node, one.fixed) for m, c in zip(changed, closed, strict=True)]
         numeric = difference(jacobians, step) * scale[:, None] * unit
-        np.testing.assert_allclose(
-            by_p[..., k] * scale[:, None] * unit, numeric, atol=1e-8 * max(1.0, np.abs(numeric).max())
-        )
+        size = max(1.0, np.abs(numeric).max())
+        np.testing.assert_allclose(by_p[..., k] * scale[:, None] * unit, numeric, atol=1e-8 * size)
 
 
 WRENCH = np.array([3.0, -2.0, 5.0, 0.3, 0.7, -0.4])
@@ -320,11 +317,8 @@ def random_robot(rng: np.random.Generator, size: int) -> Document:
             parts.append(RaffLink(number, written(), JointType(int(rng.integers(0, 3))), pred))
         else:
             compound = list(CompoundKind)[rng.integers(0, 4)]
-            variables = tuple(
-                RaffVariable(name, float(rng.uniform(-40.0, 40.0)))
-                for name, own in VARIABLES[compound].items()
-                if own is None
-            )
+            free = [name for name, own in VARIABLES[compound].items() if own is None]
+            variables = tuple(RaffVariable(name, float(rng.uniform(-40.0, 40.0))) for name in free)
             parts.append(RaffLink(number, written(), JointType.FIXED, pred, compound=compound, variables=variables))
     return Document("random", (RaffRobot("random", RaffBase(written()), tuple(parts)),))
 

@@ -30,9 +30,8 @@ def read(text: str) -> Measurements:
 
 
 def test_units_of_headers_and_cells():
-    found = read(
-        HEADER + "# tracker\nsigma,,,0.05,0.02mm\na,90,1.5rad,120,0.9\nb,80,70deg,0.2m,\nsigma,,,0.1,\nc,1,2,3,\n"
-    )
+    rows = "# tracker\nsigma,,,0.05,0.02mm\na,90,1.5rad,120,0.9\nb,80,70deg,0.2m,\nsigma,,,0.1,\nc,1,2,3,\n"
+    found = read(HEADER + rows)
     assert found.labels == ("a", "b", "c")
     np.testing.assert_allclose(found.values[:2, :3], [[np.pi / 2, 1.5, 0.12], [np.radians(80), np.radians(70), 0.2]])
     assert found.values[0, 3] == 0.9
@@ -307,9 +306,8 @@ def test_a_parameter_that_is_far_from_its_description_is_named_and_taken_when_it
     given = noisy(exact(parameters, ["tool.x", "tool.y"], truth, poses=25), 6)
     with pytest.warns(cinegen.CinegenWarning, match=r"link2\.d by 0\.02 m, 67 times.*--sigma link2\.d=(\S+)") as met:
         found = calibrate("five_bar", given, folds=0)
-    assert found.values[found.names.index("link2.d")] == pytest.approx(
-        truth[parameters.names.index("link2.d")], abs=1e-3
-    )
+    wanted = truth[parameters.names.index("link2.d")]
+    assert found.values[found.names.index("link2.d")] == pytest.approx(wanted, abs=1e-3)
     name, _, amount = str(met[0].message).rpartition("--sigma ")[2].partition("=")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -443,11 +441,8 @@ def test_where_the_robot_stands_is_not_told_from_where_the_device_stands():
     named = [one for one in found.dependencies if one.text.startswith("robot and tracker move together as one body: ")]
     assert len(named) >= 4
     tracker = [f"tracker.{c}" for c in POSE]
-    moved = [
-        [dict(zip(one.names, change, strict=True)).get(component, 0.0) for component in tracker]
-        for one in found.dependencies
-        for change in one.changes
-    ]
+    changes = [dict(zip(one.names, change, strict=True)) for one in found.dependencies for change in one.changes]
+    moved = [[change.get(component, 0.0) for component in tracker] for change in changes]
     assert np.linalg.matrix_rank(moved, tol=1e-6) == 6
     counted = rank + len(found.without_effect) + sum(len(one.changes) for one in found.dependencies)
     assert counted == len(found.names)

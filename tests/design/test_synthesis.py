@@ -172,15 +172,14 @@ def test_front(tmp_path):
 
 
 ERRORS = {"sigma": {"link*.d": "0.05mm"}, "encoder": {"joint1": "0.02deg", "joint3": "0.02deg"}}
-GRAVITY = (0.0, -9.81, 0.0)
+DOWN = (0.0, -9.81, 0.0)
+LOAD = [Payload("tool", 3.0)]
 LARGEST = {
     "mass": lambda robot, path, q: sum(one.mass for one in robot.model.inertias),
-    "torque": lambda robot, path, q: max(
-        np.abs(forces(robot, one, payloads=[Payload("tool", 3.0)], gravity=GRAVITY).torques).max() for one in q
-    ),
-    "accuracy": lambda robot, path, q: max(
-        Tolerances(path, ERRORS["sigma"], encoder=ERRORS["encoder"]).at(one).position for one in q
-    ),
+    "torque": lambda robot, path, q: np.abs(
+        [forces(robot, one, payloads=LOAD, gravity=DOWN).torques for one in q]
+    ).max(),
+    "accuracy": lambda robot, path, q: max(Tolerances(path, **ERRORS).at(one).position for one in q),
 }
 """What the loaded robot has at most in configurations."""
 
@@ -198,7 +197,7 @@ def loaded(found, task, folder, count):
     ("what", "more"),
     [
         ("mass", {}),
-        ("torque", {"load": {"payload": "3kg", "gravity": list(GRAVITY)},
+        ("torque", {"load": {"payload": "3kg", "gravity": list(DOWN)},
                     "constraints": {"joint_limits": False, "singular_values": "0.2..5"}}),
         ("accuracy", {"tolerances": ERRORS}),
     ],

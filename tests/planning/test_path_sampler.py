@@ -99,10 +99,8 @@ def test_a_crank_and_its_coupler_turn_with_the_loop_closed(robot):
         there[mechanism.q_index("joint1")] += 0.1
         there = mechanism.close(there, locked=["joint1"])
     goal = mechanism.placement(there, "tool").translation[:2].tolist()
-    found = plan(
-        scene_of({"node": "tool", "safety": 0.002, "goal": {"point": goal}}, mechanism=mechanism),
-        planner=Planner.RRT_CONNECT,
-    )
+    scene = scene_of({"node": "tool", "safety": 0.002, "goal": {"point": goal}}, mechanism=mechanism)
+    found = plan(scene, planner=Planner.RRT_CONNECT)
     assert found.status is PlanStatus.REACHED
     assert max(mechanism.closure(q) for q in found.path) < 1e-9
     assert found.path[-1] == pytest.approx(there, abs=1e-3)

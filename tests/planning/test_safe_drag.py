@@ -256,10 +256,8 @@ def test_the_status_and_the_threat_where_a_collision_is_not_avoided(name):
         body = next(one for one in clearance.links if one.joint == 1)
         data = mechanism.model.createData()
         pin.forwardKinematics(mechanism.model, data, solver.q)
-        begin, velocity = (
-            data.oMi[1].act(np.asarray(body.centre)) - np.array([0.0, 0.8, 0.0]),
-            np.array([0.0, 1.0, 0.0]),
-        )
+        begin = data.oMi[1].act(np.asarray(body.centre)) - np.array([0.0, 0.8, 0.0])
+        velocity = np.array([0.0, 1.0, 0.0])
 
     def aim(tick):
         if tick == 0:

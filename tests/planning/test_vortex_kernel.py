@@ -56,13 +56,8 @@ def turned(clearance, q, motion, around_, states, reach, stop, strength):
         if np.linalg.norm(field) < 1e-9:
             continue
         way = field / np.linalg.norm(field)
-        size = (
-            strength
-            * np.linalg.norm(a)
-            * weight
-            * closeness(max(distances[pair], stop), reach)
-            / closeness(stop, reach)
-        )
+        near = closeness(max(distances[pair], stop), reach) / closeness(stop, reach)
+        size = strength * np.linalg.norm(a) * weight * near
         along = columns.T @ way
         total += scale * along * size / (along @ along + LEAST * (columns**2).sum() / 3.0)
     for g in range(len(states)):

@@ -159,9 +159,8 @@ def test_five_bar_s_motors_close_it_on_home_s_side(robot, limits, most):
     left, right = middles(region)
     elbows = np.array([-0.3 + 0.25 * (np.cos(left) - np.cos(right)), 0.25 * (np.sin(left) - np.sin(right))])
     half, base = np.arccos(np.linalg.norm(elbows, axis=0) / 0.8), np.arctan2(*-elbows[::-1])
-    tool = np.array([-0.15 + 0.25 * np.cos(left), 0.25 * np.sin(left)]) + 0.4 * np.array(
-        [np.cos(base + half), np.sin(base + half)]
-    )
+    shoulder = np.array([-0.15 + 0.25 * np.cos(left), 0.25 * np.sin(left)])
+    tool = shoulder + 0.4 * np.array([np.cos(base + half), np.sin(base + half)])
     wanted = np.ones(region.shape, dtype=bool)
     if limits:
         two = base + half - left

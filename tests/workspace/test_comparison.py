@@ -92,10 +92,8 @@ def test_maps_that_cannot_be_compared(made, both, robot, tmp_path):
         MapError, match="x goes from -1 to 1 in one map and from 2 to 3 in the other: they have no cell"
     ):
         compare(both[0], far)
-    around = [
-        small(GridAxis("azimuth", -1.0, 1.0, 2), GridAxis("elevation", -1.0, 1.0, 2), at={"radius": radius})
-        for radius in (0.5, 0.6)
-    ]
+    turns = GridAxis("azimuth", -1.0, 1.0, 2), GridAxis("elevation", -1.0, 1.0, 2)
+    around = [small(*turns, at={"radius": radius}) for radius in (0.5, 0.6)]
     with pytest.raises(MapError, match=r"spheres of radius 0.5 and 0.6 m"):
         compare(*around)
     slide = next(name for name in robot("delta4_linear").actuated if name in robot("planar_3r").actuated)

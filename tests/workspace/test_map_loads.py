@@ -139,9 +139,8 @@ robot lift {
 def test_a_spring_at_the_foot_of_a_scissor_lift(raff):
     """The foot is at 0.4 cos(angle), the corner rotates with the bar: springs of a passive joint count."""
     lift = raff(LIFT)
-    spec = MapSpecification(
-        lift, over(("joint1", 0.2, 1.3, 6)), ("stiffness",), stiffness={"joint1": 50.0, "joint2": 3000.0}
-    )
+    stiffness = {"joint1": 50.0, "joint2": 3000.0}
+    spec = MapSpecification(lift, over(("joint1", 0.2, 1.3, 6)), ("stiffness",), stiffness=stiffness)
     for q, values in cells(spec):
         wanted = (50.0 + 3000.0 * (0.4 * math.sin(q[0])) ** 2) / 0.4**2
         assert values["stiffness"] == pytest.approx(wanted, rel=1e-8)

@@ -86,9 +86,8 @@ def test_two_bars_have_the_manipulability_and_the_speeds_that_textbooks_give_the
     """|l1 l2 sin q2|; and speeds and forces by the Jacobian, written down."""
     arm = cinegen.load(two_bars((30, 40), (500, 300), ("velocity 90", "velocity 180")))
     region = over(("x", -0.8, 0.8, 12), ("y", -0.8, 0.8, 12))
-    spec = MapSpecification(
-        arm, region, ("manipulability", "velocity", "force", "sigma_1", "margin"), along=(0.6, 0.8, 0.0)
-    )
+    quantities = ("manipulability", "velocity", "force", "sigma_1", "margin")
+    spec = MapSpecification(arm, region, quantities, along=(0.6, 0.8, 0.0))
     speeds = np.radians([90.0, 180.0])
     for q, values in cells(spec):
         one, both = q[0], q[0] + q[1]

@@ -60,14 +60,8 @@ def test_what_is_not_given_is_as_at_home():
 
 
 def test_a_ball_seen_from_a_centre_measures_what_it_should():
-    ball = Region(
-        (
-            GridAxis("azimuth", -math.pi, math.pi, 12),
-            GridAxis("elevation", -math.pi / 2, math.pi / 2, 8),
-            GridAxis("radius", 0.5, 2.0, 5),
-        ),
-        centre=(1.0, 2.0, 3.0),
-    )
+    turns = GridAxis("azimuth", -math.pi, math.pi, 12), GridAxis("elevation", -math.pi / 2, math.pi / 2, 8)
+    ball = Region((*turns, GridAxis("radius", 0.5, 2.0, 5)), centre=(1.0, 2.0, 3.0))
     a, b, c = ball.sizes
     assert math.isclose(np.einsum("i,j,k->", a, b, c), 4.0 / 3.0 * math.pi * (2.0**3 - 0.5**3))
     points, _ = ball.poses(HOME, ball.values(whole(ball)))
@@ -152,9 +146,8 @@ def test_distances_across_a_joint_that_slides(axis, away, between):
 
 
 def test_what_has_no_limits_has_no_largest_distance():
-    assert _prismatic_bounds(np.eye(3)[0], np.array([0.3, 0.4, 0.0]), -math.inf, math.inf) == pytest.approx(
-        (0.4, math.inf)
-    )
+    endless = _prismatic_bounds(np.eye(3)[0], np.array([0.3, 0.4, 0.0]), -math.inf, math.inf)
+    assert endless == pytest.approx((0.4, math.inf))
     assert _revolute_bounds(
         np.eye(3)[2], np.array([0.3, 0.0, 0.0]), np.array([0.0, 0.5, 0.0]), -math.inf, math.inf
     ) == (pytest.approx((0.2, 0.8)))
@@ -197,11 +190,9 @@ def test_the_base_stays_where_it_is(robot):
 def test_what_is_reached_from_home_lies_in_the_range_of_each_coordinate_that_can_change(robot, name):
     mechanism = robot(name)
     low, high = mechanism.model.lowerPositionLimit, mechanism.model.upperPositionLimit
-    places = [
-        mechanism.placement(q, mechanism.end).translation
-        for q in (mechanism.q_home, *mechanism.random_closed(60, seed=5))
-        if ((q >= low) & (q <= high)).all()
-    ]
+    closed = (mechanism.q_home, *mechanism.random_closed(60, seed=5))
+    within = [q for q in closed if ((q >= low) & (q <= high)).all()]
+    places = [mechanism.placement(q, mechanism.end).translation for q in within]
     assert len(places) > 1
     for k, coordinate in enumerate("xyz"):
         values = np.array(places)[:, k]

@@ -134,9 +134,8 @@ def test_a_chunk_comes_to_the_same_whatever_was_made_before(robot, name, of):
     forth = [one.values(chunk) for chunk in cells]
     back = [other.values(chunk) for chunk in reversed(cells)][::-1]
     for values, others in zip(forth, back, strict=True):
-        assert {key: value.tobytes() for key, value in values.items()} == {
-            key: value.tobytes() for key, value in others.items()
-        }
+        first, second = ({key: value.tobytes() for key, value in some.items()} for some in (values, others))
+        assert first == second
 
 
 # --- broken off ----------------------------------------------------------------------------------------------------
