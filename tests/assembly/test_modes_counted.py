@@ -150,9 +150,8 @@ def test_a_deltas_modes_are_where_three_spheres_meet(built, seed, linear):
     if linear:
         moved = [k + s * p[:3, 2] for k, s, p in zip(knees, shift, motors, strict=True)]
     else:
-        moved = [
-            p[:3, 3] + pin.exp3(s * p[:3, 2]) @ (k - p[:3, 3]) for k, s, p in zip(knees, shift, motors, strict=True)
-        ]
+        led = zip(knees, shift, motors, strict=True)
+        moved = [p[:3, 3] + pin.exp3(s * p[:3, 2]) @ (k - p[:3, 3]) for k, s, p in led]
     centres = np.array(moved) - (heads - heads[0])  # of the first head
     squares = ((heads - knees) ** 2).sum(axis=1)
     rows = 2.0 * (centres[1:] - centres[0])

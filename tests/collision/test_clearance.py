@@ -133,9 +133,8 @@ def test_without_obstacles_nothing_is_near():
 
 def test_a_robot_without_joints_meets_nothing(raff):
     stone = raff("robot r { base { } }")
-    clearance = Clearance(
-        stone, [Body("base", 0, at(0, 0, 0), coal.Sphere(0.1))], obstacles_of([ball(0.1, 0.0, 0.0, 0.0)])
-    )
+    base = Body("base", 0, at(0, 0, 0), coal.Sphere(0.1))
+    clearance = Clearance(stone, [base], obstacles_of([ball(0.1, 0.0, 0.0, 0.0)]))
     q = stone.q_home
     assert clearance.least(q) == np.inf
     assert clearance.near(q, 1.0).rows.shape == (0, 0)

@@ -279,9 +279,8 @@ def test_the_written_robot_is_in_the_assembly_mode_that_was_optimised():
 
 
 def test_a_region_is_proved_with_the_result_or_the_task_is_not_done(monkeypatch):
-    task = changed(
-        constraints={"joint_limits": False, "proved": True}, reach={"x": "-100..100mm", "y": "350..450mm"}, starts=1
-    )
+    region = {"x": "-100..100mm", "y": "350..450mm"}
+    task = changed(constraints={"joint_limits": False, "proved": True}, reach=region, starts=1)
     found = synthesize("five_bar", task)
     assert found.holds
     assert "proved 100 % of the region" in found.text

@@ -151,9 +151,8 @@ def test_a_truss_with_redundant_actuation_against_its_stiffness(raff):
     mechanism = raff(star(POINTS, TIP, True))
     assert (mechanism.mobility, len(mechanism.actuated)) == (2, 4)
     force = np.array([70.0, -200.0])
-    found = forces(
-        mechanism, mechanism.q_home, payloads=[Payload("frame3", wrench=(*force, 0, 0, 0, 0))], gravity=STILL
-    )
+    load = Payload("frame3", wrench=(*force, 0, 0, 0, 0))
+    found = forces(mechanism, mechanism.q_home, payloads=[load], gravity=STILL)
     d = np.array([np.subtract(TIP, p) / math.dist(TIP, p) for p in POINTS])
     displacement = np.linalg.solve(d.T @ d, force)
     assert found.torques == pytest.approx(-d @ displacement, rel=1e-9)  # a positive force lengthens the bar

@@ -69,9 +69,8 @@ def test_a_cell_without_a_door_ends_at_the_time_limit():
 
 
 def test_where_nothing_is_in_between_joints_move_straight():
-    scene = scene_of(
-        {"node": "panda_hand", "start": {"joints": PANDA_READY}, "goal": {"joints": AIM}}, mechanism=load(PANDA)
-    )
+    values = {"node": "panda_hand", "start": {"joints": PANDA_READY}, "goal": {"joints": AIM}}
+    scene = scene_of(values, mechanism=load(PANDA))
     found = plan(scene)
     assert [one.strategy for one in found.attempts] == ["all joints straight to the goal"]
     assert found.field is None
@@ -108,9 +107,8 @@ def test_joint_values_are_reached_exactly_around_a_post_and_fingers_do_not_move(
     found = plan(around_post)
     assert found.status is PlanStatus.REACHED
     assert found.attempts[-1].strategy != "all joints straight to the goal"
-    assert mechanism.values(found.path[-1]) == pytest.approx(
-        {**AIM, "panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02}, abs=1e-9
-    )
+    end = {**AIM, "panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02}
+    assert mechanism.values(found.path[-1]) == pytest.approx(end, abs=1e-9)
     fingers = found.path[:, [mechanism.q_index(f"panda_finger_joint{i}") for i in (1, 2)]]
     assert (fingers == 0.02).all()
     assert found.clearance >= around_post.safety

@@ -39,9 +39,8 @@ def made(robot, tmp_path_factory):
 @pytest.fixture(scope="module")
 def five_bar(made):
     """The whole plane of its tool, in cells that are not square."""
-    return made(
-        "five_bar", ("x", -0.7, 0.7, 22), ("y", -0.75, 0.75, 26), quantities=("sigma_1", "sigma_2", "condition")
-    )
+    quantities = ("sigma_1", "sigma_2", "condition")
+    return made("five_bar", ("x", -0.7, 0.7, 22), ("y", -0.75, 0.75, 26), quantities=quantities)
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,6 @@ from variants import slow
 import cinegen
 import cinegen.proof.checker
 import cinegen.proof.distributed_checks
-import cinegen.proof.tubes
 from cinegen.collision.body import geometry_model
 from cinegen.collision.self_collision import PairReason, link_pairs
 from cinegen.design import Parameters, WithinTolerances
@@ -266,9 +265,8 @@ def test_all_robots_within_tolerances(name, over, tolerances):
         q = coordinates.from_home(pose, steps=10)
         assert q is not None
         assert within_limits(mechanism, q)
-        other = prove(
-            mechanism, {key: (value, value + 1e-6) for key, value in pose.items()}, limits=True, boxes=1
-        ).certificate
+        point = {key: (value, value + 1e-6) for key, value in pose.items()}
+        other = prove(mechanism, point, limits=True, boxes=1).certificate
         ours, theirs = (tolerated(document) for document in (proof.certificate, other))
         for (numbers, radii), (values, _) in zip(ours, theirs, strict=True):
             assert (np.abs(numbers - values) <= radii + 1e-12).all()
@@ -304,32 +302,6 @@ def test_tolerances_that_no_joint_compensates_are_named(robot):
         prove(parameters.mechanism, RECTANGLE, tolerances=WithinTolerances(parameters, {"*": "0.05mm"}))
     with pytest.raises(ProofError, match="the tolerances are of linkage: give this robot's"):
         prove(robot("delta4"), INSIDE["delta4"][0], tolerances=WithinTolerances(parameters, {"link*.d": 1e-4}))
-
-
-def along_nothing(equations, x, centre, radius, inverse, at):
-    """Krawczyk's test about a point: the configuration does not follow the pose."""
-    n = centre.shape[1]
-    straight = np.concatenate([np.zeros((*x.shape, n)), radius[..., None] * np.eye(n)], axis=1)
-    return np.concatenate([straight, np.zeros((*straight.shape[:2], n * (n + 1) // 2))], axis=2)
-
-
-@pytest.mark.parametrize(
-    ("size", "angle", "factor"), [(0.2, 0.0, 10), pytest.param(0.05, 10.0, 100, marks=pytest.mark.slow)]
-)
-def test_plain_krawczyk_takes_many_times_as_many_boxes(robot, monkeypatch, size, angle, factor):
-    centre, half = (0.0, 0.0, 0.9, 0.0, 0.0, 0.0), [size] * 3 + [math.radians(angle)] * 3
-    over = {name: (c - h, c + h) for name, c, h in zip(POSE, centre, half, strict=True) if h}
-    at = {name: c for name, c in zip(POSE, centre, strict=True) if name not in over}
-    ours = prove(robot("gough"), over, at)
-    assert ours
-    monkeypatch.setattr(cinegen.proof.tubes, "_along", along_nothing)
-    monkeypatch.setattr(cinegen.proof.distributed_checks, "check", lambda certificate, *_: {
-        "proved": 0.0, "refuted": 0.0, "undecided": 1.0, "witnesses": [], "boxes": 0,
-        "statuses": ["undecided"] * sum(isinstance(node, dict) for node in certificate["tree"]),
-    })  # fmt: skip
-    plain = prove(robot("gough"), over, at, boxes=2 * factor * ours.boxes)
-    claims = [node["claim"] for node in plain.certificate["tree"] if isinstance(node, dict)]
-    assert set(claims) - {"proved"}  # it is not done yet
 
 
 def test_what_can_not_be_asked(robot):
@@ -405,10 +377,8 @@ def test_a_picture_shows_each_box(robot):
     proof = prove(robot("gough"), {"x": (-0.5, 0.6), "z": (0.6, 1.5)}, limits=True, boxes=60)
     assert proof.refuted > 0.05
     cells = list(proof.cells())
-    sizes = {
-        name: sum(np.prod(box[:, 1] - box[:, 0]) for box, status in cells if status == name) for name in proof.statuses
-    }
-    for name, size in sizes.items():
+    for name in proof.statuses:
+        size = sum(np.prod(box[:, 1] - box[:, 0]) for box, status in cells if status == name)
         assert size / (1.1 * 0.9) == pytest.approx(getattr(proof, name))
     axes = draw_proof(proof, name="gough").subfigs[0].axes[0]
     assert len(axes.patches) == len(cells)
@@ -552,10 +522,8 @@ def test_a_bound_that_no_pose_violates_by_half_is_proved_and_one_above_the_least
         mechanism = robot(name)
         coordinates, ends = Coordinates(mechanism, list(over)), np.array(list(over.values())).T
         poses = [*itertools.product(*ends.T), *np.random.default_rng(3).uniform(*ends, (40, len(over)))]
-        found = [
-            singularity(mechanism, coordinates.from_home(dict(zip(over, p, strict=True)), steps=6)).sigma for p in poses
-        ]
-        least = float(np.min(found))
+        closed = [coordinates.from_home(dict(zip(over, p, strict=True)), steps=6) for p in poses]
+        least = float(np.min([singularity(mechanism, q).sigma for q in closed]))
         assert prove(mechanism, over, sigma=0.5 * least)
         proof = prove(mechanism, over, sigma=1.02 * least, boxes=150)
         assert not proof

@@ -32,9 +32,8 @@ def _unit(rng, size=3):
 
 def _turn(rng, count):
     """Angles that are not too near each other modulo pi."""
-    return (
-        np.linspace(0.0, np.pi, count, endpoint=False) + rng.uniform(-0.6, 0.6, count) / count + rng.uniform(0.0, 7.0)
-    )
+    even = np.linspace(0.0, np.pi, count, endpoint=False)
+    return even + rng.uniform(-0.6, 0.6, count) / count + rng.uniform(0.0, 7.0)
 
 
 def _at(point, direction, rng):
@@ -143,9 +142,8 @@ def hyperbolic(rng, count=5):
 
 def hyperbolic_one_far(rng, count=5):
     a = (np.zeros(3), np.array([0.3, -0.2, 1.0]))
-    segments = [
-        _at(s * a[1], _in_plane(t), rng) for s, t in zip(rng.uniform(-2, 2, count), _turn(rng, count), strict=True)
-    ]
+    stations = zip(rng.uniform(-2, 2, count), _turn(rng, count), strict=True)
+    segments = [_at(s * a[1], _in_plane(t), rng) for s, t in stations]
     return Built(GrassmannClass.HYPERBOLIC_CONGRUENCE, segments, directors=[a], normals=[Z])
 
 

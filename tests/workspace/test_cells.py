@@ -35,9 +35,8 @@ def test_over_motors_no_cell_is_lost_in_a_pocket_that_the_way_led_into(robot):
 def test_a_wave_does_not_change_branches_in_a_cell_where_two_meet(robot, count):
     """With odd counts a cell of this grid is exactly where both arms of the five-bar are folded."""
     five_bar = robot("five_bar")
-    spec = MapSpecification(
-        five_bar, over(("x", -0.7, 0.7, count), ("y", -0.7, 0.7, count)), ("sigma_1",), limits=False
-    )
+    region = over(("x", -0.7, 0.7, count), ("y", -0.7, 0.7, count))
+    spec = MapSpecification(five_bar, region, ("sigma_1",), limits=False)
     found = mapped(spec)
     q = found["configuration"][found["reachable"] & (found["sigma_1"] > 1e-3)]
     for joint in ("joint2", "joint4"):
