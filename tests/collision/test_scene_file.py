@@ -187,9 +187,8 @@ def test_what_is_no_scene_is_said(tmp_path, name, content, said):
 def test_a_robot_that_is_shipped_is_found_by_its_name_from_any_folder(tmp_path, monkeypatch, robot):
     monkeypatch.chdir(tmp_path)
     scene = tmp_path / "scene.toml"
-    scene.write_text(
-        "robot = 'planar_3r'\ngoal = { point = [0.6, 0.3] }\n[[obstacle]]\nkind = 'robot'\nfile = 'five_bar'\n"
-    )
+    other = "[[obstacle]]\nkind = 'robot'\nfile = 'five_bar'\n"
+    scene.write_text(f"robot = 'planar_3r'\ngoal = {{ point = [0.6, 0.3] }}\n{other}")
     loaded = load_scene(scene)
     assert loaded.mechanism.name == robot("planar_3r").name
     assert [one.kind for one in loaded.obstacles] == ["robot"]
@@ -203,9 +202,8 @@ def test_robots_that_are_not_there_or_damaged(tmp_path, root):
     goal = {"goal": {"point": [0, 0]}}
     assert "robot: " not in refusal(goal | {"robot": "gone.raff"}, tmp_path)
     assert "does not exist" in refusal(goal | {"robot": "gone.raff"}, tmp_path)
-    assert "robot '~nobody-is-called-so/x.raff' can't be read" in refusal(
-        goal | {"robot": "~nobody-is-called-so/x.raff"}
-    )
+    stranger = "~nobody-is-called-so/x.raff"
+    assert f"robot '{stranger}' can't be read" in refusal(goal | {"robot": stranger})
     (tmp_path / "bad.raff").write_text("RAFF bad\nrobot a { base { } link 1 { type 9 pred 0 } }")
     (tmp_path / "bad.urdf").write_text("<robot><link></robot>")
     (tmp_path / "bad.txt").write_text("hello")

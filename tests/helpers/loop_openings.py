@@ -68,9 +68,8 @@ class Openings:
         for j, column in enumerate(columns):
             ahead, behind = (self._gaps(q, side * _STEP * column * self.scale) for side in (1.0, -1.0))
             for k, loop in enumerate(self.mechanism.loops):
-                twist = self._end(here, loop.second, loop.second_placement).act(
-                    pin.log6(behind[k].inverse() * ahead[k])
-                )
+                end = self._end(here, loop.second, loop.second_placement)
+                twist = end.act(pin.log6(behind[k].inverse() * ahead[k]))
                 c = self.cluster[k]
                 centre = np.mean([here[body].act(point) for body, point in self.points[c]], axis=0)
                 v = twist.linear + np.cross(twist.angular, centre)

@@ -107,9 +107,8 @@ class Mechanism:
         numbers = {0: 0, **numbers}
         bodies = [replace(body, number=numbers[body.number], pred=numbers[body.pred]) for body in self.bodies]
         loops = tuple((numbers[a], numbers[b], kind) for a, b, kind in self.loops)
-        return replace(
-            self, bodies=tuple(bodies[i] for i in order) if order is not None else tuple(bodies), loops=loops
-        )
+        kept = bodies if order is None else [bodies[i] for i in order]
+        return replace(self, bodies=tuple(kept), loops=loops)
 
     def text(self, digits: int | None = None, joint_digits: int | None = 7, units: str | None = "mm") -> str:
         """As RAFF. `digits`: significant ones of the geometry, `joint_digits` of the joint variables; None: all."""

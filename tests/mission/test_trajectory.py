@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from recorded import record, swung
 from scipy.interpolate import CubicSpline
-from small_robots import four_bar
+from small_robots import FLOATING, four_bar
 
 import cinegen
 from cinegen.errors import UnknownNameError
@@ -171,18 +171,8 @@ def test_what_can_not_be_sampled(robot, raff, tmp_path):
         resampled(far)
 
 
-ROVER = """
-robot rover {
-  base { }
-  link 1 { type 2 pred 0 }
-  constraint { base sensor ( 0 1 ) }
-}
-sensor 1 { port "/dev/ttyS0" }
-"""
-
-
 def test_a_base_that_moves(raff, tmp_path):
-    rover = raff(ROVER)
+    rover = raff(f"robot rover {{ link 1 {{ type 2 pred 0 }} {FLOATING[0]} }} {FLOATING[1]}")
     assert rover.floating
     there = rover.q_home.copy()
     there[:7] = 1.0, 0.0, 0.0, 0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5)

@@ -27,9 +27,8 @@ def walls(*corners):
     for i, (a, b) in enumerate(itertools.pairwise(np.array(corners, dtype=float))):
         size = [float(np.linalg.norm(b - a)) + 0.1, 0.1]
         angle = math.atan2(b[1] - a[1], b[0] - a[0])
-        found.append(
-            {"name": f"wall {i}", "kind": "box", "size": size, "point": ((a + b) / 2).tolist(), "angle": angle}
-        )
+        middle = ((a + b) / 2).tolist()
+        found.append({"name": f"wall {i}", "kind": "box", "size": size, "point": middle, "angle": angle})
     return found
 
 

@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from hypothesis.extra.numpy import arrays
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import BoundaryNorm, LogNorm, to_hex
 from matplotlib.text import Text
+from small_maps import map_of
 
 from cinegen.plotting.comparison import BOTH, FIRST, SECOND, draw_comparison
 from cinegen.plotting.loci import TYPE_2
@@ -18,22 +20,15 @@ from cinegen.plotting.map import draw_map
 from cinegen.plotting.plane import ROBOT
 from cinegen.plotting.solid import net
 from cinegen.singularities import SingularityType
-from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map
+from cinegen.workspace import MapError
 from cinegen.workspace.extent import extent
 from cinegen.workspace.loci import loci
 
 
 @pytest.fixture(scope="module")
-def made(robot, tmp_path_factory):
+def made(tmp_path_factory):
     """`made("five_bar", ("x", -1, 1, 20), ..., at={}, quantities=...)`: a map."""
-    folder = tmp_path_factory.mktemp("maps")
-
-    def make(name, *axes, at=None, quantities=("sigma_1", "sigma_2"), limits=False, centre=None, **more):
-        region = Region(tuple(GridAxis(*axis) for axis in axes), at or {}, centre=centre)
-        spec = MapSpecification(robot(name), region, quantities, limits=limits, **more)
-        return make_map(spec, folder / f"{len(list(folder.iterdir()))}.zarr", workers=1)
-
-    return make
+    return partial(map_of, tmp_path_factory.mktemp("maps"), quantities=("sigma_1", "sigma_2"), limits=False)
 
 
 @pytest.fixture(scope="module")

@@ -81,11 +81,9 @@ def test_a_3rrr_gains_a_motion_where_its_outer_bars_meet_in_a_point_or_are_paral
     centre, way = np.array([0.3, 0.6]), np.array([0.3, 1.0])
     ways = np.array([way] * 3) if parallel else HEADS - centre
     elbows = HEADS + ways * np.array([[0.5], [0.6], [0.4]]) * (1.0 if parallel else 1.5)
-    legs = [
-        [linkages.hinge(foot, motor=True), linkages.hinge(elbow), linkages.hinge(head)]
-        for foot, elbow, head in zip(FEET, elbows, HEADS, strict=True)
-    ]
-    mechanism = raff(linkages.legged(legs, "joint").text(joint_digits=None))
+    hinges = [[linkages.hinge(point) for point in leg] for leg in np.stack([elbows, HEADS], axis=1)]
+    joints = [[linkages.hinge(foot, motor=True), *leg] for foot, leg in zip(FEET, hinges, strict=True)]
+    mechanism = raff(linkages.legged(joints, "joint").text(joint_digits=None))
     found = singularity(mechanism, mechanism.q_home, tolerance=1e-7)
     assert found.kind is SingularityType.TYPE_2
     assert found.dependence.grassmann_class is GrassmannClass.FLAT_PENCIL
