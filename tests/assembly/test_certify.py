@@ -121,12 +121,10 @@ def distance(m, q, values):
     return worst
 
 
-def closed_as(kind):
-    """Mechanisms whose loops are closed by joints of a kind, and rigidly."""
-    return {
-        LoopKind.RIGID: five_bar, LoopKind.REVOLUTE: lambda r: five_bar(r, "joint"), LoopKind.BALL: tripod,
-        LoopKind.PRISMATIC: lambda r: three_legs(r, "rRP", "joint"),
-    }[kind]  # fmt: skip
+CLOSED_AS = {
+    LoopKind.RIGID: five_bar, LoopKind.REVOLUTE: lambda r: five_bar(r, "joint"), LoopKind.BALL: tripod,
+    LoopKind.PRISMATIC: lambda r: three_legs(r, "rRP", "joint"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -135,7 +133,7 @@ def closed_as(kind):
 @pytest.mark.parametrize("kind", list(LoopKind))
 def test_derivatives_are_those_of_the_equations(built, kind, pose):
     """At open configurations, by differences in balls of 200 bits."""
-    m = built(closed_as(kind)(rng(0)))
+    m = built(CLOSED_AS[kind](rng(0)))
     q = m.q_home + rng(1).normal(size=m.model.nq)
     frame, target = (pin.exp6(rng(k).normal(size=6)) for k in range(2))
     equations = LoopEquations(m, Unknowns(tuple(m.joints), 1, ()), q, pose=(m.end, frame, target, pose))

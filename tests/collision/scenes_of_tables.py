@@ -12,9 +12,9 @@ def _point_among(*obstacles, **keys):
     return {"mobile": {"radius": 0.0}, "goal": {"point": [1.0, 0.0]}, "obstacle": list(obstacles)} | keys
 
 
-def scene_with(*obstacles, **keys):
-    """A point at the origin, among obstacles."""
-    return scene_of(_point_among(*obstacles, **keys))
+def scene_with(*obstacles, folder=".", **keys):
+    """A point at the origin, among obstacles whose files are in a folder."""
+    return scene_of(_point_among(*obstacles, **keys), folder)
 
 
 def refusal(values, folder=".", mechanism=None):
@@ -24,9 +24,9 @@ def refusal(values, folder=".", mechanism=None):
     return str(error.value)
 
 
-def refused(*obstacles, **keys):
+def refused(*obstacles, folder=".", **keys):
     """What is said of such a point."""
-    return refusal(_point_among(*obstacles, **keys))
+    return refusal(_point_among(*obstacles, **keys), folder)
 
 
 def to_point(bodies, point):

@@ -35,11 +35,6 @@ def walls(*corners):
 SPIRAL = walls((1, 1), (2, 1), (2, 2), (0, 2), (0, 0), (3, 0), (3, 3), (-1, 3), (-1, -1), (4, -1))
 
 
-def mobile(boxes, start, goal, **more):
-    values = {"mobile": {"radius": 0.15}, "safety": 0.05, "start": {"point": start}, "goal": {"point": goal}}
-    return scene_of(values | {"obstacle": boxes} | more)
-
-
 # --- ways ------------------------------------------------------------------------------------------------------------
 
 
@@ -74,7 +69,8 @@ def test_a_joint_without_limits_goes_the_long_way_round(tmp_path):
 
 
 def test_methods_in_turn_find_the_same_path_whenever_they_are_interrupted():
-    scene = mobile(SPIRAL, [1.0, 1.5], [5.0, 1.0])
+    values = {"mobile": {"radius": 0.15}, "safety": 0.05, "start": {"point": [1.0, 1.5]}, "goal": {"point": [5.0, 1.0]}}
+    scene = scene_of(values | {"obstacle": SPIRAL})
     clearance, found = clearance_of(scene), []
     for turn in (600.0, 1e-4):
         sampler = PathSampler(scene, clearance, [np.array([5.0, 1.0])], 0, is_alternating=True)

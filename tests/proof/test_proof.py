@@ -57,6 +57,12 @@ def within_limits(mechanism, q):
     return bool((q >= limits.lower).all() and (q <= limits.upper).all())
 
 
+def poses_in(over, count, rng):
+    """Random poses of a region, by coordinate."""
+    low, high = np.transpose([*over.values()])
+    return [dict(zip(over, values, strict=True)) for values in rng.uniform(low, high, (count, len(over)))]
+
+
 def test_a_rectangle_of_the_five_bar_is_proved(rectangle):
     assert rectangle
     assert (rectangle.proved, rectangle.refuted, rectangle.undecided) == (1.0, 0.0, 0.0)
@@ -143,8 +149,8 @@ def test_random_poses_of_proved_regions(robot, name):
     def unknown(q):
         return np.array([q[mechanism.q_index(name)] for name in names]) / equations.units
 
-    for values in rng.uniform(*np.array(list(over.values())).T, (20, len(over))):
-        q = coordinates.from_home(dict(zip(over, values, strict=True)), steps=4)
+    for pose in poses_in(over, 20, rng):
+        q, values = coordinates.from_home(pose, steps=4), np.array(list(pose.values()))
         assert q is not None
         residual = equations.at(unknown(q)[None], values[None]).residual[0, 0, document["rows"]]
         assert np.abs(residual).max() < 1e-9  # the equations of the certificate are those of the solver
@@ -603,17 +609,14 @@ def test_distances_are_above_a_clearance_just_below_the_least_one_at_poses(robot
     mechanism, over, rng = robot(name), NEAR[name], np.random.default_rng(6)
     coordinates, least = Coordinates(mechanism, list(over)), distances(mechanism)
 
-    def at(values):
-        return least(coordinates.from_home(dict(zip(over, values, strict=True)), steps=4))
-
-    known = min(map(at, rng.uniform(*np.array(list(over.values())).T, (30, len(over)))))
+    known = min(least(coordinates.from_home(pose, steps=4)) for pose in poses_in(over, 30, rng))
     assert known > 0.05  # m
     assert prove(mechanism, over, limits=True, clearance=0.9 * known, boxes=100)
     proof = prove(mechanism, over, limits=True, clearance=1.1 * known, boxes=100)
     assert proof.refuted > 0.0
     assert {*proof.reasons} <= {f"{witness['clearance']} may be near" for witness in proof.witnesses}
     for witness in proof.witnesses[:5]:
-        assert at(witness["pose"].values()) < 1.1 * known
+        assert least(coordinates.from_home(witness["pose"], steps=4)) < 1.1 * known
 
 
 @pytest.mark.parametrize("name", ["five_bar", "delta4"])
@@ -626,9 +629,7 @@ def test_distances_with_tolerances_are_those_of_all_robots(name):
         changed = {each: parameters.all[parameters.find(each)].value + v for each, v in zip(names, values, strict=True)}
         other = parameters.mechanism_with(parameters.with_changed(changed))
         coordinates, least = Coordinates(other, list(over)), distances(other, parameters.mechanism)
-        for pose in rng.uniform(*np.array(list(over.values())).T, (10, len(over))):
-            q = coordinates.from_home(dict(zip(over, pose, strict=True)), steps=4)
-            known = min(known, least(q))
+        known = min(known, *(least(coordinates.from_home(pose, steps=4)) for pose in poses_in(over, 10, rng)))
     assert prove(parameters.mechanism, over, clearance=0.9 * known, tolerances=within, boxes=100)
     proof = prove(parameters.mechanism, over, clearance=1.1 * known, tolerances=within, boxes=100)
     assert not proof
@@ -693,14 +694,13 @@ def assert_true(certificate, result, mechanism, rng):
     """What a result says holds at random poses, by Newton's method in doubles."""
     equations = Equations(certificate)
     equations.rows = np.array(certificate["rows"])
-    low, high = np.array(list(certificate["over"].values())).T
     assert all(witness["configuration"] for witness in result["witnesses"])  # all of it is within reach
     if result["proved"] < 1.0:
         return
     coordinates, clearance = Coordinates(mechanism, list(RECTANGLE)), certificate["bounds"]["clearance"]
     least = None if clearance is None else distances(mechanism)
-    for values in rng.uniform(low, high, (30, len(low))):
-        q = coordinates.from_home(dict(zip(RECTANGLE, values, strict=True)), steps=10)
+    for pose in poses_in(dict(zip(RECTANGLE, certificate["over"].values(), strict=True)), 30, rng):
+        q = coordinates.from_home(pose, steps=10)
         assert q is not None
         by_name = {one["name"]: one["limits"] for one in certificate["variables"]}
         for name in mechanism.joints:
