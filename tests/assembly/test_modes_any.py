@@ -64,15 +64,6 @@ def test_a_general_6r_chain_reaches_a_place_in_sixteen_ways(built):
     nothing_beside(modes, ["tool"])
 
 
-@pytest.mark.parametrize("word", ["rPR", *slow("PrR")])
-def test_slides_that_no_motor_drives_are_solved_too(built, word):
-    m = built(three_legs(rng(1), word))
-    modes = assembly_modes(m, home(m) + 0.1)
-    sound(modes, ["tool"])
-    traced(modes)
-    nothing_beside(modes, ["tool"], 10)
-
-
 def test_loops_that_have_nothing_to_do_with_each_other_have_each_mode_with_each(built):
     other = five_bar(rng(2)).moved(making.shift("z", 1.0))
     both = built(together(five_bar(rng(1)), other))

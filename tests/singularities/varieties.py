@@ -147,24 +147,23 @@ def hyperbolic_one_far(rng, count=5):
     return Built(GrassmannClass.HYPERBOLIC_CONGRUENCE, segments, directors=[a], normals=[Z])
 
 
+def _fan(rng, count):
+    """Points of the z axis, and directions across it which turn as tan(angle) = z / k."""
+    k, heights = rng.uniform(0.5, 1.5), np.linspace(-1.5, 1.5, count) + rng.uniform(-0.2, 0.2, count)
+    return [(z * Z, np.array([k, z, 0.0]) / np.hypot(k, z)) for z in heights]
+
+
 def parabolic(rng, count=5):
-    """Through each point of the z axis a pencil in a plane through it, which turns as tan(angle) = z / k."""
-    k = rng.uniform(0.5, 1.5)
-    segments = []
-    for z in np.linspace(-1.5, 1.5, count) + rng.uniform(-0.2, 0.2, count):
-        across = np.array([k, z, 0.0]) / np.hypot(k, z)
-        segments.append(_at(z * Z, across + rng.uniform(-1.5, 1.5) * Z, rng))
+    """Through each point of the z axis a pencil in a plane through it."""
+    segments = [_at(point, across + rng.uniform(-1.5, 1.5) * Z, rng) for point, across in _fan(rng, count)]
     return Built(GrassmannClass.PARABOLIC_CONGRUENCE, segments, directors=[(np.zeros(3), Z)])
 
 
 def parabolic_far(rng, count=5):
-    """In each plane with normal z all lines are parallel, along a direction which turns as tan(angle) = z / k."""
-    k = rng.uniform(0.5, 1.5)
+    """In each plane with normal z all lines are parallel."""
     segments = []
-    for z in np.linspace(-1.5, 1.5, count) + rng.uniform(-0.2, 0.2, count):
-        along = np.array([k, z, 0.0]) / np.hypot(k, z)
-        across = np.cross(Z, along)
-        segments.append(_at(z * Z + rng.uniform(-1.5, 1.5) * across, along, rng))
+    for point, along in _fan(rng, count):
+        segments.append(_at(point + rng.uniform(-1.5, 1.5) * np.cross(Z, along), along, rng))
     return Built(GrassmannClass.PARABOLIC_CONGRUENCE, segments, normals=[Z])
 
 
