@@ -158,7 +158,7 @@ def test_what_stands_in_the_world_may_be_hit_by_a_link_further_out():
     with_base = {bodies[k].name for i, k in pairs if bodies[i].joint == 0}
     assert with_base == {"link2", "link3"} & {body.name for body in bodies}
     last = bodies[max(k for i, k in pairs if bodies[i].joint == 0)]
-    folded = arm.configuration({joint: angle for joint, angle in zip(arm.joints, (0.0, np.pi, 0.0), strict=True)})
+    folded = arm.configuration(dict(zip(arm.joints, (0.0, np.pi, 0.0), strict=True)))
     at = poses(arm, bodies, folded)
     assert min(distance(bodies, at, i, k) for i, k in pairs if bodies[i].joint == 0) < 0.0, last.name
 

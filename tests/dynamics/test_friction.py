@@ -49,16 +49,15 @@ def test_at_rest_coulomb_friction_is_a_band(tmp_path, typed):
     assert (report["resting"], report["torques"][0]["band"], report["notes"]) == (["pin"], DRY, [])
 
 
-FOUR_BAR = """<mujoco><worldbody>
-  <body name="crank"><joint name="drive" axis="0 1 0" armature="0.3" damping="0.5" {drive}/>
+SMOOTH = """<mujoco><worldbody>
+  <body name="crank"><joint name="drive" axis="0 1 0" armature="0.3" damping="0.5"/>
     <inertial pos="0.1 0.02 0" mass="1.2" diaginertia="0.01 0.02 0.01"/>
-    <body name="coupler" pos="0.2 0 0"><joint name="pin" axis="0 1 0" armature="0.05" damping="0.4" {pin}/>
+    <body name="coupler" pos="0.2 0 0"><joint name="pin" axis="0 1 0" armature="0.05" damping="0.4"/>
       <inertial pos="0.25 0 0.1" mass="0.8" diaginertia="0.01 0.02 0.015"/></body></body>
-  <body name="rocker" pos="0.6 0 0"><joint name="swing" axis="0 1 0" armature="0.2" damping="0.6" {swing}/>
+  <body name="rocker" pos="0.6 0 0"><joint name="swing" axis="0 1 0" armature="0.2" damping="0.6"/>
     <inertial pos="0 0 0.2" mass="0.9" diaginertia="0.01 0.02 0.01"/></body></worldbody>
   <equality><connect name="far" body1="coupler" body2="rocker" anchor="0.4 0 0.4"/></equality>
   <actuator><motor joint="drive"/></actuator></mujoco>"""
-SMOOTH = FOUR_BAR.format(drive="", pin="", swing="")
 
 
 def mujoco_motions(model: mujoco.MjModel, q: np.ndarray) -> np.ndarray:

@@ -149,7 +149,7 @@ def test_joints_without_motors_obey_their_limits_too(tmp_path):
 # --- what can't be sampled -------------------------------------------------------------------------------------------
 
 
-def test_what_can_not_be_sampled(robot, raff, tmp_path):
+def test_what_can_not_be_sampled(robot, tmp_path):
     arm = robot("planar_3r")
     empty = record(tmp_path / "empty.jsonl", arm, [], [])
     with pytest.raises(MissionError, match="nothing was recorded"):
