@@ -238,20 +238,24 @@ class Placed:
     def point(self, xyz):
         return self.turn @ (self.length * xyz) + self.shift
 
+    def line(self, segment):
+        return PlueckerLine.through(*(self.point(end) for end in segment))
+
 
 def _gap(lines, length, rank):
     vectors = np.array([[*line.direction, *line.moment / length] for line in lines])
     return np.linalg.svd(vectors, compute_uv=False)[rank - 1]
 
 
-def placed(maker, rng, noise=0.0):
+def placed(maker, rng, noise=0.0, others=None):
     """Lines of a variety that span it well, with a smallest singular value of at least 0.05, among other lines."""
     length = 10.0 ** rng.uniform(-3.0, 3.0)
     turn, shift = rotation(rng), length * rng.normal(size=3)
     while True:
         built = maker(rng)
         count = len(built.segments)
-        segments = built.segments + [tuple(rng.normal(size=(2, 3))) for _ in range(rng.integers(0, 7 - count))]
+        extra = rng.integers(0, 7 - count) if others is None else others
+        segments = built.segments + [tuple(rng.normal(size=(2, 3))) for _ in range(extra)]
         plain = [PlueckerLine.through(*ends) for ends in segments]
         if _gap(plain, 1.0, len(plain) - 1) < 0.05 or any(np.linalg.norm(e) > 20.0 for s in segments for e in s):
             continue
