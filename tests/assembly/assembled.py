@@ -1,6 +1,7 @@
 """What is asked of assembly modes whatever the mechanism, and what random closings find."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -67,10 +68,8 @@ def closings(modes: AssemblyModes, starts: int, seed: int = 0) -> list[np.ndarra
         for name in (name for name in m.joints if name not in m.actuated):
             k = m.q_index(name)
             q[k] = q[k] + m.length * rng.normal() if m.is_prismatic(name) else rng.uniform(-np.pi, np.pi)
-        try:
+        with suppress(cinegen.ClosureError):
             found.append(m.close(q, locked=m.actuated))
-        except cinegen.ClosureError:
-            continue
     return found
 
 

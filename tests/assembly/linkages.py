@@ -5,36 +5,24 @@ Each is assembled first and described then: its home is one of its modes.
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
+import making
 import numpy as np
-from making import BALL, PRISMATIC, REVOLUTE, RIGID, TOOL, Body, Mechanism, axis, direction
+from making import PRISMATIC, REVOLUTE, TOOL, Joint, Mechanism, axis, direction, legged
 
 MOTOR = "actuated 1"
 X, Y, Z = np.eye(3)
 
 
-class Joint(NamedTuple):
-    """What turns about, or slides along, the z of a place in the world."""
-
-    place: np.ndarray
-    motor: bool = False
-    kind: int = REVOLUTE
-
-    @property
-    def more(self) -> str:
-        return MOTOR if self.motor else ""
-
-
 def hinge(point, along=Z, motor=False) -> Joint:
     """A joint that turns; planar points may have two coordinates."""
-    return Joint(axis(np.append(point, [0.0] * (3 - len(point))), along), motor)
+    return Joint(axis(np.append(point, [0.0] * (3 - len(point))), along), REVOLUTE, MOTOR if motor else "")
 
 
 def slide(point, along, motor=False) -> Joint:
     """A joint that slides."""
     along = np.append(along, [0.0] * (3 - len(along)))
-    return Joint(axis(np.append(point, [0.0] * (3 - len(point))), along), motor, PRISMATIC)
+    return Joint(axis(np.append(point, [0.0] * (3 - len(point))), along), PRISMATIC, MOTOR if motor else "")
 
 
 def universal(point, first, second) -> list[Joint]:
@@ -45,32 +33,6 @@ def universal(point, first, second) -> list[Joint]:
 def ball(point, rng) -> list[Joint]:
     """Three joints that turn about axes through a point, at right angles here."""
     return [hinge(point, row) for row in np.linalg.qr(rng.normal(size=(3, 3)))[0]]
-
-
-def legged(legs: Sequence[Sequence[Joint]], cut: str = "rigid") -> Mechanism:
-    """A platform on legs, joints from the base to the platform; all but the first are cut at the platform.
-
-    `cut`: "rigid"; "joint": at the last joint, as what it is; "ball": at the last three, as a ball.
-    """
-    parts, loops, platform = list[Body](), list[tuple[int, int, int]](), 0
-
-    def add(pred, place, kind, more=""):
-        parts.append(Body(len(parts) + 1, pred, place, kind, more))
-        return len(parts)
-
-    for i, joints in enumerate(legs):
-        kept = len(joints) if i == 0 or cut == "rigid" else len(joints) - {"joint": 1, "ball": 3}[cut]
-        pred = 0
-        for joint in joints[:kept]:
-            pred = add(pred, joint.place, joint.kind, joint.more)
-        if i == 0:
-            platform = pred
-            continue
-        place = joints[kept].place if kept < len(joints) else axis((0.1, -0.2, 0.3), (0.2, 0.5, 1.0))
-        kind = RIGID if kept == len(joints) else BALL if cut == "ball" else joints[kept].kind
-        loops.append((add(pred, place, None), add(platform, place, None), kind))
-    parts.append(Body(TOOL, platform, axis((0.2, 0.1, 0.9), (0.3, -0.2, 1.0)), None, 'name "tool"'))
-    return Mechanism(tuple(parts), tuple(loops))
 
 
 # --- in a plane ---------------------------------------------------------------------------------------------------
@@ -101,7 +63,7 @@ def three_legs(rng, word: str, cut="rigid") -> Mechanism:
         for k, letter in enumerate(word):
             point = foot + k / 2.0 * (head - foot) + (rng.uniform(-0.3, 0.3, 2) if k == 1 else 0.0)
             made = slide(point, head - foot) if letter in "Pp" else hinge(point)
-            joints.append(made._replace(motor=letter.islower()))
+            joints.append(made._replace(more=MOTOR if letter.islower() else ""))
         legs.append(joints)
     return legged(legs, cut)
 
@@ -115,7 +77,7 @@ def about_a_point(directions: Sequence[Sequence[np.ndarray]], motors: Sequence[i
     legs = []
     for along, motor in zip(directions, motors, strict=True):
         places = [axis(0.3 * (k + 1) * d, d) for k, d in enumerate(along)]
-        legs.append([Joint(place, k == motor) for k, place in enumerate(places)])
+        legs.append([Joint(place, REVOLUTE, MOTOR if k == motor else "") for k, place in enumerate(places)])
     return legged(legs, cut)
 
 
@@ -126,12 +88,8 @@ def spherical_legs(rng, lengths: Sequence[int]) -> list[list[np.ndarray]]:
         around = 2.0 * math.pi * i / len(lengths) + rng.uniform(-0.3, 0.3)
         leans = np.linspace(2.2, 0.8, length) + rng.uniform(-0.2, 0.2, length)
         turns = around + 0.6 * np.arange(length) + rng.uniform(-0.3, 0.3, length)
-        legs.append(
-            [
-                np.array([np.sin(a) * np.cos(b), np.sin(a) * np.sin(b), np.cos(a)])
-                for a, b in zip(leans, turns, strict=True)
-            ]
-        )
+        across = np.sin(leans)
+        legs.append(list(np.column_stack([across * np.cos(turns), across * np.sin(turns), np.cos(leans)])))
     return legs
 
 
@@ -179,10 +137,8 @@ def delta(rng, linear=False) -> tuple[Mechanism, np.ndarray, np.ndarray, np.ndar
     tool at home."""
     legs, knees, heads = [], [], []
     for around in 2.0 * math.pi * np.arange(3) / 3.0 + rng.uniform(-0.3, 0.3, 3):
-        out, side = (
-            np.array([math.cos(around), math.sin(around), 0.0]),
-            np.array([-math.sin(around), math.cos(around), 0.0]),
-        )
+        c, s = math.cos(around), math.sin(around)
+        out, side = np.array([c, s, 0.0]), np.array([-s, c, 0.0])
         foot, head = rng.uniform(0.6, 0.9) * out, rng.uniform(0.15, 0.3) * out - rng.uniform(0.9, 1.1) * Z
         knee = foot + rng.uniform(0.2, 0.4) * out - rng.uniform(0.0, 0.3) * Z
         across = np.cross(side, head - knee)
@@ -219,27 +175,13 @@ def tripod(rng, locked=()) -> Mechanism:
 
 def ring(joints: Sequence[Joint], cut: int = -1, how: str = "joint") -> Mechanism:
     """One loop from the base to the base again; joint `cut` is cut, or with "rigid" held rigidly beside itself."""
-    cut %= len(joints)
-    kept = cut + (how == "rigid")
-    parts, pred = list[Body](), 0
-    for joint in joints[:kept]:
-        parts.append(Body(len(parts) + 1, pred, joint.place, joint.kind, joint.more))
-        pred = len(parts)
-    near, far = pred, 0
-    for joint in reversed(joints[cut + 1 :]):
-        parts.append(Body(len(parts) + 1, far, joint.place, joint.kind, joint.more))
-        far = len(parts)
-    place, count = joints[cut].place, len(parts)
-    parts += [Body(count + 1, near, place, None), Body(count + 2, far, place, None)]
-    parts.append(Body(TOOL, max(1, len(joints) // 2), axis((0.2, 0.1, 0.9), (0.3, -0.2, 1.0)), None, 'name "tool"'))
-    kind = {"rigid": RIGID, "ball": BALL, "joint": joints[cut].kind}[how]
-    return Mechanism(tuple(parts), ((count + 1, count + 2, kind),))
+    places, kinds, more = zip(*joints, strict=True)
+    return making.ring(places, kinds, cut, how, more)
 
 
 def together(first: Mechanism, second: Mechanism) -> Mechanism:
     """Two mechanisms on one base; the second carries the tool."""
     kept = tuple(body for body in first.bodies if body.number != TOOL)
-    other = second.renumbered(
-        {body.number: body.number + 500 for body in second.bodies if body.number != TOOL} | {TOOL: TOOL}
-    )
+    numbers = {body.number: body.number + 500 for body in second.bodies if body.number != TOOL}
+    other = second.renumbered(numbers | {TOOL: TOOL})
     return Mechanism(kept + other.bodies, first.loops + other.loops)

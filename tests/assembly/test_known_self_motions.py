@@ -112,7 +112,7 @@ def test_bricards_line_symmetric_loop_moves_at_one_value_of_a_seventh_joint(buil
     assert moves(modes) == [(1, 12)]
     assert not modes.complete
     for q in [motion.configuration for motion in modes.self_motions]:
-        nodes = ["link1", "link3", "frame7", "link6", "link5", "link4"]
+        nodes = ["link1", "link3", "frame8", "link4", "link5", "link6"]
         z = np.array([m.placement(q, node).rotation[:, 2] for node in nodes])
         for k in range(3):  # opposite angles are equal
             assert z[k] @ z[k + 2] == pytest.approx(z[k + 3] @ z[(k + 5) % 6], abs=1e-9)

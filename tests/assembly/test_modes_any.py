@@ -64,15 +64,6 @@ def test_a_general_6r_chain_reaches_a_place_in_sixteen_ways(built):
     nothing_beside(modes, ["tool"])
 
 
-@pytest.mark.parametrize("word", ["rPR", *slow("PrR")])
-def test_slides_that_no_motor_drives_are_solved_too(built, word):
-    m = built(three_legs(rng(1), word))
-    modes = assembly_modes(m, home(m) + 0.1)
-    sound(modes, ["tool"])
-    traced(modes)
-    nothing_beside(modes, ["tool"], 10)
-
-
 def test_loops_that_have_nothing_to_do_with_each_other_have_each_mode_with_each(built):
     other = five_bar(rng(2)).moved(making.shift("z", 1.0))
     both = built(together(five_bar(rng(1)), other))
@@ -81,7 +72,7 @@ def test_loops_that_have_nothing_to_do_with_each_other_have_each_mode_with_each(
     traced(modes)
 
 
-@pytest.mark.parametrize(("seed", "words"), [(23, "PPS RPS"), *slow((34, "UPS RUS"))])
+@pytest.mark.parametrize(("seed", "words"), [(0, "PPS RPS"), *slow((34, "UPS RUS"))])
 def test_random_closings_find_nothing_beside_what_the_trace_test_passed(built, seed, words):
     """Legs of random geometry, motors wherever they suffice."""
     r = rng(seed)
@@ -138,7 +129,7 @@ def test_motors_that_others_determine_choose_among_the_modes_or_contradict(built
         assert modes.closest is None
         assert len(modes) == 1
         assert two.closure(modes[0]) <= 1e-12
-        coupler = [places(two, there, ["link3"])[0] for there in (modes[0], two.q_home)]
+        coupler = [places(two, there, ["link2"])[0] for there in (modes[0], two.q_home)]
         assert np.abs(coupler[0] @ np.linalg.inv(coupler[1]) - moved).max() < 1e-6
     none = assembly_modes(two, home(two) + np.array([0.2, 0.5]))
     assert (len(none), none.complete) == (0, True)
@@ -232,13 +223,9 @@ def test_what_motors_do_not_determine_is_no_number(built, robot):
 
 def test_fewer_modes_than_the_theorem_allows_are_all_with_probability_one(built):
     """Semi-regular hexagons: 12 of 40 solutions are at infinity at all lengths, counted from a random start."""
-    base, platform = (
-        radius * np.column_stack([np.cos(angles), np.sin(angles), height * np.ones(6)])
-        for radius, height, angles in (
-            (2.0, 0.0, np.radians([-10, 10, 110, 130, 230, 250])),
-            (1.0, 2.0, np.radians([-50, 50, 70, 170, 190, 290])),
-        )
-    )
+    low, high = np.radians([-10, 10, 110, 130, 230, 250]), np.radians([-50, 50, 70, 170, 190, 290])
+    base = 2.0 * np.column_stack([np.cos(low), np.sin(low), np.zeros(6)])
+    platform = np.column_stack([np.cos(high), np.sin(high), np.full(6, 2.0)])
     m = built(hexapod(rng(1), "UpS", base, platform))
     modes = assembly_modes(m)
     assert "12 paths ended at infinity" in modes.method

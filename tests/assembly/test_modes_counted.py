@@ -1,6 +1,7 @@
 """Assembly modes of mechanisms that are well known, against what is known of each: circles, spheres, polynomials."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from assembled import alike, apart, home, nothing_beside, places, sound, traced
 from linkages import (
@@ -40,12 +41,6 @@ def circles(a, b, r, s):
 def turned(angle, point, about):
     c, s = np.cos(angle), np.sin(angle)
     return about + np.array([[c, -s], [s, c]]) @ (point - about)
-
-
-def rotation(axis, angle):
-    """(3, 3) by Rodrigues' formula."""
-    k = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
-    return np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * k @ k
 
 
 def on_the_circle(function, degree):
@@ -119,9 +114,9 @@ def test_a_spherical_four_or_five_bars_modes_are_where_two_cones_meet(built, see
     legs = spherical_legs(rng(seed), lengths)
     m = built(about_a_point(legs, [0, 0 if lengths == (3, 2) else -1]))
     modes = assembly_modes(m, home(m) + 0.1)
-    crank = rotation(legs[0][0], 0.1)
+    crank = pin.exp3(0.1 * legs[0][0])
     if lengths == (3, 2):  # the third axis, between the second of one leg and that of the other
-        a, b, c = crank @ legs[0][1], rotation(legs[1][0], 0.1) @ legs[1][1], legs[0][2]
+        a, b, c = crank @ legs[0][1], pin.exp3(0.1 * legs[1][0]) @ legs[1][1], legs[0][2]
         first, second = legs[0][1] @ c, legs[1][1] @ c
     else:  # the coupler's second axis, between the crank's and the base's
         a, b, c = crank @ legs[0][1], legs[1][0], legs[1][1]
@@ -155,9 +150,8 @@ def test_a_deltas_modes_are_where_three_spheres_meet(built, seed, linear):
     if linear:
         moved = [k + s * p[:3, 2] for k, s, p in zip(knees, shift, motors, strict=True)]
     else:
-        moved = [
-            p[:3, 3] + rotation(p[:3, 2], s) @ (k - p[:3, 3]) for k, s, p in zip(knees, shift, motors, strict=True)
-        ]
+        led = zip(knees, shift, motors, strict=True)
+        moved = [p[:3, 3] + pin.exp3(s * p[:3, 2]) @ (k - p[:3, 3]) for k, s, p in led]
     centres = np.array(moved) - (heads - heads[0])  # of the first head
     squares = ((heads - knees) ** 2).sum(axis=1)
     rows = 2.0 * (centres[1:] - centres[0])
@@ -218,10 +212,8 @@ def test_three_legs_in_a_plane_are_a_sextic(built, word, seed):
         else:
             lengths = [np.linalg.norm(h - k) for k, h in zip(knees, heads, strict=True)]
             along = [leg[0][:2, 2] for leg in legs]
-            feet = [
-                turned(s, k, f) if word == "rRR" else k + s * d
-                for f, k, d, s in zip(feet, knees, along, shift, strict=True)
-            ]
+            led = zip(feet, knees, along, shift, strict=True)
+            feet = [turned(s, k, f) if word == "rRR" else k + s * d for f, k, d, s in led]
         expected, count = planar_poses(feet, heads, lengths)
         modes = assembly_modes(m, home(m) + shift)
         start = np.linalg.inv(places(m, m.q_home, ["tool"])[0])
@@ -270,7 +262,7 @@ def test_three_legs_about_a_point_are_an_octic(built):
     m = built(about_a_point(legs, [0, 0, 0]))
     shift = rng(0).uniform(-0.2, 0.2, 3)
     modes = assembly_modes(m, home(m) + shift)
-    on_base = [rotation(leg[0], s) @ leg[1] for leg, s in zip(legs, shift, strict=True)]
+    on_base = [pin.exp3(s * leg[0]) @ leg[1] for leg, s in zip(legs, shift, strict=True)]
     start = places(m, m.q_home, ["tool"])[0, :3, :3]
     expected = spherical_poses(on_base, [leg[2] for leg in legs], [leg[1] @ leg[2] for leg in legs])
     seen = sound(modes, ["tool"], len(expected))
@@ -292,12 +284,9 @@ def rods_of(m, modes, word):
         if word[0] not in "rp":
             lengths.append(np.linalg.norm(there - feet, axis=1))
         else:
-            motors = [f"link{name[5:]}" for name in m.actuated]
-            own = [
-                np.linalg.inv(places(m, m.q_home, [n])[0]) @ np.append(f, 1.0)
-                for n, f in zip(motors, feet, strict=True)
-            ]
-            knees = [(places(m, q, [n])[0] @ p)[:3] for n, p in zip(motors, own, strict=True)]
+            links = [f"link{name[5:]}" for name in m.actuated]
+            led = places(m, q, links) @ np.linalg.inv(places(m, m.q_home, links))
+            knees = np.einsum("nij,nj->ni", led, np.c_[feet, np.ones(6)])[:, :3]
             lengths.append(np.linalg.norm(there - knees, axis=1))
     return np.array(lengths), np.linalg.norm(heads - feet, axis=1)
 

@@ -127,18 +127,6 @@ def test_least_squares_are_numpys(seed, columns, more, fewer):
     assert np.count_nonzero(step) <= rank
 
 
-def test_a_path_and_back_is_where_it_began(hybrid):
-    _, linkage, fibre = hybrid
-    away = fibre.locked + 0.7 - 0.4j
-    there = linkage.track(fibre.solutions, linkage.straight(fibre.locked, away))
-    back = linkage.track(there.solutions, linkage.straight(away, fibre.locked))
-    assert (there.ends == ARRIVED).all()
-    assert (back.ends == ARRIVED).all()
-    assert np.abs(back.solutions - fibre.solutions).max() < 1e-8
-    evaluate(linkage.tables, linkage.fixed(away), there.solutions[0], linkage.scratch)
-    assert np.abs(linkage.scratch.residual).max() < 1e-11
-
-
 def test_the_trace_test_finds_what_is_missing(hybrid):
     """Of either of the two sets."""
     mechanism, linkage, fibre = hybrid

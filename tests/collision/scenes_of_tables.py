@@ -8,17 +8,25 @@ from clearings import apart
 from cinegen.collision import SceneError, scene_of
 
 
-def scene_with(*obstacles, **keys):
-    """A point at the origin, among obstacles."""
-    values = {"mobile": {"radius": 0.0}, "goal": {"point": [1.0, 0.0]}, "obstacle": list(obstacles)} | keys
-    return scene_of({key: value for key, value in values.items() if value is not None})
+def _point_among(*obstacles, **keys):
+    return {"mobile": {"radius": 0.0}, "goal": {"point": [1.0, 0.0]}, "obstacle": list(obstacles)} | keys
 
 
-def refused(*obstacles, **keys):
+def scene_with(*obstacles, folder=".", **keys):
+    """A point at the origin, among obstacles whose files are in a folder."""
+    return scene_of(_point_among(*obstacles, **keys), folder)
+
+
+def refusal(values, folder=".", mechanism=None):
     """What is said of a scene that is wrong."""
     with pytest.raises(SceneError) as error:
-        scene_with(*obstacles, **keys)
+        scene_of(values, folder, mechanism)
     return str(error.value)
+
+
+def refused(*obstacles, folder=".", **keys):
+    """What is said of such a point."""
+    return refusal(_point_among(*obstacles, **keys), folder)
 
 
 def to_point(bodies, point):

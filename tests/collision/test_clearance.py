@@ -117,9 +117,7 @@ def test_where_coal_keeps_results_elsewhere_they_are_copied(monkeypatch):
         near, other = clearance.near(q, 0.3), usual.near(q, 0.3)
         assert (near.pairs == other.pairs).all()
         assert (near.rows == other.rows).all()
-        assert all(
-            (a == b).all() for a, b in zip(clearance.motion_bounds(q, to), usual.motion_bounds(q, to), strict=True)
-        )
+        assert np.array_equal(clearance.motion_bounds(q, to), usual.motion_bounds(q, to))
 
 
 def test_without_obstacles_nothing_is_near():
@@ -135,9 +133,8 @@ def test_without_obstacles_nothing_is_near():
 
 def test_a_robot_without_joints_meets_nothing(raff):
     stone = raff("robot r { base { } }")
-    clearance = Clearance(
-        stone, [Body("base", 0, at(0, 0, 0), coal.Sphere(0.1))], obstacles_of([ball(0.1, 0.0, 0.0, 0.0)])
-    )
+    base = Body("base", 0, at(0, 0, 0), coal.Sphere(0.1))
+    clearance = Clearance(stone, [base], obstacles_of([ball(0.1, 0.0, 0.0, 0.0)]))
     q = stone.q_home
     assert clearance.least(q) == np.inf
     assert clearance.near(q, 1.0).rows.shape == (0, 0)
@@ -204,9 +201,8 @@ def test_a_motion_that_keeps_all_rows_of_a_link_keeps_its_distance(seed):
     """To second order; also one in which the nearest point leaps from one end to the other."""
     rng = np.random.default_rng(seed)
     tree, q = boat(), np.zeros(7)
-    clearance = Clearance(
-        tree, [Body("rod", 1, at(0, 0, 0), coal.Capsule(0.05, 0.8))], obstacles_of([wall([0.0, 0.0, 1.0], -0.5)])
-    )
+    rod = Body("rod", 1, at(0, 0, 0), coal.Capsule(0.05, 0.8))
+    clearance = Clearance(tree, [rod], obstacles_of([wall([0.0, 0.0, 1.0], -0.5)]))
     q[3:7] = pin.Quaternion(pin.exp3(rng.normal(size=3))).coeffs()
     near = clearance.near(q, 10.0)
     rows, room = near.rows.copy(), near.distances.copy()

@@ -5,7 +5,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
-from example_robots import PANDA, UR5, load
+from example_robots import PANDA, PANDA_READY, UR5, load
 from mesh_contact import MeshContact, tree_of
 
 import cinegen
@@ -108,12 +108,10 @@ def test_only_closed_meshes_without_dents_are_convex(mesh, convex):
 
 # --- self-clearance ------------------------------------------------------------------------------------------------
 
-READY = dict(zip([f"panda_joint{i}" for i in range(1, 8)], [0, -0.785, 0, -2.356, 0, 1.571, -0.785], strict=True))
-
 
 def grasping(gap, **more):
     """A panda whose fingers are a gap apart, m."""
-    start = READY | {"panda_finger_joint1": gap / 2.0, "panda_finger_joint2": gap / 2.0}
+    start = PANDA_READY | {"panda_finger_joint1": gap / 2.0, "panda_finger_joint2": gap / 2.0}
     goal = {"point": load(PANDA).placement(load(PANDA).configuration(start), "panda_hand").translation.tolist()}
     return scene_of({"start": {"joints": start}, "goal": goal, "node": "panda_hand", **more}, mechanism=load(PANDA))
 

@@ -5,8 +5,9 @@ from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
-from example_robots import PANDA, load
+from example_robots import PANDA, PANDA_READY, load
 from mesh_contact import MeshContact
+from urdf_text import UrdfJoint, urdf_text
 
 import cinegen
 from cinegen.collision import clearance_of, scene_of
@@ -14,10 +15,7 @@ from cinegen.collision.mesh_check import MeshCheck
 from cinegen.ik.local_ik import LocalIK
 from cinegen.planning import PlanStatus, plan
 
-READY = dict(zip([f"panda_joint{i}" for i in range(1, 8)], [0, -0.785, 0, -2.356, 0, 1.571, -0.785], strict=True)) | {
-    "panda_finger_joint1": 0.04,
-    "panda_finger_joint2": 0.04,
-}
+READY = PANDA_READY | {"panda_finger_joint1": 0.04, "panda_finger_joint2": 0.04}
 FOLDED = READY | {"panda_joint6": 0.15}  # the hand is inside of link 5
 
 
@@ -101,12 +99,9 @@ def test_links_whose_solids_always_overlap_are_checked_by_their_meshes():
 def test_links_that_touch_in_every_configuration_are_not_checked_and_named():
     """The last link of two stays inside of a ball on the base, which it does not join."""
     shape = '<collision><geometry><sphere radius="{}"/></geometry></collision>'
-    links = "".join(
-        f'<link name="{name}">{shape.format(r)}</link>' for name, r in zip("abc", (2, 0.1, 0.1), strict=True)
-    )
-    joint = '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{0}"/><origin xyz="0.5 0 0"/>'
-    joint += '<axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint>'
-    arm = cinegen.load(f'<robot name="arm">{links}{joint.format("b", "a")}{joint.format("c", "b")}</robot>')
+    radii = {"a": 2, "b": 0.1, "c": 0.1}
+    joints = [UrdfJoint(child, parent, child, "0.5 0 0", limit=(-1.0, 1.0)) for parent, child in ("ab", "bc")]
+    arm = cinegen.load(urdf_text(joints, {name: shape.format(radius) for name, radius in radii.items()}))
     check = MeshCheck(scene(arm, {}, arm.q_home))
     assert check.unchecked == (("a", "c"),)
     assert check.contact(arm.q_home) == ""

@@ -13,6 +13,7 @@ from clearings import apart
 from example_robots import PANDA, SHARE, load
 from lxml import etree
 from mesh_contact import adjacent_links
+from urdf_text import UrdfJoint, urdf_text
 from variants import FEWER
 
 import cinegen
@@ -138,10 +139,8 @@ def test_neighbours_that_are_none_in_the_tree_or_by_a_loop_share_a_point(name):
 )
 def test_all_pairs_of_links_that_an_srdf_watches_are_watched(name, srdf):
     _, bodies, pairs = found(name)
-    disabled = {
-        frozenset((entry.get("link1"), entry.get("link2")))
-        for entry in etree.parse(SHARE / srdf).iter("disable_collisions")
-    }
+    entries = etree.parse(SHARE / srdf).iter("disable_collisions")
+    disabled = {frozenset((entry.get("link1"), entry.get("link2"))) for entry in entries}
     links = {body.name for body in bodies}
     fixed = {frozenset((one.name, other.name)) for one in bodies for other in bodies if one.joint == other.joint}
     watched = {frozenset(pair) for pair in combinations(links, 2)} - disabled - fixed
@@ -159,7 +158,7 @@ def test_what_stands_in_the_world_may_be_hit_by_a_link_further_out():
     with_base = {bodies[k].name for i, k in pairs if bodies[i].joint == 0}
     assert with_base == {"link2", "link3"} & {body.name for body in bodies}
     last = bodies[max(k for i, k in pairs if bodies[i].joint == 0)]
-    folded = arm.configuration({joint: angle for joint, angle in zip(arm.joints, (0.0, np.pi, 0.0), strict=True)})
+    folded = arm.configuration(dict(zip(arm.joints, (0.0, np.pi, 0.0), strict=True)))
     at = poses(arm, bodies, folded)
     assert min(distance(bodies, at, i, k) for i, k in pairs if bodies[i].joint == 0) < 0.0, last.name
 
@@ -171,18 +170,11 @@ def test_what_stands_in_the_world_may_be_hit_by_a_link_further_out():
 PANDA_URDF, PANDA_SRDF = SHARE / "panda_description/urdf/panda.urdf", SHARE / "panda_description/srdf/panda.srdf"
 
 LINKS = "abcde"
-CHAIN = (
-    '<robot name="chain">'
-    + "".join(
-        f'<link name="{name}"><collision><geometry><box size="0.1 0.1 0.3"/></geometry></collision></link>'
-        for name in LINKS
-    )
-    + "".join(
-        f'<joint name="{one}{other}" type="revolute"><parent link="{one}"/><child link="{other}"/>'
-        '<origin xyz="0 0 0.4"/><axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>'
-        for one, other in pairwise(LINKS)
-    )
-    + "</robot>"
+BOX = '<collision><geometry><box size="0.1 0.1 0.3"/></geometry></collision>'
+CHAIN = urdf_text(
+    [UrdfJoint(one + other, one, other, "0 0 0.4", "0 1 0") for one, other in pairwise(LINKS)],
+    dict.fromkeys(LINKS, BOX),
+    "chain",
 )
 
 
@@ -231,12 +223,9 @@ def test_the_srdf_that_is_named_replaces_the_one_next_to_the_urdf(chain, tmp_pat
 
 def test_a_link_disabled_by_default_is_checked_against_those_enabled_again(chain):
     """As in MoveIt's AllowedCollisionMatrix: disabled pairs are disabled whatever is enabled."""
-    found = cinegen.load(
-        chain(
-            '<disable_default_collisions link="a"/><enable_collisions link1="a" link2="c"/>'
-            '<enable_collisions link1="d" link2="a"/><disable_collisions link1="a" link2="d" reason="User"/>'
-        )
-    )
+    srdf = '<disable_default_collisions link="a"/><enable_collisions link1="a" link2="c"/>'
+    srdf += '<enable_collisions link1="d" link2="a"/><disable_collisions link1="a" link2="d" reason="User"/>'
+    found = cinegen.load(chain(srdf))
     assert disabled(found) == {"ab", "ad", "ae"}
     assert reasons(found)["ab"] is PairReason.ADJACENT
 

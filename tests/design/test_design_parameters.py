@@ -2,6 +2,7 @@
 
 import pickle
 import warnings
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from loop_openings import jacobian_by
+from small_robots import rssr
 
 import raff2urdf
 from cinegen.design import Design, DesignError, Parameters, Tolerances, holding_torques, tolerance
@@ -184,9 +186,8 @@ def test_other_joints_may_be_fixed():
 
 
 def test_designs_go_to_other_processes():
-    design = pickle.loads(
-        pickle.dumps(Design(Parameters("five_bar", "link*.d", ["link2.d = link4.d"]), [("joint2", "x")]))
-    )
+    tied = Parameters("five_bar", "link*.d", ["link2.d = link4.d"])
+    design = pickle.loads(pickle.dumps(Design(tied, [("joint2", "x")])))
     assert design.names == ("link1.d", "link2.d", "link3.d", "link5.d", "joint2.x")
     tolerances = pickle.loads(pickle.dumps(Tolerances("five_bar", {"link2.d": 1e-4})))
     assert tolerances.at().position == tolerance("five_bar", {"link2.d": 1e-4}).position
@@ -197,14 +198,14 @@ def test_designs_go_to_other_processes():
 
 
 FEW = ["arm7", "delta4", "sr400", "differential_wrist"]
+RSSR = raff2urdf.loads(rssr())  # a loop with a ball joint
 STEPS = np.array([1.0, -1.0, 2.0, -2.0, 3.0, -3.0])
 WEIGHTS = np.array([45.0, -45.0, -9.0, 9.0, 1.0, -1.0]) / 60.0  # of a sixth-order difference
-SAMPLED = 6  # parameters of each robot
 
 
 @cache
 def design(name: str) -> Design:
-    return Design(Parameters(name))
+    return Design(Parameters(RSSR if name == "rssr" else name))
 
 
 def edited(parameters: Parameters, k: int, step: float) -> Mechanism:
@@ -218,41 +219,46 @@ def difference(values: list[np.ndarray], step: float) -> np.ndarray:
     return np.tensordot(WEIGHTS, np.array(values), 1) / step
 
 
-@pytest.mark.parametrize("name", FEW)
+def sampled(
+    one: Design, opening: Sequence[str], seed: int, count: int
+) -> Iterator[tuple[int, float, float, list[Mechanism]]]:
+    """Yield some parameters that open no loop: index, unit, step, and the mechanisms of the edited documents."""
+    chosen = np.random.default_rng(seed).permutation([k for k, name in enumerate(one.names) if name not in opening])
+    for k in chosen[:count]:
+        is_length = one.parameters.all[one.parameters.find(one.names[k])].unit == "m"
+        unit = one.mechanism.length if is_length else 1.0
+        yield k, unit, 1e-3 * unit, [edited(one.parameters, k, s * 1e-3 * unit) for s in STEPS]
+
+
+@pytest.mark.parametrize("name", [*FEW, "rssr"])
 def test_edited_documents(name: str) -> None:
     one = design(name)
-    parameters, mechanism = one.parameters, one.mechanism
+    mechanism = one.mechanism
     q = [mechanism.q_home, *mechanism.random_closed(1, 5)][-1]
     here, node, length = one.evaluate(q=q), mechanism.end, mechanism.length
     assert here.gap[0] < 1e-12
-    nominal, opening = mechanism.placement(here.q[0], node), set(here.opening)
+    nominal = mechanism.placement(here.q[0], node)
     scale = np.repeat([1.0 / length, 1.0], 3)
     amplified = here.amplification(node)[0]
     np.testing.assert_allclose(
         amplified, jacobian_by(mechanism, here.q[0], node, one.fixed), atol=1e-9 * max(1.0, length)
     )
     by_p = here.amplification_derivative(node)[0]
-    chosen = np.random.default_rng(3).permutation(len(one.names))[:SAMPLED]
-    for k in (k for k in chosen if one.names[k] not in opening):
-        unit = length if parameters.all[parameters.find(one.names[k])].unit == "m" else 1.0
-        step = 1e-3 * unit
-        changed = [edited(parameters, k, s * step) for s in STEPS]
+    for k, unit, step, changed in sampled(one, here.opening, 3, 6):
         open_poses = [pin.log6(nominal.actInv(m.placement(here.q[0], node))).vector * scale for m in changed]
         moved = here.node_parameters(node)[0, :, k] * scale
         np.testing.assert_allclose(unit * moved, unit * difference(open_poses, step), atol=1e-8)
         residuals = [m.structure.system.evaluate(here.q[0])[0] for m in changed]
         np.testing.assert_allclose(unit * here.loop_parameters[0, :, k], unit * difference(residuals, step), atol=1e-8)
         closed = [m.close(here.q[0], mechanism.actuated) for m in changed]
-        poses = [
-            pin.log6(nominal.actInv(m.placement(c, node))).vector * scale for m, c in zip(changed, closed, strict=True)
-        ]
+        placed = [m.placement(c, node) for m, c in zip(changed, closed, strict=True)]
+        poses = [pin.log6(nominal.actInv(place)).vector * scale for place in placed]
         moved = here.pose_derivative(node)[0, :, k] * scale
         np.testing.assert_allclose(unit * moved, unit * difference(poses, step), atol=1e-8)
         jacobians = [jacobian_by(m, c, node, one.fixed) for m, c in zip(changed, closed, strict=True)]
         numeric = difference(jacobians, step) * scale[:, None] * unit
-        np.testing.assert_allclose(
-            by_p[..., k] * scale[:, None] * unit, numeric, atol=1e-8 * max(1.0, np.abs(numeric).max())
-        )
+        size = max(1.0, np.abs(numeric).max())
+        np.testing.assert_allclose(by_p[..., k] * scale[:, None] * unit, numeric, atol=1e-8 * size)
 
 
 WRENCH = np.array([3.0, -2.0, 5.0, 0.3, 0.7, -0.4])
@@ -262,22 +268,16 @@ WRENCH = np.array([3.0, -2.0, 5.0, 0.3, 0.7, -0.4])
 def test_torques_that_hold(name: str) -> None:
     """Against the inverse dynamics of edited documents; masses that follow from dimensions stay those of the file."""
     one = design(name)
-    parameters, mechanism = one.parameters, one.mechanism
+    mechanism = one.mechanism
     loads = [Payload(mechanism.end, wrench=tuple(WRENCH))]
     here = one.evaluate(q=[mechanism.q_home, *mechanism.random_closed(1, 5)][-1])
     torques, by_p = holding_torques(here, {mechanism.end: WRENCH}, massless=True)
     expected = InverseDynamics(mechanism, loads, massless=True).torques(here.q[0])
     size = max(1.0, float(np.abs(expected).max()))
     np.testing.assert_allclose(torques[0], expected, atol=1e-9 * size)
-    opening = set(here.opening)
-    fixed = [i for i, k in enumerate(one.names) if k not in opening]
-    chosen = np.random.default_rng(7).permutation(fixed)[:4]
     torques, by_p = holding_torques(here, {mechanism.end: WRENCH}, gravity=(0.0, 0.0, 0.0))
     weights, by_weight = holding_torques(here, massless=True)
-    for k in chosen:
-        unit = mechanism.length if parameters.all[parameters.find(one.names[k])].unit == "m" else 1.0
-        step = 1e-3 * unit
-        changed = [edited(parameters, k, s * step) for s in STEPS]
+    for k, unit, step, changed in sampled(one, here.opening, 7, 4):
         closed = [m.close(here.q[0], mechanism.actuated) for m in changed]
         pairs = list(zip(changed, closed, strict=True))
         held = [InverseDynamics(m, loads, (0.0, 0.0, 0.0), True).torques(c) for m, c in pairs]
@@ -296,20 +296,7 @@ def same_masses(one: Mechanism, other: Mechanism) -> bool:
 
 
 # --- design of random robots ------------------------------------------------------------------------------------------
-# Parameters of random trees with joints of all kinds, and of linkages with ball joints, against edited documents.
-
-
-RSSR = """RAFF Rssr
-units mm
-robot rssr {
-  link 1 { parameters { theta 70 alpha 10 epsilon 20 } type 2 pred 0 actuated 1 }
-  link 2 { parameters { gamma 5 theta -40 alpha 15 d 120 epsilon 10 r 30 } joint ball pred 1 }
-  frame 4 { parameters { d 360 r 20 theta 12 } pred 2 }
-  link 3 { parameters { theta 89 d 400 alpha 20 r 60 } type 2 pred 0 }
-  frame 5 { parameters { d 240 alpha 30 } pred 3 }
-  constraint { frame 4 frame 5 type 3 }
-}
-"""
+# Parameters of random trees with joints of all kinds, against edited documents.
 
 
 def random_robot(rng: np.random.Generator, size: int) -> Document:
@@ -330,11 +317,8 @@ def random_robot(rng: np.random.Generator, size: int) -> Document:
             parts.append(RaffLink(number, written(), JointType(int(rng.integers(0, 3))), pred))
         else:
             compound = list(CompoundKind)[rng.integers(0, 4)]
-            variables = tuple(
-                RaffVariable(name, float(rng.uniform(-40.0, 40.0)))
-                for name, own in VARIABLES[compound].items()
-                if own is None
-            )
+            free = [name for name, own in VARIABLES[compound].items() if own is None]
+            variables = tuple(RaffVariable(name, float(rng.uniform(-40.0, 40.0))) for name in free)
             parts.append(RaffLink(number, written(), JointType.FIXED, pred, compound=compound, variables=variables))
     return Document("random", (RaffRobot("random", RaffBase(written()), tuple(parts)),))
 
@@ -382,24 +366,3 @@ def test_own_variables_are_offsets_of_encoders(seed: int):
         mechanism.jacobian(mechanism.q_home, node)[:, mechanism.v_index(one.joint)],
         atol=1e-12,
     )
-
-
-def test_a_linkage_with_a_ball_joint(tmp_path):
-    (tmp_path / "rssr.raff").write_text(RSSR)
-    parameters = Parameters(tmp_path / "rssr.raff")
-    design, mechanism = Design(parameters), parameters.mechanism
-    assert mechanism.balls == ("joint2",)
-    here, end = design.evaluate(), pin.SE3(mechanism.placement(mechanism.q_home, "frame5"))
-    assert here.opening == ()
-    for k, name in enumerate(design.names):
-        step, poses = 1e-4, []
-        for sign in (1.0, -1.0):
-            changed = parameters.mechanism_with(parameters.values + sign * step * np.eye(len(design.names))[k])
-            q = changed.close(mechanism.q_home, mechanism.actuated)
-            there = design.evaluate(parameters.values + sign * step * np.eye(len(design.names))[k])
-            np.testing.assert_allclose(
-                there.placements("frame5")[0], changed.placement(q, "frame5").homogeneous, atol=1e-10, err_msg=name
-            )
-            poses.append(pin.log6(end.actInv(changed.placement(q, "frame5"))).vector)
-        numeric = (poses[0] - poses[1]) / (2.0 * step)
-        np.testing.assert_allclose(here.pose_derivative("frame5")[0, :, k], numeric, atol=1e-6, err_msg=name)

@@ -172,17 +172,24 @@ def test_front(tmp_path):
 
 
 ERRORS = {"sigma": {"link*.d": "0.05mm"}, "encoder": {"joint1": "0.02deg", "joint3": "0.02deg"}}
-GRAVITY = (0.0, -9.81, 0.0)
+DOWN = (0.0, -9.81, 0.0)
+LOAD = [Payload("tool", 3.0)]
 LARGEST = {
     "mass": lambda robot, path, q: sum(one.mass for one in robot.model.inertias),
-    "torque": lambda robot, path, q: max(
-        np.abs(forces(robot, one, payloads=[Payload("tool", 3.0)], gravity=GRAVITY).torques).max() for one in q
-    ),
-    "accuracy": lambda robot, path, q: max(
-        Tolerances(path, ERRORS["sigma"], encoder=ERRORS["encoder"]).at(one).position for one in q
-    ),
+    "torque": lambda robot, path, q: np.abs(
+        [forces(robot, one, payloads=LOAD, gravity=DOWN).torques for one in q]
+    ).max(),
+    "accuracy": lambda robot, path, q: max(Tolerances(path, **ERRORS).at(one).position for one in q),
 }
 """What the loaded robot has at most in configurations."""
+
+
+def loaded(found, task, folder, count):
+    """The file of a result, and what its robot, loaded anew, does where it should reach."""
+    path = folder / "best.raff"
+    path.write_text(found.raff, encoding="utf-8")
+    problem = SynthesisProblem(path, task_of({**task, "parameters": dict.fromkeys(found.parameters.names, "-9..9m")}))
+    return path, problem.scores_from_home(problem.parameters.values, problem.reach.grid(count))
 
 
 @pytest.mark.slow
@@ -190,7 +197,7 @@ LARGEST = {
     ("what", "more"),
     [
         ("mass", {}),
-        ("torque", {"load": {"payload": "3kg", "gravity": list(GRAVITY)},
+        ("torque", {"load": {"payload": "3kg", "gravity": list(DOWN)},
                     "constraints": {"joint_limits": False, "singular_values": "0.2..5"}}),
         ("accuracy", {"tolerances": ERRORS}),
     ],
@@ -199,10 +206,7 @@ def test_objectives_are_those_of_the_loaded_robot(tmp_path, what, more):
     values = changed(objective=[{"minimise": what}], **more)
     found = synthesize("five_bar", values)
     assert found.values[0] < found.before[0]
-    path = tmp_path / "best.raff"
-    path.write_text(found.raff, encoding="utf-8")
-    problem = SynthesisProblem(path, task_of({**values, "parameters": {"link2.d": "1mm..9m", "link5.d": "1mm..9m"}}))
-    scores = problem.scores_from_home(problem.parameters.values, problem.reach.grid(9))
+    path, scores = loaded(found, values, tmp_path, 9)
     assert LARGEST[what](cinegen.load(path), path, scores.reached.q) == pytest.approx(found.values[0], rel=1e-3)
 
 
@@ -216,12 +220,8 @@ def test_clearance_is_that_of_capsules_in_coal(tmp_path):
     )  # fmt: skip
     free = synthesize("five_bar", {**values, "constraints": {"joint_limits": False}})
     found = synthesize("five_bar", values)
-    path = tmp_path / "robot.raff"
     for result in (free, found):
-        path.write_text(result.raff, encoding="utf-8")
-        wide = {name: "-9..9m" for name in result.parameters.names}
-        problem = SynthesisProblem(path, task_of({**values, "parameters": wide}))
-        scores = problem.scores_from_home(problem.parameters.values, problem.reach.grid(9))
+        path, scores = loaded(result, values, tmp_path, 9)
         robot, ball = cinegen.load(path), coal.Sphere(0.03)
         gaps = []
         for q in scores.reached.q:
@@ -253,10 +253,7 @@ def test_poses_of_a_gough_platform(tmp_path):
     }  # fmt: skip
     found = synthesize("gough", task)
     assert found.values[0] < found.before[0] * 0.98
-    path = tmp_path / "best.raff"
-    path.write_text(found.raff, encoding="utf-8")
-    problem = SynthesisProblem(path, task_of({**task, "parameters": {"link1.d": "0..2m", "link7.d": "0..2m"}}))
-    scores = problem.scores_from_home(problem.parameters.values, problem.reach.grid(3))
+    path, scores = loaded(found, task, tmp_path, 3)
     robot = cinegen.load(path)
     for q, wanted in zip(scores.reached.q, [(0.0, 0.0, 0.9, 0, 0, 0), (0.05, -0.05, 0.95, 5, 3, -40)], strict=False):
         pose = robot.placement(q, robot.end)
@@ -282,9 +279,8 @@ def test_the_written_robot_is_in_the_assembly_mode_that_was_optimised():
 
 
 def test_a_region_is_proved_with_the_result_or_the_task_is_not_done(monkeypatch):
-    task = changed(
-        constraints={"joint_limits": False, "proved": True}, reach={"x": "-100..100mm", "y": "350..450mm"}, starts=1
-    )
+    region = {"x": "-100..100mm", "y": "350..450mm"}
+    task = changed(constraints={"joint_limits": False, "proved": True}, reach=region, starts=1)
     found = synthesize("five_bar", task)
     assert found.holds
     assert "proved 100 % of the region" in found.text

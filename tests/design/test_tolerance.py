@@ -60,9 +60,8 @@ def coupler_point(a, b, c, g, e, slant, angle):
     along = (square + b * b - c * c) / (2.0 * square)
     across = np.sqrt(b * b / square - along * along)
     bx, by = (along * dx - across * dy) / b, (along * dy + across * dx) / b  # direction of the coupler
-    return np.array(
-        [ax + e * (np.cos(slant) * bx - np.sin(slant) * by), ay + e * (np.sin(slant) * bx + np.cos(slant) * by)]
-    )
+    c, s = e * np.cos(slant), e * np.sin(slant)
+    return np.array([ax + c * bx - s * by, ay + s * bx + c * by])
 
 
 def test_a_four_bar(bars):

@@ -169,9 +169,8 @@ def sentences(paragraph: str) -> list[str]:
 
 def style_of(path: Path) -> tuple[list[tuple[int, int, str]], float]:
     """Return line, words and text of a page's long sentences, and the part of its sentences that is passive."""
-    all_sentences = [
-        (line, one) for line, part in paragraphs(path.read_text(encoding="utf-8")) for one in sentences(part)
-    ]
+    parts = paragraphs(path.read_text(encoding="utf-8"))
+    all_sentences = [(line, one) for line, part in parts for one in sentences(part)]
     counted = [(line, len(re.findall(r"[\w'’-]+", one)), one) for line, one in all_sentences]
     passive = sum(bool(_PASSIVE.search(one)) for _, one in all_sentences)
     few = len(all_sentences) < FEWEST

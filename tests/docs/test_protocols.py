@@ -1,20 +1,15 @@
 """The tables of messages and files in the docs are those of the schemas."""
 
-import importlib.util
 import re
-import sys
 
 import msgspec.inspect
 import pytest
+from repository import module_of
 
 
 @pytest.fixture(scope="module")
-def protocols(root):
-    spec = importlib.util.spec_from_file_location("protocols", root / "docs/protocols.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["protocols"] = module
-    spec.loader.exec_module(module)
-    return module
+def protocols():
+    return module_of("docs/protocols.py")
 
 
 def test_every_schema_of_the_reference_is_a_table_on_the_site(protocols, root):

@@ -1,11 +1,11 @@
 """The source of the site, before Sphinx: `make docs` builds it, and has no warning."""
 
-import importlib.util
 import re
 from pathlib import Path
 
 import pytest
 from pages import blocks
+from repository import module_of
 
 import cinegen
 
@@ -13,11 +13,8 @@ LINK = re.compile(r"\]\(([^)#\s]+)[#)]")
 
 
 @pytest.fixture(scope="module")
-def builder(root):
-    spec = importlib.util.spec_from_file_location("build_site", root / "docs/site/build.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def builder():
+    return module_of("docs/site/build.py")
 
 
 @pytest.fixture(scope="module")

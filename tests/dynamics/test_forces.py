@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
+from gough_lines import lines_of
 from random_masses import massive, random_motion
 
 import cinegen
@@ -150,9 +151,8 @@ def test_a_truss_with_redundant_actuation_against_its_stiffness(raff):
     mechanism = raff(star(POINTS, TIP, True))
     assert (mechanism.mobility, len(mechanism.actuated)) == (2, 4)
     force = np.array([70.0, -200.0])
-    found = forces(
-        mechanism, mechanism.q_home, payloads=[Payload("frame3", wrench=(*force, 0, 0, 0, 0))], gravity=STILL
-    )
+    load = Payload("frame3", wrench=(*force, 0, 0, 0, 0))
+    found = forces(mechanism, mechanism.q_home, payloads=[load], gravity=STILL)
     d = np.array([np.subtract(TIP, p) / math.dist(TIP, p) for p in POINTS])
     displacement = np.linalg.solve(d.T @ d, force)
     assert found.torques == pytest.approx(-d @ displacement, rel=1e-9)  # a positive force lengthens the bar
@@ -262,18 +262,6 @@ def gough(robot):
 @pytest.fixture(scope="module")
 def arm(robot):
     return robot("planar_3r")
-
-
-def lines_of(gough, q):
-    """(6, 6) the legs' unit forces as force and moment about the platform's origin."""
-    data = gough.model.createData()
-    pin.forwardKinematics(gough.model, data, q)
-    starts = [data.oMi[gough.model.getJointId(f"joint{k}")].translation for k in (1, 7, 10, 13, 16, 19)]
-    ends = [data.oMi[gough.model.getJointId("joint4")].translation]
-    ends += [(data.oMi[anchor[0]] * anchor[1]).translation for anchor in gough.structure.system.anchors]
-    centre = gough.placement(q, gough.end).translation
-    units = [(b - a) / np.linalg.norm(b - a) for a, b in zip(starts, ends, strict=True)]
-    return np.array([np.concatenate([u, np.cross(a - centre, u)]) for a, u in zip(starts, units, strict=True)])
 
 
 def test_a_platform_exerts_the_sum_of_its_legs_forces(gough):

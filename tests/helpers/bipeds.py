@@ -1,27 +1,16 @@
 """A small biped in three formats: a trunk that floats at a height of 0.8 m, two legs of three joints, an arm."""
 
+from urdf_text import UrdfJoint, urdf_text
+
 HEIGHT = 0.8
 FEET = ("left_foot", "right_foot")
 
 
 def _urdf() -> str:
-    links, joints = ["world", "trunk"], ['<joint name="root" type="floating"><parent link="world"/>']
-    joints[0] += f'<child link="trunk"/><origin xyz="0 0 {HEIGHT}"/></joint>'
+    joints = [UrdfJoint("root", "world", "trunk", f"0 0 {HEIGHT}", kind="floating")]
 
-    def joint(name: str, parent: str, child: str, origin: str, axis: str, lower: float, upper: float) -> None:
-        links.append(child)
-        joints.append(
-            f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
-            f'<origin xyz="{origin}"/><axis xyz="{axis}"/>'
-            f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="5"/></joint>'
-        )
-
-    def fixed(parent: str, child: str, origin: str) -> None:
-        links.append(child)
-        joints.append(
-            f'<joint name="to_{child}" type="fixed"><parent link="{parent}"/><child link="{child}"/>'
-            f'<origin xyz="{origin}"/></joint>'
-        )
+    def joint(name: str, parent: str, child: str, xyz: str, axis: str, lower: float, upper: float) -> None:
+        joints.append(UrdfJoint(name, parent, child, xyz, axis, limit=(lower, upper), velocity=5.0))
 
     for side, y in (("left", 0.1), ("right", -0.1)):
         joint(f"{side}_roll", "trunk", f"{side}_hip", f"0 {y} 0", "1 0 0", -0.6, 0.6)
@@ -31,8 +20,8 @@ def _urdf() -> str:
         joint(f"{side}_ankle_roll", f"{side}_sole", f"{side}_foot", "0 0 0", "1 0 0", -0.6, 0.6)
     joint("shoulder", "trunk", "upper_arm", "0 0.2 0.4", "0 1 0", -2.5, 2.5)
     joint("elbow", "upper_arm", "forearm", "0 0 -0.3", "1 0 0", -2.5, 2.5)
-    fixed("forearm", "hand", "0 0 -0.3")
-    return f'<robot name="biped">{"".join(f"<link name={name!r}/>" for name in links)}{"".join(joints)}</robot>'
+    joints.append(UrdfJoint("to_hand", "forearm", "hand", "0 0 -0.3", kind="fixed"))
+    return urdf_text(joints, name="biped")
 
 
 def _leg(side: str, y: float) -> str:

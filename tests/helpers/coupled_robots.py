@@ -2,19 +2,12 @@
 
 import numpy as np
 from hypothesis import strategies as st
+from small_robots import four_bar
 
 seeds = st.integers(0, 2**32 - 1)
 
 CLOSED_TEXTS = {
-    "balls": """RAFF Balls
-robot balls {
-  link 1 { parameters { theta 70 } type 2 pred 0 actuated 1 }
-  link 2 { parameters { theta -60 d 100 } type 2 pred 1 }
-  link 3 { parameters { theta 95 d 200 } type 2 pred 0 }
-  frame 4 { parameters { d 250 } pred 2 name "tool" }
-  frame 5 { parameters { d 180 } pred 3 }
-  constraint { frame 4 frame 5 type 3 }
-}""",
+    "balls": four_bar((70, -60, 95), (100, 200, 250, 180), ("actuated 1", "", "")).replace("5 type 2", "5 type 3"),
     "slide_loop": """RAFF Slide
 robot slide {
   base { parameters { theta 30 alpha 40 r 100 } }

@@ -4,7 +4,7 @@ import math
 from functools import cache
 from pathlib import Path
 
-import coal
+import clearings
 import numpy as np
 import pinocchio as pin
 
@@ -46,9 +46,7 @@ def apart(scene, q, obstacle):
     for body in bodies(scene):
         if body.joint:
             at = data.oMi[body.joint] * body.placement
-            places = [coal.Transform3s(each.rotation, each.translation) for each in (at, obstacle.placement)]
-            request, result = coal.DistanceRequest(), coal.DistanceResult()
-            d = coal.distance(body.shape, places[0], obstacle.shape, places[1], request, result)
+            d = clearings.apart(body.shape, at, obstacle.shape, obstacle.placement)
             found[body.joint] = min(d, found.get(body.joint, math.inf))
     return np.array(list(found.values()))
 

@@ -11,6 +11,8 @@ SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 PANDA, UR5 = "panda_description/urdf/panda.urdf", "ur_description/urdf/ur5_robot.urdf"
 
+PANDA_READY = {f"panda_joint{i}": q for i, q in enumerate((0, -0.785, 0, -2.356, 0, 1.571, -0.785), 1)}
+
 
 @cache
 def load(name: str) -> cinegen.Mechanism:

@@ -1,4 +1,4 @@
-"""A symmetric planar five-bar in closed form, by plane geometry and numpy alone.
+"""Arms of two bars, and a symmetric planar five-bar, in closed form, by plane geometry and numpy alone.
 
 The base joints are at (-half, 0) and (half, 0). Each leg has an inner bar on its base joint and an outer bar; both legs
 meet at the tool. Elbows point outward.
@@ -10,6 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+
+def two_bar_angles(x, y, first, second, elbow):
+    """Both angles of an arm of two bars whose end is at x and y, the second one positive for an elbow of 1 and negative
+    for -1, and whether it reaches."""
+    c = (x * x + y * y - first**2 - second**2) / (2.0 * first * second)
+    two = elbow * np.arccos(np.clip(c, -1.0, 1.0))
+    return np.arctan2(y, x) - np.arctan2(second * np.sin(two), first + second * np.cos(two)), two, np.abs(c) <= 1.0
 
 
 @dataclass(frozen=True)
@@ -54,27 +62,3 @@ class FiveBar:
         largest, smallest = self.singular_values(points).T
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.where(smallest > 0.0, largest / smallest, np.inf)
-
-    def works(self, points: Array, floor: float, length: float) -> NDArray[np.bool_]:
-        """(n,) whether both singular values, divided by a length, are in floor..1/floor."""
-        largest, smallest = self.singular_values(points).T / length
-        return (smallest >= floor) & (largest <= 1.0 / floor)
-
-    def radius(self, height: float, floor: float, length: float, rays: int = 91, steps: int = 200) -> float:
-        """Radius of the largest circle around (0, height) in which the tool `works`: the first failure along rays,
-        bisected; 0 where it does not work in the centre."""
-        centre = np.array([0.0, height])
-        angles = np.linspace(-np.pi / 2.0, np.pi / 2.0, rays)  # the other half is symmetric
-        directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        radii = np.linspace(0.0, self.inner + self.outer, steps)
-        good = self.works((centre + radii[:, None, None] * directions).reshape(-1, 2), floor, length)
-        good = good.reshape(steps, rays)
-        if not good[0, 0]:
-            return 0.0
-        directions, first = directions[~good.all(axis=0)], np.argmin(good, axis=0)[~good.all(axis=0)]
-        low, high = radii[first - 1], radii[first]
-        for _ in range(40):
-            middle = (low + high) / 2.0
-            inside = self.works(centre + middle[:, None] * directions, floor, length)
-            low, high = np.where(inside, middle, low), np.where(inside, high, middle)
-        return float(low.min())

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from elementary import shift, turn
@@ -47,6 +48,14 @@ def axis(point: Sequence[float], along: Sequence[float] = (0.0, 0.0, 1.0)) -> np
     m[:3, :3] = np.column_stack([x, np.cross(z, x), z])
     m[:3, 3] = point
     return m
+
+
+class Joint(NamedTuple):
+    """What rotates about, or slides along, the z of a place in the world."""
+
+    place: np.ndarray
+    kind: int = REVOLUTE
+    more: str = ""
 
 
 @dataclass(frozen=True)
@@ -98,9 +107,8 @@ class Mechanism:
         numbers = {0: 0, **numbers}
         bodies = [replace(body, number=numbers[body.number], pred=numbers[body.pred]) for body in self.bodies]
         loops = tuple((numbers[a], numbers[b], kind) for a, b, kind in self.loops)
-        return replace(
-            self, bodies=tuple(bodies[i] for i in order) if order is not None else tuple(bodies), loops=loops
-        )
+        kept = bodies if order is None else [bodies[i] for i in order]
+        return replace(self, bodies=tuple(kept), loops=loops)
 
     def text(self, digits: int | None = None, joint_digits: int | None = 7, units: str | None = "mm") -> str:
         """As RAFF. `digits`: significant ones of the geometry, `joint_digits` of the joint variables; None: all."""
@@ -215,7 +223,11 @@ def graph(rng: np.random.Generator, bodies: int, loops: int, kinds: Sequence[int
 
 
 def ring(
-    axes: Sequence[np.ndarray], kinds: Sequence[int] | None = None, cut: int = -1, how: str = "joint"
+    axes: Sequence[np.ndarray],
+    kinds: Sequence[int] | None = None,
+    cut: int = -1,
+    how: str = "joint",
+    more: Sequence[str] | None = None,
 ) -> Mechanism:
     """One closed loop: joint i joins body i to body i + 1, the last one to the base again. `TOOL` is on the middle one.
 
@@ -224,16 +236,18 @@ def ring(
         kinds: REVOLUTE or PRISMATIC; all revolute unless said.
         cut: which joint is cut.
         how: "joint": as what it is; "rigid": the joint stays and the far end is held rigidly; "ball": as a ball.
+        more: words of the links that joints move.
     """
     n = len(axes)
     kinds = [REVOLUTE] * n if kinds is None else list(kinds)
+    more = [""] * n if more is None else list(more)
     cut %= n
-    parts = [Body(b, b - 1, axes[b - 1], kinds[b - 1]) for b in range(1, cut + 1)]
-    parts += [Body(b, (b + 1) % n, axes[b], kinds[b]) for b in range(n - 1, cut, -1)]
+    parts = [Body(b, b - 1, axes[b - 1], kinds[b - 1], more[b - 1]) for b in range(1, cut + 1)]
+    parts += [Body(b, (b + 1) % n, axes[b], kinds[b], more[b]) for b in range(n - 1, cut, -1)]
     near, far = cut, (cut + 1) % n
     tool = Body(TOOL, n // 2, axes[n // 2] @ shift("x", 0.2), None, 'name "tool"')
     if how == "rigid":
-        parts.append(Body(n, near, axes[cut], kinds[cut]))
+        parts.append(Body(n, near, axes[cut], kinds[cut], more[cut]))
         parts += [Body(n + 1, n, axes[cut], None), Body(n + 2, far, axes[cut], None)]
         return Mechanism((*parts, tool), ((n + 1, n + 2, RIGID),))
     parts += [Body(n + 1, near, axes[cut], None), Body(n + 2, far, axes[cut], None)]
@@ -300,67 +314,70 @@ def parallelograms(rng: np.random.Generator, storeys: int, cranks: int = 2, lean
 # --- platforms on legs -------------------------------------------------------------------------------------------
 
 
-def _universal(rng: np.random.Generator, point: np.ndarray) -> list[tuple[int, np.ndarray]]:
-    first = direction(rng)
-    second = np.cross(first, direction(rng))
-    return [(REVOLUTE, axis(point, first)), (REVOLUTE, axis(point, second))]
-
-
-def leg(word: str, rng: np.random.Generator, foot: np.ndarray, head: np.ndarray) -> list[tuple[int, np.ndarray]]:
-    """The joints of a leg such as UPS or RUS from foot to head, each with its place; S is three revolute joints."""
-    joints: list[tuple[int, np.ndarray]] = []
+def leg(word: str, rng: np.random.Generator, foot: np.ndarray, head: np.ndarray) -> list[Joint]:
+    """The joints of a leg such as UPS or RUS from foot to head; S is three revolute joints."""
+    joints: list[Joint] = []
     for i, letter in enumerate(word):
         along = i / max(1, len(word) - 1)
         point = foot + along * (head - foot)
         if 0 < i < len(word) - 1 and letter != "P":
             point = point + 0.3 * rng.normal(size=3)
         if letter == "R":
-            joints.append((REVOLUTE, axis(point, direction(rng))))
+            joints.append(Joint(axis(point, direction(rng))))
         elif letter == "P":
             way = head - foot if 0 < i < len(word) - 1 else direction(rng)
-            joints.append((PRISMATIC, axis(point, way)))
+            joints.append(Joint(axis(point, way), PRISMATIC))
         elif letter == "U":
-            joints += _universal(rng, point)
+            first = direction(rng)
+            joints += [Joint(axis(point, along)) for along in (first, np.cross(first, direction(rng)))]
         else:
-            joints += [(REVOLUTE, axis(point, d)) for d in np.linalg.qr(rng.normal(size=(3, 3)))[0]]
+            joints += [Joint(axis(point, along)) for along in np.linalg.qr(rng.normal(size=(3, 3)))[0]]
     return joints
 
 
+def legged(legs: Sequence[Sequence[Joint]], cut: str | Sequence[str] = "rigid") -> Mechanism:
+    """A platform on legs, joints from the base to the platform; all legs but the first are cut at the platform. `TOOL`
+    is a frame on it.
+
+    Args:
+        legs: joints of each.
+        cut: of each leg, or of all: "rigid": at a place on the platform; "joint": at the last joint, as what it is;
+            "ball": at the last three, as a ball.
+    """
+    cuts = [cut] * len(legs) if isinstance(cut, str) else cut
+    parts, loops, platform = list[Body](), list[tuple[int, int, int]](), 0
+
+    def add(pred: int, joint: Joint, kind: int | None) -> int:
+        parts.append(Body(len(parts) + 1, pred, joint.place, kind, joint.more))
+        return len(parts)
+
+    for i, (joints, how) in enumerate(zip(legs, cuts, strict=True)):
+        kept = len(joints) - (0 if i == 0 else {"rigid": 0, "joint": 1, "ball": 3}[how])
+        pred = 0
+        for joint in joints[:kept]:
+            pred = add(pred, joint, joint.kind)
+        if i == 0:
+            platform = pred
+            continue
+        end = joints[kept] if kept < len(joints) else Joint(axis((0.1, -0.2, 0.3), (0.2, 0.5, 1.0)), RIGID)
+        end = Joint(end.place, BALL if how == "ball" else end.kind)
+        loops.append((add(pred, end, None), add(platform, end, None), end.kind))
+    parts.append(Body(TOOL, platform, axis((0.2, 0.1, 0.9), (0.3, -0.2, 1.0)), None, 'name "tool"'))
+    return Mechanism(tuple(parts), tuple(loops))
+
+
 def platform(rng: np.random.Generator, words: Sequence[str], cut: str = "rigid") -> Mechanism:
-    """A platform on legs; all legs but the first are cut at the platform. `TOOL` is a frame on it.
+    """A platform on legs of random geometry.
 
     Args:
         rng: makes the geometry.
         words: of the legs, such as UPS.
         cut: "rigid": at a place on the platform; "joint": at the last joint (S: as a ball).
     """
-    parts, loops = [], []
-    centre = np.array([0.0, 0.0, 1.0])
-    platform_number = 0
-    number = 1
+    legs = []
     for i, word in enumerate(words):
         around = 2.0 * math.pi * i / len(words)
         foot = np.array([math.cos(around), math.sin(around), 0.0]) + 0.2 * rng.normal(size=3)
-        head = centre + 0.4 * np.array([math.cos(around + 0.4), math.sin(around + 0.4), 0.0]) + 0.1 * rng.normal(size=3)
-        joints = leg(word, rng, foot, head)
-        ball = cut == "joint" and i > 0 and word[-1] == "S"
-        hinge = cut == "joint" and i > 0 and word[-1] in "RPU"
-        kept = joints[:-3] if ball else joints[:-1] if hinge else joints
-        pred = 0
-        for kind, place in kept:
-            parts.append(Body(number, pred, place, kind))
-            pred, number = number, number + 1
-        if i == 0:
-            platform_number = pred
-            continue
-        if ball or hinge:
-            place, kind = (joints[-3][1], BALL) if ball else (joints[-1][1], joints[-1][0])
-        else:
-            place, kind = somewhere(rng), RIGID
-        parts += [Body(number, pred, place, None), Body(number + 1, platform_number, place, None)]
-        loops.append((number, number + 1, kind))
-        number += 2
-    tool = somewhere(rng)
-    tool[:3, 3] = centre
-    parts.append(Body(TOOL, platform_number, tool, None, 'name "tool"'))
-    return Mechanism(tuple(parts), tuple(loops))
+        head = np.array([0.4 * math.cos(around + 0.4), 0.4 * math.sin(around + 0.4), 1.0]) + 0.1 * rng.normal(size=3)
+        legs.append(leg(word, rng, foot, head))
+    return legged(legs, ["ball" if cut == "joint" and word[-1] == "S" else cut for word in words])

@@ -1,29 +1,8 @@
 """The Orthoglide, a translational robot with three orthogonal prismatic joints (Wenger and Chablat), as RAFF."""
 
-import math
-
-import numpy as np
-import pinocchio as pin
+from scipy.spatial.transform import Rotation
 
 SLIDES = {1: (90.0, 90.0), 2: (180.0, 90.0), 3: (0.0, 0.0)}  # gamma, alpha (degrees) that put a slide along x, y, z
-
-
-def turned(gamma: float, alpha: float, theta: float = 0.0) -> np.ndarray:
-    """Return the rotation (3, 3) of Kleinfinger's parameters, degrees."""
-    z, x, t = np.radians([gamma, alpha, theta])
-    rpy = pin.rpy.rpyToMatrix
-    return rpy(0.0, 0.0, z) @ rpy(x, 0.0, 0.0) @ rpy(0.0, 0.0, t)
-
-
-def zxz(rotation: np.ndarray) -> tuple[float, float, float]:
-    """Return gamma, alpha and theta of a rotation, degrees."""
-    alpha = math.acos(np.clip(rotation[2, 2], -1.0, 1.0))
-    if math.sin(alpha) > 1e-9:
-        gamma = math.atan2(rotation[0, 2], -rotation[1, 2])
-        theta = math.atan2(rotation[2, 0], rotation[2, 1])
-    else:
-        gamma, theta = math.atan2(rotation[1, 0], rotation[0, 0]), 0.0
-    return tuple(float(np.degrees(x)) for x in (gamma, alpha, theta))
 
 
 def orthoglide(length: float = 400.0) -> str:
@@ -31,7 +10,8 @@ def orthoglide(length: float = 400.0) -> str:
 
     Each leg is PUU, which moves the platform as the parallelograms of the original do.
     """
-    wrist = {leg: turned(*SLIDES[leg]) @ turned(0.0, 90.0, 180.0) for leg in SLIDES}
+    turned = Rotation.from_euler("ZXZ", (0.0, 90.0, 180.0), degrees=True)
+    wrist = {leg: Rotation.from_euler("ZX", angles, degrees=True) * turned for leg, angles in SLIDES.items()}
     nodes, joints = [], []
     for leg, (gamma, alpha) in SLIDES.items():
         first = {1: 1, 2: 6, 3: 12}[leg]
@@ -41,7 +21,7 @@ def orthoglide(length: float = 400.0) -> str:
         for k, text in enumerate(("theta 270 alpha 90", "alpha 90", f"d {length}", "theta -90 alpha -90"), 1):
             nodes.append(f"link {first + k} {{ parameters {{ {text} }} type 2 pred {first + k - 1} }}")
         if leg > 1:
-            g, a, t = zxz(wrist[leg].T @ wrist[1])
+            g, a, t = (wrist[leg].inv() * wrist[1]).as_euler("ZXZ", degrees=True, suppress_warnings=True)
             nodes.append(
                 f"link {first + 5} {{ parameters {{ gamma {g} alpha {a} theta {t} }} type 0 pred {first + 4} }}"
             )

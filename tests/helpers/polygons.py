@@ -1,36 +1,26 @@
-"""Polygons in the plane z = 0, and the distance to them by its definition: the smallest to any of their edges."""
+"""Polygons in the plane z = 0, by shapely."""
 
 import numpy as np
+import shapely
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 
-def nearest(polygon, point):
-    """(2,) the point of a polygon's edges (k, 2) that is nearest to a point (3,)."""
-    best, least = None, np.inf
-    for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
-        t = np.clip((point[:2] - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
-        distance = np.linalg.norm(point[:2] - a - t * (b - a))
-        if distance < least:
-            best, least = a + t * (b - a), distance
-    return best
-
-
 def distance(polygon, point):
-    return float(np.linalg.norm(point[:2] - nearest(polygon, point)))
+    """The distance of a point (3,) from the edges of a polygon (k, 2)."""
+    return shapely.LinearRing(polygon).distance(shapely.Point(point[:2]))
 
 
 def normal(polygon, point):
-    """(3,) the unit vector from the nearest point to a point."""
-    away = np.append(point[:2] - nearest(polygon, point), 0.0)
+    """(3,) the unit vector to a point from the nearest point of the edges."""
+    line = shapely.shortest_line(shapely.LinearRing(polygon), shapely.Point(point[:2]))
+    away = np.append(np.subtract(*line.coords[::-1]), 0.0)
     return away / np.linalg.norm(away)
 
 
 def holds(polygon, point):
-    """Whether a convex polygon, counterclockwise, holds a point."""
-    edges = np.roll(polygon, -1, axis=0) - polygon
-    rest = point[:2] - polygon
-    return bool((edges[:, 0] * rest[:, 1] - edges[:, 1] * rest[:, 0] >= 0.0).all())
+    """Whether a polygon holds a point."""
+    return shapely.Polygon(polygon).covers(shapely.Point(point[:2]))
 
 
 @st.composite

@@ -1,7 +1,10 @@
 """The robots of the repository, each loaded once in a process, and one of each kind of them."""
 
+import importlib.util
+import sys
 import warnings
 from functools import cache
+from types import ModuleType
 
 import pytest
 from elementary import ROBOTS, document
@@ -25,3 +28,11 @@ def load(name: str, which: str | None = None) -> cinegen.Mechanism:
     with warnings.catch_warnings():
         warnings.simplefilter("error", UserWarning)
         return cinegen.load(ROBOTS / f"{name}.raff", which)
+
+
+def module_of(path: str) -> ModuleType:
+    """Import a file of the repository that belongs to no package."""
+    spec = importlib.util.spec_from_file_location(path.removesuffix(".py").replace("/", "_"), ROBOTS.parent / path)
+    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

@@ -11,17 +11,11 @@ def slow(*values: Any) -> list[Any]:
     return [pytest.param(*(one if isinstance(one, tuple) else (one,)), marks=pytest.mark.slow) for one in values]
 
 
-ONE_OF_EACH_KIND = frozenset(
-    {
-        *("planar_3r", "arm7", "sr400", "five_bar", "delta4", "gough", "hybrid", "scara", "differential_wrist"),
-        "two_arms",
-    }
-)
-"""Files of robots that have together every kind of joint, loop and coupling, and one with two robots."""
-
-
 FEWER = frozenset({"arm7", "scara", "five_bar", "delta4", "hybrid", "differential_wrist"})
 """A redundant arm, slides, a planar loop, spatial loops, a hybrid with ball joints, and couplings: for long tests."""
+
+ONE_OF_EACH_KIND = FEWER | {"planar_3r", "sr400", "gough", "two_arms"}
+"""Files of robots that have together every kind of joint, loop and coupling, and one with two robots."""
 
 
 def others_slow(parameters: Iterable[Any], files: frozenset[str] = ONE_OF_EACH_KIND) -> list[Any]:

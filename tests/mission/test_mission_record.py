@@ -17,6 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 from recorded import record, swung
+from ticking import until
 
 import cinegen
 import cinegen.mission.recorder as module
@@ -26,13 +27,6 @@ from cinegen.model.build import build
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 doubles = st.lists(finite, min_size=3, max_size=3)
-
-
-def _wait(condition, seconds=10.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it took too long"
-        time.sleep(0.002)
 
 
 def _task(x=0.0, source="pointer"):
@@ -171,7 +165,7 @@ for i in itertools.count():
 """
     with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as process:
         said = [process.stdout.readline() for _ in range(100)]
-        _wait(lambda: path.read_bytes().count(b"\n") > 101)
+        until(lambda: path.read_bytes().count(b"\n") > 101)
         process.send_signal(signal.SIGKILL)
     assert said[-1] == "99\n"
     recording = Recording.load(path)
@@ -206,7 +200,7 @@ def test_a_full_disk_is_said_and_ends_nothing(robot, tmp_path, monkeypatch):
     monkeypatch.setattr(os, "write", nearly_full)
     for i in range(100):
         recorder.write(i / 10, {"arm": RobotSample(np.full(3, float(i)), "IDLE")})
-    _wait(lambda: recorder.error)
+    until(lambda: recorder.error)
     assert recorder.error == "the disk is full"
     recorder.write(100.0, {"arm": RobotSample(np.zeros(3), "IDLE")})
     recorder.close()
@@ -250,7 +244,7 @@ def test_a_disk_that_is_stuck_does_not_eat_memory(robot, tmp_path, monkeypatch):
     recorder.close()
     assert recorder.error == "the disk does not answer"
     stuck[0] = False
-    _wait(lambda: not recorder._thread.is_alive())
+    until(lambda: not recorder._thread.is_alive())
     assert len(Recording.load(path).times) == taken
 
 
@@ -274,7 +268,7 @@ def test_what_makes_no_sense_is_left_out(robot, tmp_path):
         ):
             lost = recorder.lost
             recorder.write(2.0 + lost, robots)
-            _wait(lambda lost=lost: recorder.lost > lost)
+            until(lambda lost=lost: recorder.lost > lost)
         recorder.write(0.5, {"arm": RobotSample(good, "IDLE")})  # earlier
         recorder.write(float("nan"), {"arm": RobotSample(good, "IDLE")})
         task = replace(_task(), target="somewhere")

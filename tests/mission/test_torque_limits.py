@@ -9,11 +9,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import scipy.linalg
+from five_bar import two_bar_angles
 from pinocchio_constraints import constraint_dynamics
 from random_masses import free_motions, massive
 from recorded import record, swung
+from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 from small_robots import parallelogram
+from urdf_text import UrdfJoint, urdf_text
 
 import cinegen
 from cinegen.dynamics import InverseDynamics, Payload
@@ -34,11 +37,10 @@ def slid(tmp_path: Path):
     """`slid("0 0 1", 30.0)`: a cart on a rail, and a recording in which it moves by 1 m."""
 
     def make(axis: str, effort: float = FORCE, friction: str = "") -> tuple[cinegen.Mechanism, Recording]:
-        mechanism = cinegen.load(f"""<robot name="slider"><link name="rail"/>
-          <link name="cart"><inertial><mass value="{MASS}"/>
-            <inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial></link>
-          <joint name="x" type="prismatic"><parent link="rail"/><child link="cart"/><axis xyz="{axis}"/>
-            <limit lower="-5" upper="5" effort="{effort}" velocity="100"/>{friction}</joint></robot>""")
+        body = f'''<inertial><mass value="{MASS}"/>
+          <inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial>'''
+        rail = UrdfJoint("x", "rail", "cart", "0 0 0", axis, "prismatic", (-5.0, 5.0), effort, 100.0, more=friction)
+        mechanism = cinegen.load(urdf_text([rail], {"cart": body}))
         return mechanism, record(tmp_path / "run.jsonl", mechanism, [0.0, 9.0], [[0.0], [1.0]])
 
     return make
@@ -119,19 +121,15 @@ def test_a_cart_with_friction_moves_as_fast_as_its_equation_has_it(slid, damping
     mechanism, recording = slid("1 0 0", friction=f'<dynamics damping="{damping}" friction="{dry}"/>')
     torques = TorqueLimits(mechanism)
     motion = resampled(recording, rate=1000.0, speed=math.inf, acceleration=NEVER, torques=lambda _: torques)
-    rate = 1e6
-    distance, speed, back, braking = 0.0, 0.0, 0.0, 0
-    speeds = [0.0]
-    while speeds[-1] < FORCE and len(speeds) < 10 * rate:  # Euler: forwards from the beginning ...
-        speeds.append(speeds[-1] + (FORCE - dry - damping * speeds[-1]) / MASS / rate)
-        distance += speeds[-1] / rate
-        while back < speeds[-1]:  # ... and backwards from the end, always at the same speed
-            back += (FORCE + dry + damping * back) / MASS / rate
-            speed += back / rate
-            braking += 1
-        if distance + speed >= 1.0:
-            break
-    wanted = (len(speeds) + braking) / rate
+
+    def braking(speed, power):
+        """The distance (power 1) or the time (power 0) from a speed to rest."""
+        return quad(lambda v: MASS * v**power / (FORCE + dry + damping * v), 0.0, speed)[0]
+
+    forwards = solve_ivp(lambda _, state: [state[1], (FORCE - dry - damping * state[1]) / MASS], (0.0, 9.0), [0.0, 0.0],
+                         rtol=1e-10, atol=1e-12, dense_output=True).sol  # fmt: skip
+    turning = brentq(lambda t: forwards(t)[0] + braking(forwards(t)[1], 1) - 1.0, 0.0, 9.0)
+    wanted = turning + braking(forwards(turning)[1], 0)
     assert wanted - 0.002 <= motion.seconds <= 1.03 * wanted + 0.003
     v, a = np.gradient(motion.q[:, 0], 1e-3), np.diff(np.pad(motion.q[:, 0], 1, mode="edge"), 2) * 1e6
     forces = MASS * a + damping * v + dry * np.sign(v)
@@ -187,14 +185,8 @@ def straight(five_bar, first, last, count=41):
     found = []
     for tool in np.linspace(first, last, count):
         values = []
-        for x, side in ((-0.15, 1.0), (0.15, -1.0)):
-            far = tool - (x, 0.0)
-            length = np.hypot(*far)
-            angle = math.atan2(far[1], far[0]) + side * math.acos(
-                (length**2 + UPPER**2 - FORE**2) / (2.0 * UPPER * length)
-            )
-            outer = tool - (x, 0.0) - UPPER * np.array([math.cos(angle), math.sin(angle)])
-            values += [angle, math.atan2(outer[1], outer[0]) - angle]
+        for x, elbow in ((-0.15, -1.0), (0.15, 1.0)):
+            values += two_bar_angles(tool[0] - x, tool[1], UPPER, FORE, elbow)[:2]
         found.append(five_bar.close(np.array([*values, 0.0]), five_bar.joints[:4]))
     return np.unwrap(found, axis=0)
 
@@ -243,19 +235,13 @@ def test_torques_stay_finite_and_pinocchio_s_dynamics_follow_them(five_bar, fall
     for k in range(2):
         needed[:, k] = np.interp(np.arange(len(v)), np.flatnonzero(far), needed[far, k])
 
-    def rates(state, torque):
-        return np.r_[state[5:], by_model(state[:5], state[5:], torque)]
+    times = np.arange(len(v)) / rate
 
-    state, step = np.r_[q[1], v[0]], 1.0 / rate
-    worst = 0.0
-    for k in range(len(v) - 1):
-        torque, ahead = needed[k], needed[k + 1]
-        one = rates(state, torque)
-        two = rates(state + 0.5 * step * one, 0.5 * (torque + ahead))
-        three = rates(state + 0.5 * step * two, 0.5 * (torque + ahead))
-        four = rates(state + step * three, ahead)
-        state = state + step / 6.0 * (one + 2.0 * two + 2.0 * three + four)
-        worst = max(worst, np.abs(state[:4] - q[k + 2, :4]).max())
+    def rates(t, state):
+        return np.r_[state[5:], by_model(state[:5], state[5:], [np.interp(t, times, column) for column in needed.T])]
+
+    followed = solve_ivp(rates, times[[0, -1]], np.r_[q[1], v[0]], t_eval=times, rtol=1e-6, max_step=1.0 / rate).y
+    worst = np.abs(followed[:4].T - q[1:-1, :4]).max()
     assert worst < 0.03  # rad
 
 
@@ -328,11 +314,10 @@ def test_the_option_of_the_command(root, fall, tmp_path, typed):
 @pytest.fixture
 def pendulum(tmp_path):
     """A point mass of 2 kg on a bar of 0.5 m, recorded from hanging down to standing upright."""
-    mechanism = cinegen.load("""<robot name="pendulum"><link name="base"/><link name="bar">
-      <inertial><origin xyz="0 0 -0.5"/>
-      <mass value="2"/><inertia ixx="1e-9" iyy="1e-9" izz="1e-9" ixy="0" ixz="0" iyz="0"/></inertial></link>
-      <joint name="pin" type="revolute"><parent link="base"/><child link="bar"/><axis xyz="0 1 0"/>
-      <limit lower="-4" upper="4" effort="1" velocity="100"/></joint></robot>""")
+    body = """<inertial><origin xyz="0 0 -0.5"/><mass value="2"/>
+      <inertia ixx="1e-9" iyy="1e-9" izz="1e-9" ixy="0" ixz="0" iyz="0"/></inertial>"""
+    hinge = UrdfJoint("pin", "base", "bar", axis="0 1 0", limit=(-4.0, 4.0), velocity=100.0)
+    mechanism = cinegen.load(urdf_text([hinge], {"bar": body}))
     return record(tmp_path / "up.jsonl", mechanism, [0.0, 9.0], [[0.0], [math.pi]])
 
 

@@ -5,11 +5,12 @@ from functools import partial
 
 import numpy as np
 import pytest
+from five_bar import two_bar_angles
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from recorded import record, swung
 from scipy.interpolate import CubicSpline
-from small_robots import four_bar
+from small_robots import FLOATING, four_bar
 
 import cinegen
 from cinegen.errors import UnknownNameError
@@ -148,7 +149,7 @@ def test_joints_without_motors_obey_their_limits_too(tmp_path):
 # --- what can't be sampled -------------------------------------------------------------------------------------------
 
 
-def test_what_can_not_be_sampled(robot, raff, tmp_path):
+def test_what_can_not_be_sampled(robot, tmp_path):
     arm = robot("planar_3r")
     empty = record(tmp_path / "empty.jsonl", arm, [], [])
     with pytest.raises(MissionError, match="nothing was recorded"):
@@ -170,18 +171,8 @@ def test_what_can_not_be_sampled(robot, raff, tmp_path):
         resampled(far)
 
 
-ROVER = """
-robot rover {
-  base { }
-  link 1 { type 2 pred 0 }
-  constraint { base sensor ( 0 1 ) }
-}
-sensor 1 { port "/dev/ttyS0" }
-"""
-
-
 def test_a_base_that_moves(raff, tmp_path):
-    rover = raff(ROVER)
+    rover = raff(f"robot rover {{ link 1 {{ type 2 pred 0 }} {FLOATING[0]} }} {FLOATING[1]}")
     assert rover.floating
     there = rover.q_home.copy()
     there[:7] = 1.0, 0.0, 0.0, 0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5)
@@ -216,16 +207,10 @@ def test_loops_that_were_open_are_told(robot, tmp_path):
 # --- singularities between samples -----------------------------------------------------------------------------------
 
 
-def _two_bars(base, x, y, side):
-    """The angles of a five-bar's arm (0.25 and 0.4 m long) whose end is at x, y."""
-    dx, square = x - base, (x - base) ** 2 + y * y
-    elbow = side * math.acos((square - 0.25**2 - 0.4**2) / (2 * 0.25 * 0.4))
-    return math.atan2(y, dx) - math.atan2(0.4 * math.sin(elbow), 0.25 + 0.4 * math.cos(elbow)), elbow
-
-
 def _five_bar(mechanism, x, y):
     """The five-bar with its tool at x, y, the one elbow left and the other right of its arm, inwards."""
-    (first, second), (third, fourth) = _two_bars(-0.15, x, y, 1.0), _two_bars(0.15, x, y, -1.0)
+    first, second, _ = two_bar_angles(x + 0.15, y, 0.25, 0.4, 1.0)
+    third, fourth, _ = two_bar_angles(x - 0.15, y, 0.25, 0.4, -1.0)
     values = {"joint1": first, "joint2": second, "joint3": third, "joint4": fourth}
     return mechanism.configuration({**values, "joint5": first + second - third - fourth})
 
@@ -265,29 +250,18 @@ def test_a_type_2_singularity_between_two_samples_is_found(robot, tmp_path, step
     assert motion.positions(mechanism.actuated)[-1] == pytest.approx(q[-1][[0, 2]], abs=1e-12)
 
 
-@pytest.fixture
-def rocker(robot, raff, root):
-    """The four-bar with its rocker as the motor, and the crank's angles where that loses its hold: the crank and the
-    coupler are in line."""
-    text = (root / "robots" / "four_bar.raff").read_text(encoding="utf-8").partition("\n")[2]
-    text = text.replace("    velocity 360.0\n    actuated 1\n", "", 1)
-    mechanism = raff(text.replace("    limits { 80.0 152.0 }\n", "    velocity 900.0\n    actuated 1\n", 1))
-    assert mechanism.actuated == ("joint3",)
-    dead = []
-    for way, turned in ((0.48, 0.0), (0.24, math.pi)):  # from the crank's axis to the rocker's end
-        dead.append(math.acos((0.4**2 + way**2 - 0.24**2) / (2.0 * 0.4 * way)) + turned)
-    return mechanism, np.array(dead)
-
-
-def test_singularities_far_apart_from_samples(robot, rocker):
-    """However far two samples are apart, as far as the way between them is known: each is found, and nothing else."""
-    (mechanism, dead), rng = rocker, np.random.default_rng(1)
-    rows, counts = of_passive_joints(mechanism), []
+def test_singularities_far_apart_from_samples():
+    """However far two samples are apart, as far as the way between them is known: each is found, and nothing else. The
+    rocker of a four-bar loses its hold where the crank and the coupler are in line."""
+    crank, rocker = (cinegen.load(four_bar(words=words)) for words in (("actuated 1", "", ""), ("", "", "actuated 1")))
+    reaches = np.array([0.48, 0.24])  # from the crank's axis to the rocker's end
+    dead = np.arccos((0.4**2 + reaches**2 - 0.24**2) / (2.0 * 0.4 * reaches)) + np.array([0.0, math.pi])
+    rows, counts, rng = of_passive_joints(rocker), [], np.random.default_rng(1)
     for begin, way in zip(rng.uniform(-6.0, 6.0, 40), rng.uniform(0.1, 2.5, 40), strict=True):
-        forward = ForwardKinematics(robot("four_bar"))
+        forward = ForwardKinematics(crank)
         first, second = forward.move({"joint1": begin}), forward.move({"joint1": begin + way})
         expected = sorted((dead - begin) % (2.0 * math.pi))
-        found = [one.q[0] - begin for one in crossings(rows, partial(between, mechanism, first, second))]
+        found = [one.q[0] - begin for one in crossings(rows, partial(between, rocker, first, second))]
         assert found == pytest.approx([one for one in expected if one < way], abs=1e-6)
         counts.append(len(found))
     assert set(counts) == {0, 1}
@@ -307,24 +281,22 @@ def test_a_matrix_that_turns_between_two_samples(robot, turn, zero):
     assert found == pytest.approx([zero] if 0.0 < zero < 1.0 else [], abs=1e-8)
 
 
-def test_a_motion_near_a_type_2_singularity_is_noted_where_it_is_nearest(robot, tmp_path):
-    mechanism = robot("five_bar")
-    times = np.arange(101) / 100
-    q = [_five_bar(mechanism, 0.0, 0.58 + 0.015 * math.sin(math.pi * time)) for time in times]
-    findings = check(resampled(record(tmp_path / "run.jsonl", mechanism, times, q)))
+def test_a_motion_near_a_type_2_singularity_is_noted_where_it_is_nearest_and_one_that_ends_there_is_serious(
+    robot, tmp_path
+):
+    mechanism, times = robot("five_bar"), np.arange(101) / 100
+
+    def checked(heights):
+        q = [_five_bar(mechanism, 0.0, height) for height in heights]
+        return check(resampled(record(tmp_path / "run.jsonl", mechanism, times, q)))
+
+    findings = checked(0.58 + 0.015 * np.sin(np.pi * times))
     (near,) = (one for one in findings if one.kind is FindingKind.NEAR_TYPE_2)
     assert near.recorded == pytest.approx(0.5, abs=0.01)
     assert near.sigma == findings.passive_sigma < 0.05
     assert near not in findings.serious
     assert FindingKind.TYPE_2 not in _kinds(findings)
-
-
-def test_a_motion_that_ends_at_a_type_2_singularity_is_serious(robot, tmp_path):
-    mechanism = robot("five_bar")
-    times = np.arange(101) / 100
-    q = [_five_bar(mechanism, 0.0, 0.57 + 0.03 * time) for time in times]
-    findings = check(resampled(record(tmp_path / "run.jsonl", mechanism, times, q)))
-    assert FindingKind.TYPE_2 in _kinds(findings.serious)
+    assert FindingKind.TYPE_2 in _kinds(checked(0.57 + 0.03 * times).serious)
 
 
 def test_an_elbow_that_is_stretched_is_noted(robot, tmp_path):

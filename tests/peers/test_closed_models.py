@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from urdf_text import UrdfJoint, urdf_text
 
 import cinegen
 import raff2urdf
@@ -50,14 +51,8 @@ def file_of(tmp_path_factory):
             return CASSIE / f"{case}.sdf"
         joints, kind, motors = WRITTEN[case]
         folder = tmp_path_factory.mktemp(case)
-        links = ["base", *(child for _, _, child, _, _ in joints)]
-        text = "".join(f'<link name="{link}"/>' for link in links)
-        for name, parent, child, xyz, axis in joints:
-            text += f'<joint name="{name}" type="{"revolute" if axis else "fixed"}"><parent link="{parent}"/>'
-            text += f'<child link="{child}"/><origin xyz="{xyz}"/>'
-            text += f'<axis xyz="{axis}"/><limit lower="-3.2" upper="3.2" effort="1" velocity="1"/>' if axis else ""
-            text += "</joint>"
-        (folder / "robot.urdf").write_text(f'<robot name="{case}">{text}</robot>')
+        kinds = [UrdfJoint(*row[:4], axis=row[4] or "", kind="revolute" if row[4] else "fixed") for row in joints]
+        (folder / "robot.urdf").write_text(urdf_text([one._replace(limit=(-3.2, 3.2)) for one in kinds], name=case))
         (folder / "robot.yaml").write_text(f"closed_loop: [[end_a, end_b]]\ntype: [{kind}]\nname_mot: {motors}\n")
         return folder / "robot.urdf"
 

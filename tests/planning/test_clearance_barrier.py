@@ -58,9 +58,8 @@ def test_whatever_leads_it_nothing_comes_nearer_than_the_safety_distance(
     safety = min(0.02 * mechanism.length, 0.5 * clearance.least(mechanism.q_home))
     solver = kept(clearance, safety, acceleration=20.0 if accelerated else None)
     if wishing:
-        solver.objectives = [
-            Posture(mechanism.close(mechanism.q_home + 0.3 * rng.normal(size=mechanism.model.nq)), rate=5.0)
-        ]
+        aim = mechanism.close(mechanism.q_home + 0.3 * rng.normal(size=mechanism.model.nq))
+        solver.objectives = [Posture(aim, rate=5.0)]
     node = mechanism.nodes[-1]
     task = solver.add_task(node, rotation=rotation)
     path = [solver.q]

@@ -25,8 +25,12 @@ def arm():
     return cinegen.load("arm7")
 
 
-def scene(arm, **more):
-    values = {"start": {"joints": {"joint1": -0.6, "joint2": 0.9}}, "goal": {"point": [0.5, 0.35, 0.3]}}
+START = {"joint1": -0.6, "joint2": 0.5, "joint4": -1.2, "joint6": 0.7}
+POST = {"name": "post", "kind": "cylinder", "radius": 0.04, "length": 1.2, "point": [0.42, 0.0, 0.2]}
+
+
+def scene(arm, *obstacles, **more):
+    values = {"start": {"joints": START}, "goal": {"point": [0.5, 0.35, 0.3]}, "obstacle": list(obstacles)}
     return scene_of(values | more, mechanism=arm)
 
 
@@ -48,7 +52,7 @@ def test_a_heavy_joint_moves_less(planner):
 
 def test_fields_refuse_weights_and_are_left_out_without_being_asked(arm):
     wall = {"kind": "box", "size": [0.7, 0.04, 0.45], "point": [0.55, 0.0, 0.225]}
-    heavy = scene(arm, weights={"joint1": 5.0}, obstacle=[wall], start={"joints": {"joint1": -0.6}})
+    heavy = scene(arm, wall, weights={"joint1": 5.0}, start={"joints": {"joint1": -0.6}})
     with pytest.raises(PlanningError, match="weights of joints need RRT-Connect, not a field"):
         plan(heavy, planner="vortex")
     strategies = {one.strategy for one in plan(heavy, seconds=20.0).attempts}
@@ -66,20 +70,11 @@ def test_weights_are_written_and_read_again_and_wrong_ones_reported(arm):
 # Goals that are regions, and constraints of the node all along a path; judged by Pinocchio's placements.
 
 
-START = {"joint1": -0.6, "joint2": 0.5, "joint4": -1.2, "joint6": 0.7}
-POST = {"name": "post", "kind": "cylinder", "radius": 0.04, "length": 1.2, "point": [0.42, 0.0, 0.2]}
-
-
-def kept_along(arm, goal, obstacles=(), **more):
-    values = {"start": {"joints": START}, "goal": goal, "obstacle": list(obstacles), **more}
-    return scene_of(values, mechanism=arm)
-
-
-def placements(kept_along, path, step=0.01):
+def placements(given, path, step=0.01):
     """Poses of the node on a path, joints straight between two configurations."""
-    model, found = kept_along.mechanism.model, []
-    data, frame = model.createData(), kept_along.mechanism.frame_id(kept_along.node)
-    for q in along(kept_along.mechanism, path, step):
+    model, found = given.mechanism.model, []
+    data, frame = model.createData(), given.mechanism.frame_id(given.node)
+    for q in along(given.mechanism, path, step):
         pin.framesForwardKinematics(model, data, q)
         found.append(data.oMf[frame].copy())
     return found
@@ -94,7 +89,7 @@ def here(arm):
 
 def test_a_goal_region_is_reached_at_any_of_its_points_and_orientations(arm):
     goal = {"point": [0.35, 0.35, 0.4], "tolerance": [0.05, 0.0, 0.1], "rpy": [math.pi, 0.0, 0.0], "cone": 0.3}
-    given = kept_along(arm, goal, [POST])
+    given = scene(arm, POST, goal=goal)
     found = plan(given)
     assert found.status is PlanStatus.REACHED
     end = placements(given, found.path)[-1]
@@ -112,9 +107,7 @@ def test_a_goal_region_is_reached_at_any_of_its_points_and_orientations(arm):
 def test_an_upright_node_only_rotates_about_the_vertical_around_a_post(arm):
     start = here(arm).rotation
     goal = here(arm).translation * [1.0, -1.0, 1.0]
-    free, upright = (
-        kept_along(arm, {"point": goal.tolist()}, [POST], path={"upright": flag}) for flag in (False, True)
-    )
+    free, upright = (scene(arm, POST, goal={"point": goal.tolist()}, path={"upright": flag}) for flag in (False, True))
     tilts = []
     for given in (free, upright):
         found = plan(given, seconds=60.0)
@@ -136,7 +129,7 @@ def test_an_upright_node_only_rotates_about_the_vertical_around_a_post(arm):
 )
 def test_a_node_stays_on_a_line_and_in_a_plane(arm, path, offset):
     start = here(arm).translation
-    given = kept_along(arm, {"point": (start + offset).tolist()}, path=path)
+    given = scene(arm, goal={"point": (start + offset).tolist()}, path=path)
     found = plan(given, seconds=60.0)
     assert found.status is PlanStatus.REACHED
     moved = np.array([one.translation for one in placements(given, found.path)]) - start

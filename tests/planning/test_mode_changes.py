@@ -76,14 +76,9 @@ def test_a_mode_is_changed_without_a_singularity_also_with_a_leg_locked(root):
     assert sides.min() > 0.1 * determinant(mechanism, mechanism.q_home)
     assert np.ptp(found.plan.path[:, mechanism.q_index(LEGS[0])]) < 1e-12
     assert found.crossed == ()
-    columns, rank = (
-        mechanism.structure.passive_screws,
-        mechanism.structure.passive_rank + mechanism.structure.screws.cut,
-    )
-    sigmas = [
-        np.linalg.svd(mechanism.screw_matrix(q)[:, columns], compute_uv=False)[rank - 1]
-        for q in dense(mechanism, found.plan.path)
-    ]
+    structure = mechanism.structure
+    matrices = [mechanism.screw_matrix(q)[:, structure.passive_screws] for q in dense(mechanism, found.plan.path)]
+    sigmas = np.linalg.svd(matrices, compute_uv=False)[:, structure.passive_rank + structure.screws.cut - 1]
     assert 0.5 * NEAR_SINGULAR < found.sigma_bound <= min(sigmas)
     assert found.sigma >= NEAR_SINGULAR
     assert str(found) == f"reached: assembly mode {found.mode + 1} of 6, without a singularity of type 2"

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from paths import along
+from urdf_text import UrdfJoint, urdf_text
 
 import cinegen
 from cinegen.collision import clearance_of, load_scene, scene_of
@@ -26,18 +27,12 @@ def walls(*corners):
     for i, (a, b) in enumerate(itertools.pairwise(np.array(corners, dtype=float))):
         size = [float(np.linalg.norm(b - a)) + 0.1, 0.1]
         angle = math.atan2(b[1] - a[1], b[0] - a[0])
-        found.append(
-            {"name": f"wall {i}", "kind": "box", "size": size, "point": ((a + b) / 2).tolist(), "angle": angle}
-        )
+        middle = ((a + b) / 2).tolist()
+        found.append({"name": f"wall {i}", "kind": "box", "size": size, "point": middle, "angle": angle})
     return found
 
 
 SPIRAL = walls((1, 1), (2, 1), (2, 2), (0, 2), (0, 0), (3, 0), (3, 3), (-1, 3), (-1, -1), (4, -1))
-
-
-def mobile(boxes, start, goal, **more):
-    values = {"mobile": {"radius": 0.15}, "safety": 0.05, "start": {"point": start}, "goal": {"point": goal}}
-    return scene_of(values | {"obstacle": boxes} | more)
 
 
 # --- ways ------------------------------------------------------------------------------------------------------------
@@ -59,14 +54,10 @@ def test_the_scenes_of_the_figures_are_solved(root, name):
 
 
 def test_a_joint_without_limits_goes_the_long_way_round(tmp_path):
-    urdf = """<robot name="hand"><link name="base"/><link name="tip"/>
-      <joint name="turn" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint>
-      <joint name="end" type="fixed"><parent link="arm"/><child link="tip"/><origin xyz="1 0 0"/></joint>
-      <link name="arm">
-        <collision><origin xyz="0.5 0 0"/><geometry><box size="1 0.02 0.02"/></geometry></collision>
-      </link>
-    </robot>"""
-    (tmp_path / "hand.urdf").write_text(urdf)
+    bar = '<collision><origin xyz="0.5 0 0"/><geometry><box size="1 0.02 0.02"/></geometry></collision>'
+    turn = UrdfJoint("turn", "base", "arm", kind="continuous")
+    end = UrdfJoint("end", "arm", "tip", "1 0 0", kind="fixed")
+    (tmp_path / "hand.urdf").write_text(urdf_text([turn, end], {"arm": bar}))
     post = {"kind": "disc", "radius": 0.1, "point": [0.5 * math.cos(1.0), 0.5 * math.sin(1.0)]}
     aim = 2.5  # rad: the short way there leads through the post, the other is longer than half a turn
     goal = {"point": [math.cos(aim), math.sin(aim)]}
@@ -78,7 +69,8 @@ def test_a_joint_without_limits_goes_the_long_way_round(tmp_path):
 
 
 def test_methods_in_turn_find_the_same_path_whenever_they_are_interrupted():
-    scene = mobile(SPIRAL, [1.0, 1.5], [5.0, 1.0])
+    values = {"mobile": {"radius": 0.15}, "safety": 0.05, "start": {"point": [1.0, 1.5]}, "goal": {"point": [5.0, 1.0]}}
+    scene = scene_of(values | {"obstacle": SPIRAL})
     clearance, found = clearance_of(scene), []
     for turn in (600.0, 1e-4):
         sampler = PathSampler(scene, clearance, [np.array([5.0, 1.0])], 0, is_alternating=True)
@@ -102,10 +94,8 @@ def test_a_crank_and_its_coupler_turn_with_the_loop_closed(robot):
         there[mechanism.q_index("joint1")] += 0.1
         there = mechanism.close(there, locked=["joint1"])
     goal = mechanism.placement(there, "tool").translation[:2].tolist()
-    found = plan(
-        scene_of({"node": "tool", "safety": 0.002, "goal": {"point": goal}}, mechanism=mechanism),
-        planner=Planner.RRT_CONNECT,
-    )
+    scene = scene_of({"node": "tool", "safety": 0.002, "goal": {"point": goal}}, mechanism=mechanism)
+    found = plan(scene, planner=Planner.RRT_CONNECT)
     assert found.status is PlanStatus.REACHED
     assert max(mechanism.closure(q) for q in found.path) < 1e-9
     assert found.path[-1] == pytest.approx(there, abs=1e-3)

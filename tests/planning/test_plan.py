@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from cusp_platform import configuration, determinant, scene
-from example_robots import PANDA, load
+from example_robots import PANDA, PANDA_READY, load
 from paths import along
 
 import cinegen
@@ -16,16 +16,15 @@ from cinegen.planning import PlanStatus, plan
 from cinegen.planning.clear_motion import clear_motion
 from cinegen.planning.sampling.shortcuts import shortened
 
-READY = {f"panda_joint{i}": value for i, value in enumerate((0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785), 1)}
-AIM = {**READY, "panda_joint1": 1.9, "panda_joint4": -1.6}
+AIM = {**PANDA_READY, "panda_joint1": 1.9, "panda_joint4": -1.6}
 POST = {"name": "post", "kind": "cylinder", "radius": 0.05, "length": 0.8, "point": [0.25, 0.25, 0.4]}
 
 
-def trap(**more):
-    """A mobile robot in a U, open to the side away from its goal."""
-    walls = [([1.0, 0.0], [0.1, 2.1]), ([0.0, 1.0], [2.0, 0.1]), ([0.0, -1.0], [2.0, 0.1])]
-    boxes = [{"kind": "box", "size": size, "point": point} for point, size in walls]
-    return scene_of({"mobile": {"radius": 0.1}, "goal": {"point": [2.0, 0.0]}, "obstacle": boxes, **more})
+def trap(walls=3):
+    """A mobile robot in a U, open to the side away from its goal, or between four walls."""
+    middles = [(1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (-1.0, 0.0)][:walls]
+    boxes = [{"kind": "box", "size": [0.1, 2.1] if x else [2.0, 0.1], "point": [x, y]} for x, y in middles]
+    return scene_of({"mobile": {"radius": 0.1}, "goal": {"point": [2.0, 0.0]}, "obstacle": boxes})
 
 
 def length(scene, path):
@@ -61,10 +60,7 @@ def test_a_trap_that_stops_vortices_is_left_by_sampling_without_being_asked():
 
 
 def test_a_cell_without_a_door_ends_at_the_time_limit():
-    cell = [{"kind": "box", "size": size, "point": point} for point, size in (
-        ([0.0, 1.0], [2.1, 0.1]), ([0.0, -1.0], [2.1, 0.1]), ([1.0, 0.0], [0.1, 2.1]), ([-1.0, 0.0], [0.1, 2.1])
-    )]  # fmt: skip
-    scene = scene_of({"mobile": {"radius": 0.1}, "goal": {"point": [2.0, 0.0]}, "obstacle": cell})
+    scene = trap(4)
     found = plan(scene, seconds=0.5)
     assert not found
     assert found.status is PlanStatus.TIME_LIMIT
@@ -73,7 +69,8 @@ def test_a_cell_without_a_door_ends_at_the_time_limit():
 
 
 def test_where_nothing_is_in_between_joints_move_straight():
-    scene = scene_of({"node": "panda_hand", "start": {"joints": READY}, "goal": {"joints": AIM}}, mechanism=load(PANDA))
+    values = {"node": "panda_hand", "start": {"joints": PANDA_READY}, "goal": {"joints": AIM}}
+    scene = scene_of(values, mechanism=load(PANDA))
     found = plan(scene)
     assert [one.strategy for one in found.attempts] == ["all joints straight to the goal"]
     assert found.field is None
@@ -103,16 +100,15 @@ def test_without_ompl_the_reason_names_what_was_not_tried(monkeypatch):
 
 
 def test_joint_values_are_reached_exactly_around_a_post_and_fingers_do_not_move():
-    start = {**READY, "panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02}  # fingers are partly open
+    start = {**PANDA_READY, "panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02}  # fingers are partly open
     values = {"node": "panda_hand", "start": {"joints": start}, "goal": {"joints": AIM}, "obstacle": [POST]}
     around_post = scene_of(values, mechanism=load(PANDA))
     mechanism = around_post.mechanism
     found = plan(around_post)
     assert found.status is PlanStatus.REACHED
     assert found.attempts[-1].strategy != "all joints straight to the goal"
-    assert mechanism.values(found.path[-1]) == pytest.approx(
-        {**AIM, "panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02}, abs=1e-9
-    )
+    end = {**AIM, "panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02}
+    assert mechanism.values(found.path[-1]) == pytest.approx(end, abs=1e-9)
     fingers = found.path[:, [mechanism.q_index(f"panda_finger_joint{i}") for i in (1, 2)]]
     assert (fingers == 0.02).all()
     assert found.clearance >= around_post.safety
@@ -166,7 +162,7 @@ def test_a_path_through_an_obstacle_is_not_shortened():
 
 def test_links_that_cannot_separate_are_no_collision():
     """A closed gripper: its fingers are nearer to each other than the safety distance, and stay so."""
-    closed = {**READY, "panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
+    closed = {**PANDA_READY, "panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
     values = {"node": "panda_hand", "start": {"joints": closed}, "goal": {"joints": AIM}}
     assert clearance_of(scene_of(values, mechanism=load(PANDA))).least(load(PANDA).configuration(closed)) < 0.01
     found = plan(scene_of(values, mechanism=load(PANDA)))
@@ -191,9 +187,8 @@ def test_one_line_plans_to_a_point_a_pose_and_joint_values(arm):
     to_point = cinegen.plan(arm, pose.translation)
     assert arm.placement(to_point.path[-1], arm.end).translation == pytest.approx(pose.translation, abs=1e-3)
     to_pose = cinegen.plan(arm, goal=pose)
-    assert pin.log6(arm.placement(to_pose.path[-1], arm.end).actInv(pose)).vector == pytest.approx(
-        np.zeros(6), abs=1e-3
-    )
+    off = pin.log6(arm.placement(to_pose.path[-1], arm.end).actInv(pose)).vector
+    assert off == pytest.approx(np.zeros(6), abs=1e-3)
     to_joints = cinegen.plan(arm, {"joint1": 0.5}, start=end, obstacles=[BALL])
     assert to_joints.path[0] == pytest.approx(end)
     assert to_joints.path[-1][arm.q_index("joint1")] == pytest.approx(0.5)

@@ -198,10 +198,8 @@ DT, ACCELERATION, SPEED = 1 / 240, 10.0, 1.0
 
 def among_a_ball(name, acceleration=ACCELERATION):
     """A solver, its clearance, and a ball of 5 cm far away."""
-    mechanism = load(name)
     ball = {"name": "ball", "kind": "sphere", "radius": 0.05, "point": [9.0, 9.0, 0.0]}
-    document = {"safety": SAFETY, "start": {}, "goal": {"point": [0.0, 0.0, 0.0]}, "obstacle": [ball]}
-    clearance = clearance_of(scene_of(document, mechanism=mechanism))
+    clearance = clearance_of(scene(name, ball))
     return AvoidingSolver(clearance, DT, SAFETY, acceleration=acceleration), clearance
 
 
@@ -258,10 +256,8 @@ def test_the_status_and_the_threat_where_a_collision_is_not_avoided(name):
         body = next(one for one in clearance.links if one.joint == 1)
         data = mechanism.model.createData()
         pin.forwardKinematics(mechanism.model, data, solver.q)
-        begin, velocity = (
-            data.oMi[1].act(np.asarray(body.centre)) - np.array([0.0, 0.8, 0.0]),
-            np.array([0.0, 1.0, 0.0]),
-        )
+        begin = data.oMi[1].act(np.asarray(body.centre)) - np.array([0.0, 0.8, 0.0])
+        velocity = np.array([0.0, 1.0, 0.0])
 
     def aim(tick):
         if tick == 0:
@@ -327,16 +323,21 @@ INSTANT, STRIDE = 1e-3, 5e-3
 BOX = np.array([0.2, 0.06, 0.1])
 
 
+def reacting(name, dt, *obstacles):
+    """A clearance among obstacles, and the joints that react in ticks of `dt`."""
+    clearance = clearance_of(scene(name, *obstacles))
+    joints = ReactingJoints(load(name), clearance.links, motion_limits(load(name)).acceleration)
+    joints.dt = dt
+    return clearance, joints
+
+
 @pytest.mark.parametrize("spin", [0.0, 3.0])
 def test_no_distance_below_the_safety_distance_is_overlooked(spin):
     """A box crosses the workspace of an arm that brakes, or accelerates and brakes; where it stays far enough away, so
     does it at all instants in between, and where not, the first such instant and the least distance are found."""
     mechanism, rng = load("arm7"), np.random.default_rng(0)
     box = {"name": "box", "kind": "box", "size": BOX.tolist(), "point": [9.0, 9.0, 0.0]}
-    given = {"safety": SAFETY, "start": {}, "goal": {"point": [0.0, 0.0, 0.0]}, "obstacle": [box]}
-    clearance = clearance_of(scene_of(given, mechanism=mechanism))
-    joints = ReactingJoints(mechanism, clearance.links, motion_limits(mechanism).acceleration)
-    joints.dt = INSTANT
+    clearance, joints = reacting("arm7", INSTANT, box)
     encounters, outcomes = Encounters(clearance, SAFETY, joints), []
     times = np.arange(0.0, HORIZON, INSTANT)
     for number in range(12):
@@ -380,18 +381,9 @@ def _course(mechanism, q, rng):
 # Manoeuvres: against plain integration; and their checks against what is at rest, by coal in fine steps.
 
 
-def among(*obstacles):
-    mechanism = load("planar_3r")
-    document = {"safety": 0.01, "start": {}, "goal": {"point": [0.0, 0.0, 0.0]}, "obstacle": list(obstacles)}
-    clearance = clearance_of(scene_of(document, mechanism=mechanism))
-    joints = ReactingJoints(mechanism, clearance.links, motion_limits(mechanism).acceleration)
-    joints.dt = DT
-    return mechanism, clearance, joints
-
-
 @pytest.mark.parametrize("seed", range(2))
 def test_a_manoeuvre_is_what_its_ticks_add_up_to(seed):
-    _, _, joints = among()
+    _, joints = reacting("planar_3r", DT)
     rng = np.random.default_rng(seed)
     own = np.round(rng.uniform(-1.0, 1.0, 3), 2)
     one = Manoeuvre(rng.uniform(-1.0, 1.0, 3) * joints.limits, np.full(3, 48 * DT))
@@ -411,7 +403,7 @@ def test_a_manoeuvre_is_what_its_ticks_add_up_to(seed):
 @pytest.mark.parametrize("where", [0.15, 0.45, 0.75])
 def test_a_thin_obstacle_anywhere_along_a_manoeuvre_is_met(where):
     """A rod of 2 mm, which few instants would miss, somewhere in the arc of the tool."""
-    mechanism, _, joints = among()
+    mechanism, (_, joints) = load("planar_3r"), reacting("planar_3r", DT)
     q, v = mechanism.q_home, np.zeros(3)
     turning = Manoeuvre(joints.limits * [1.0, 0.0, 0.0], np.array([0.4, 0.0, 0.0]))
     end = joints.duration(v, turning)
@@ -421,7 +413,8 @@ def test_a_thin_obstacle_anywhere_along_a_manoeuvre_is_met(where):
     rod = {"name": "rod", "kind": "disc", "radius": 1e-3, "point": [float(at[0]), float(at[1])]}
     far = {**rod, "point": [-3.0, -3.0]}
     for obstacle, is_free in ((rod, False), (far, True)):
-        _, clearance, joints = among(obstacle, {"name": "ball", "kind": "disc", "radius": 0.05, "point": [9.0, 9.0]})
+        ball = {"name": "ball", "kind": "disc", "radius": 0.05, "point": [9.0, 9.0]}
+        clearance, joints = reacting("planar_3r", DT, obstacle, ball)
         encounters = Encounters(clearance, 0.01, joints)
         truth = min(clearance.least(one) for one in path)
         assert (truth > 0.01) is is_free

@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from clearings import among, around, ball, measured, point_among
+from clearings import among, around, measured
 from firas import closeness
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -56,13 +56,8 @@ def turned(clearance, q, motion, around_, states, reach, stop, strength):
         if np.linalg.norm(field) < 1e-9:
             continue
         way = field / np.linalg.norm(field)
-        size = (
-            strength
-            * np.linalg.norm(a)
-            * weight
-            * closeness(max(distances[pair], stop), reach)
-            / closeness(stop, reach)
-        )
+        near = closeness(max(distances[pair], stop), reach) / closeness(stop, reach)
+        size = strength * np.linalg.norm(a) * weight * near
         along = columns.T @ way
         total += scale * along * size / (along @ along + LEAST * (columns**2).sum() / 3.0)
     for g in range(len(states)):
@@ -105,29 +100,3 @@ def test_the_kernel_is_the_paper_in_numpy(name, seed):
         return
     assert (asked == asks).all()
     assert (states == after).all()
-
-
-def about(axis=1.0, awake=1.0):
-    return np.array([[awake, 0.0, 0.0, axis]])
-
-
-def point_turned(q, motion, states, reach=1.0, stop=0.1, strength=1.0, obstacle=None):
-    clearance = point_among([obstacle or ball(0.5, 2.0, 0.0, 0.0)])
-    which = np.zeros(1, dtype=np.int64)
-    return deflected(clearance, np.array(q, float), np.array(motion, float), which, states, reach, stop, strength)
-
-
-@pytest.mark.parametrize("axis", [1.0, -1.0])
-def test_a_point_that_is_led_at_a_ball_is_turned_aside(axis):
-    """By as much as it is led where it would be stopped: head-on w x n with n = -x, and w = +-z."""
-    found, asks = point_turned([1.4, 0.0], [1.0, 0.0], about(axis))
-    assert found == pytest.approx([1.0, -axis], rel=1e-3)
-    assert (asks == -1).all()
-
-
-@pytest.mark.parametrize(
-    ("distance", "modulus"), [(0.1, 1.0), (0.2, 4.0 / 9.0), (0.5, 1.0 / 9.0), (1.0, 0.0), (2.0, 0.0)]
-)
-def test_it_fades_to_nothing_where_it_ends(distance, modulus):
-    found, _ = point_turned([1.5 - distance, 0.0], [1.0, 0.0], about())
-    assert found == pytest.approx([1.0, -modulus], abs=1e-3)

@@ -14,11 +14,11 @@ import pytest
 from flint import arb, arb_mat, ctx
 from matplotlib.colors import to_rgba
 from scipy.spatial.transform import Rotation
+from variants import slow
 
 import cinegen
 import cinegen.proof.checker
 import cinegen.proof.distributed_checks
-import cinegen.proof.tubes
 from cinegen.collision.body import geometry_model
 from cinegen.collision.self_collision import PairReason, link_pairs
 from cinegen.design import Parameters, WithinTolerances
@@ -55,6 +55,12 @@ def rectangle(robot):
 def within_limits(mechanism, q):
     limits = mechanism.limits
     return bool((q >= limits.lower).all() and (q <= limits.upper).all())
+
+
+def poses_in(over, count, rng):
+    """Random poses of a region, by coordinate."""
+    low, high = np.transpose([*over.values()])
+    return [dict(zip(over, values, strict=True)) for values in rng.uniform(low, high, (count, len(over)))]
 
 
 def test_a_rectangle_of_the_five_bar_is_proved(rectangle):
@@ -143,8 +149,8 @@ def test_random_poses_of_proved_regions(robot, name):
     def unknown(q):
         return np.array([q[mechanism.q_index(name)] for name in names]) / equations.units
 
-    for values in rng.uniform(*np.array(list(over.values())).T, (20, len(over))):
-        q = coordinates.from_home(dict(zip(over, values, strict=True)), steps=4)
+    for pose in poses_in(over, 20, rng):
+        q, values = coordinates.from_home(pose, steps=4), np.array(list(pose.values()))
         assert q is not None
         residual = equations.at(unknown(q)[None], values[None]).residual[0, 0, document["rows"]]
         assert np.abs(residual).max() < 1e-9  # the equations of the certificate are those of the solver
@@ -201,38 +207,6 @@ def test_ten_million_poses_of_a_proved_region_have_legs_of_allowed_length_and_ar
         lengths, determinants = legs_of(gough, rng.uniform(*np.array(list(over.values())).T, (100_000, 6)))
         assert 0.7 < lengths.min() < lengths.max() < 1.3
         assert (sign * determinants > 0.0).all()
-
-
-def arms_of_the_delta(poses):
-    """Of each arm and pose of delta4, by plane geometry: shoulders (., 3), both elbow angles, forearms (., 3, 3)."""
-    angles = np.radians([0.0, 120.0, 240.0])
-    x = poses[:, :1] * np.cos(angles) + poses[:, 1:2] * np.sin(angles) + 0.50654 - 1.5  # a wrist from its shoulder
-    y, z = poses[:, 1:2] * np.cos(angles) - poses[:, :1] * np.sin(angles), poses[:, 2:]
-    shoulder = np.arctan2(z, x) + np.arccos((x**2 + y**2 + z**2 + 2.0**2 - 3.5**2) / (4.0 * np.hypot(x, z)))
-    forearm = np.stack([x - 2.0 * np.cos(shoulder), y, z - 2.0 * np.sin(shoulder)], axis=2)
-    first = (np.arctan2(forearm[..., 2], forearm[..., 0]) - shoulder) % (2.0 * math.pi)
-    turned = [
-        forearm[..., 0] * np.cos(angles) - y * np.sin(angles),
-        forearm[..., 0] * np.sin(angles) + y * np.cos(angles),
-    ]
-    return shoulder, first, np.arcsin(y / 3.5), np.stack([*turned, forearm[..., 2]], axis=2)
-
-
-@pytest.mark.slow
-def test_ten_million_poses_of_a_proved_region_of_a_delta(robot):
-    over, _ = INSIDE["delta4"]
-    assert prove(robot("delta4"), over, limits=True)
-    rng = np.random.default_rng(1)
-    sign = np.sign(np.linalg.det(arms_of_the_delta(np.array([[0.0, 0.0, -2.5]]))[3])[0])
-    for _ in range(100):
-        shoulder, first, second, forearms = arms_of_the_delta(
-            rng.uniform(*np.array(list(over.values())).T, (100_000, 3))
-        )
-        assert (np.abs(shoulder - math.radians(-2.5)) < math.radians(82.5)).all()  # there is one, within its limits
-        assert (np.abs(first - math.radians(270.0)) < math.radians(85.0)).all()
-        assert np.abs(second).max() < math.radians(60.0)
-        assert (sign * np.linalg.det(forearms) > 0.0).all()
-        assert (np.sin(first) * np.cos(second) < 0.0).all()  # no forearm is along its upper arm: type 1
 
 
 def test_mechanisms_whose_pose_is_not_enough_are_undecided(robot):
@@ -297,9 +271,8 @@ def test_all_robots_within_tolerances(name, over, tolerances):
         q = coordinates.from_home(pose, steps=10)
         assert q is not None
         assert within_limits(mechanism, q)
-        other = prove(
-            mechanism, {key: (value, value + 1e-6) for key, value in pose.items()}, limits=True, boxes=1
-        ).certificate
+        point = {key: (value, value + 1e-6) for key, value in pose.items()}
+        other = prove(mechanism, point, limits=True, boxes=1).certificate
         ours, theirs = (tolerated(document) for document in (proof.certificate, other))
         for (numbers, radii), (values, _) in zip(ours, theirs, strict=True):
             assert (np.abs(numbers - values) <= radii + 1e-12).all()
@@ -335,32 +308,6 @@ def test_tolerances_that_no_joint_compensates_are_named(robot):
         prove(parameters.mechanism, RECTANGLE, tolerances=WithinTolerances(parameters, {"*": "0.05mm"}))
     with pytest.raises(ProofError, match="the tolerances are of linkage: give this robot's"):
         prove(robot("delta4"), INSIDE["delta4"][0], tolerances=WithinTolerances(parameters, {"link*.d": 1e-4}))
-
-
-def along_nothing(equations, x, centre, radius, inverse, at):
-    """Krawczyk's test about a point: the configuration does not follow the pose."""
-    n = centre.shape[1]
-    straight = np.concatenate([np.zeros((*x.shape, n)), radius[..., None] * np.eye(n)], axis=1)
-    return np.concatenate([straight, np.zeros((*straight.shape[:2], n * (n + 1) // 2))], axis=2)
-
-
-@pytest.mark.parametrize(
-    ("size", "angle", "factor"), [(0.2, 0.0, 10), pytest.param(0.05, 10.0, 100, marks=pytest.mark.slow)]
-)
-def test_plain_krawczyk_takes_many_times_as_many_boxes(robot, monkeypatch, size, angle, factor):
-    centre, half = (0.0, 0.0, 0.9, 0.0, 0.0, 0.0), [size] * 3 + [math.radians(angle)] * 3
-    over = {name: (c - h, c + h) for name, c, h in zip(POSE, centre, half, strict=True) if h}
-    at = {name: c for name, c in zip(POSE, centre, strict=True) if name not in over}
-    ours = prove(robot("gough"), over, at)
-    assert ours
-    monkeypatch.setattr(cinegen.proof.tubes, "_along", along_nothing)
-    monkeypatch.setattr(cinegen.proof.distributed_checks, "check", lambda certificate, *_: {
-        "proved": 0.0, "refuted": 0.0, "undecided": 1.0, "witnesses": [], "boxes": 0,
-        "statuses": ["undecided"] * sum(isinstance(node, dict) for node in certificate["tree"]),
-    })  # fmt: skip
-    plain = prove(robot("gough"), over, at, boxes=2 * factor * ours.boxes)
-    claims = [node["claim"] for node in plain.certificate["tree"] if isinstance(node, dict)]
-    assert set(claims) - {"proved"}  # it is not done yet
 
 
 def test_what_can_not_be_asked(robot):
@@ -436,10 +383,8 @@ def test_a_picture_shows_each_box(robot):
     proof = prove(robot("gough"), {"x": (-0.5, 0.6), "z": (0.6, 1.5)}, limits=True, boxes=60)
     assert proof.refuted > 0.05
     cells = list(proof.cells())
-    sizes = {
-        name: sum(np.prod(box[:, 1] - box[:, 0]) for box, status in cells if status == name) for name in proof.statuses
-    }
-    for name, size in sizes.items():
+    for name in proof.statuses:
+        size = sum(np.prod(box[:, 1] - box[:, 0]) for box, status in cells if status == name)
         assert size / (1.1 * 0.9) == pytest.approx(getattr(proof, name))
     axes = draw_proof(proof, name="gough").subfigs[0].axes[0]
     assert len(axes.patches) == len(cells)
@@ -583,10 +528,8 @@ def test_a_bound_that_no_pose_violates_by_half_is_proved_and_one_above_the_least
         mechanism = robot(name)
         coordinates, ends = Coordinates(mechanism, list(over)), np.array(list(over.values())).T
         poses = [*itertools.product(*ends.T), *np.random.default_rng(3).uniform(*ends, (40, len(over)))]
-        found = [
-            singularity(mechanism, coordinates.from_home(dict(zip(over, p, strict=True)), steps=6)).sigma for p in poses
-        ]
-        least = float(np.min(found))
+        closed = [coordinates.from_home(dict(zip(over, p, strict=True)), steps=6) for p in poses]
+        least = float(np.min([singularity(mechanism, q).sigma for q in closed]))
         assert prove(mechanism, over, sigma=0.5 * least)
         proof = prove(mechanism, over, sigma=1.02 * least, boxes=150)
         assert not proof
@@ -602,10 +545,6 @@ def test_a_singular_value_below_its_bound_refutes_with_a_witness(robot):
         q = coordinates.from_home(witness["pose"], steps=6)
         assert witness["sigma"] == "sigma_1"
         assert singularity(mechanism, q).sigma[0] < 0.24
-
-
-def test_a_gough_platform_with_a_bound_of_singular_values(robot):
-    assert prove(robot("gough"), INSIDE["gough"][0], sigma=0.05, boxes=10)
 
 
 @pytest.mark.slow
@@ -670,17 +609,14 @@ def test_distances_are_above_a_clearance_just_below_the_least_one_at_poses(robot
     mechanism, over, rng = robot(name), NEAR[name], np.random.default_rng(6)
     coordinates, least = Coordinates(mechanism, list(over)), distances(mechanism)
 
-    def at(values):
-        return least(coordinates.from_home(dict(zip(over, values, strict=True)), steps=4))
-
-    known = min(map(at, rng.uniform(*np.array(list(over.values())).T, (30, len(over)))))
+    known = min(least(coordinates.from_home(pose, steps=4)) for pose in poses_in(over, 30, rng))
     assert known > 0.05  # m
     assert prove(mechanism, over, limits=True, clearance=0.9 * known, boxes=100)
     proof = prove(mechanism, over, limits=True, clearance=1.1 * known, boxes=100)
     assert proof.refuted > 0.0
     assert {*proof.reasons} <= {f"{witness['clearance']} may be near" for witness in proof.witnesses}
     for witness in proof.witnesses[:5]:
-        assert at(witness["pose"].values()) < 1.1 * known
+        assert least(coordinates.from_home(witness["pose"], steps=4)) < 1.1 * known
 
 
 @pytest.mark.parametrize("name", ["five_bar", "delta4"])
@@ -693,9 +629,7 @@ def test_distances_with_tolerances_are_those_of_all_robots(name):
         changed = {each: parameters.all[parameters.find(each)].value + v for each, v in zip(names, values, strict=True)}
         other = parameters.mechanism_with(parameters.with_changed(changed))
         coordinates, least = Coordinates(other, list(over)), distances(other, parameters.mechanism)
-        for pose in rng.uniform(*np.array(list(over.values())).T, (10, len(over))):
-            q = coordinates.from_home(dict(zip(over, pose, strict=True)), steps=4)
-            known = min(known, least(q))
+        known = min(known, *(least(coordinates.from_home(pose, steps=4)) for pose in poses_in(over, 10, rng)))
     assert prove(parameters.mechanism, over, clearance=0.9 * known, tolerances=within, boxes=100)
     proof = prove(parameters.mechanism, over, clearance=1.1 * known, tolerances=within, boxes=100)
     assert not proof
@@ -760,14 +694,13 @@ def assert_true(certificate, result, mechanism, rng):
     """What a result says holds at random poses, by Newton's method in doubles."""
     equations = Equations(certificate)
     equations.rows = np.array(certificate["rows"])
-    low, high = np.array(list(certificate["over"].values())).T
     assert all(witness["configuration"] for witness in result["witnesses"])  # all of it is within reach
     if result["proved"] < 1.0:
         return
     coordinates, clearance = Coordinates(mechanism, list(RECTANGLE)), certificate["bounds"]["clearance"]
     least = None if clearance is None else distances(mechanism)
-    for values in rng.uniform(low, high, (30, len(low))):
-        q = coordinates.from_home(dict(zip(RECTANGLE, values, strict=True)), steps=10)
+    for pose in poses_in(dict(zip(RECTANGLE, certificate["over"].values(), strict=True)), 30, rng):
+        q = coordinates.from_home(pose, steps=10)
         assert q is not None
         by_name = {one["name"]: one["limits"] for one in certificate["variables"]}
         for name in mechanism.joints:
@@ -791,27 +724,15 @@ def mutate(certificate, mechanism, count):
     return accepted
 
 
-def test_mutated_certificates_are_rejected_unless_they_are_true(robot):
-    proof = prove(robot("five_bar"), {"x": (-0.08, 0.08), "y": (0.45, 0.55)}, limits=True)
+@pytest.mark.parametrize(("bounds", "count", "fewest", "most"), [
+    ({"limits": True}, 100, 5, 80), ({"limits": True, "sigma": 0.1}, 60, 5, 50), ({"clearance": 0.18}, 40, 5, 35),
+    *slow(({"limits": True}, 8_000, 0, 8_000), ({"limits": True, "sigma": 0.1}, 1_000, 0, 1_000),
+          ({"clearance": 0.18}, 1_000, 0, 1_000)),
+])  # fmt: skip
+def test_mutated_certificates_are_rejected_unless_they_are_true(robot, bounds, count, fewest, most):
+    proof = prove(robot("five_bar"), {"x": (-0.08, 0.08), "y": (0.45, 0.55)}, **bounds)
     assert proof
-    accepted = mutate(proof.certificate, robot("five_bar"), 100)
-    assert 5 < accepted < 80
-    proof = prove(robot("five_bar"), {"x": (-0.08, 0.08), "y": (0.45, 0.55)}, limits=True, sigma=0.1)
-    assert proof
-    assert 5 < mutate(proof.certificate, robot("five_bar"), 60) < 50
-    proof = prove(robot("five_bar"), {"x": (-0.08, 0.08), "y": (0.45, 0.55)}, clearance=0.18)
-    assert proof
-    assert 5 < mutate(proof.certificate, robot("five_bar"), 40) < 35
-
-
-@pytest.mark.slow
-def test_ten_thousand_mutated_certificates(robot):
-    proof = prove(robot("five_bar"), {"x": (-0.08, 0.08), "y": (0.45, 0.55)}, limits=True)
-    mutate(proof.certificate, robot("five_bar"), 8_000)
-    proof = prove(robot("five_bar"), {"x": (-0.08, 0.08), "y": (0.45, 0.55)}, limits=True, sigma=0.1)
-    mutate(proof.certificate, robot("five_bar"), 1_000)
-    proof = prove(robot("five_bar"), {"x": (-0.08, 0.08), "y": (0.45, 0.55)}, clearance=0.18)
-    mutate(proof.certificate, robot("five_bar"), 1_000)
+    assert fewest < mutate(proof.certificate, robot("five_bar"), count) < most
 
 
 @pytest.mark.slow

@@ -39,9 +39,8 @@ def read(folder):
 @pytest.fixture
 def states():
     angles = np.linspace(0.0, 0.3, 20)
-    return [
-        state(0.01 * i, ["joint1", "joint6", "joint12"], [a, 0.5 * a, -a], [1, 0.5, -1]) for i, a in enumerate(angles)
-    ]
+    names = ["joint1", "joint6", "joint12"]
+    return [state(0.01 * i, names, [a, 0.5 * a, -a], [1, 0.5, -1]) for i, a in enumerate(angles)]
 
 
 @pytest.mark.parametrize("storage", StoragePlugin)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from cinegen_joint_states.joint_states import CompletionError, JointStateCompletion
 from cinegen_joint_states.trajectories import Trajectory, completed
+from small_robots import rssr
 
 import cinegen
 
@@ -73,12 +74,7 @@ def test_what_is_wrong_moves_nothing(root, names, positions, velocities, message
 
 def test_balls_have_no_place_in_joint_states():
     with pytest.raises(CompletionError, match=r"joint2 of .* have more: .* use the URDF"):
-        JointStateCompletion(
-            cinegen.load(
-                "RAFF Ball robot chain {\n link 1 { parameters { d 100 } type 2 pred 0 actuated 1 }\n"
-                " link 2 { parameters { d 100 } joint ball pred 1 } }\n"
-            )
-        )
+        JointStateCompletion(cinegen.load(rssr()))
 
 
 # --- trajectories ------------------------------------------------------------------------------------------------

@@ -89,11 +89,9 @@ def node(root, monkeypatch):
 def test_joint_states_are_completed(node):
     running = node()
     header = object()
-    running.callbacks["actuated_joint_states"](
-        SimpleNamespace(
-            header=header, name=["joint12", "joint1", "joint6"], position=[0.1, 0.2, 0.3], velocity=[1.0, 0.0, 0.0]
-        )
-    )
+    names, rates = ["joint12", "joint1", "joint6"], [1.0, 0.0, 0.0]
+    given = SimpleNamespace(header=header, name=names, position=[0.1, 0.2, 0.3], velocity=rates)
+    running.callbacks["actuated_joint_states"](given)
     ((topic, made),) = running.published
     assert (topic, made.header) == ("joint_states", header)
     delta = cinegen.load(running.parameters["robot"])

@@ -146,9 +146,8 @@ def test_two_lines_that_do_not_meet_are_skew():
 
 def test_the_smallest_set_and_all_lines_may_be_of_different_classes():
     """Three of six lines that meet two lines are a flat pencil."""
-    found = classify(
-        [PlueckerLine.through(s * X, Z + t * Y) for s, t in ((1, 1), (1, 2), (1, -1), (2, 3), (-1, 2), (-2, -3))], 1.0
-    )
+    points = ((1, 1), (1, 2), (1, -1), (2, 3), (-1, 2), (-2, -3))
+    found = classify([PlueckerLine.through(s * X, Z + t * Y) for s, t in points], 1.0)
     assert found.grassmann_class is GrassmannClass.FLAT_PENCIL
     assert found.class_of_all is GrassmannClass.HYPERBOLIC_CONGRUENCE
     assert found.rank == 4

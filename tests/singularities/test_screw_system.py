@@ -155,19 +155,6 @@ def test_its_moment_is_that_of_all_its_points(seed, length):
     assert line.direction @ (b - a) > 0.0
 
 
-@given(seeds)
-def test_it_moves_with_its_points(seed):
-    rng = np.random.default_rng(seed)
-    a, b, shift = rng.normal(size=(3, 3))
-    turn = varieties.rotation(rng)
-    moved, expected = (
-        varieties.moved(PlueckerLine.through(a, b), turn, shift),
-        PlueckerLine.through(turn @ a + shift, turn @ b + shift),
-    )
-    for name in ("direction", "moment", "point"):
-        assert getattr(moved, name) == pytest.approx(getattr(expected, name), abs=1e-12)
-
-
 @pytest.mark.parametrize(("make", "says"), [
     (lambda: PlueckerLine.through([1, 2, 3], [1, 2, 3]), "two points are one"),
     (lambda: PlueckerLine.along([0, 0, 0], [0, 0, 0]), "direction is zero"),

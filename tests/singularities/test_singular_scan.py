@@ -33,11 +33,8 @@ def test_a_five_bar_is_singular_of_type_1_on_circles_about_its_motors(five_bar):
     for x in (-0.15, 0.15):
         for radius in (0.65, 0.15):
             assert (np.abs(np.hypot(points[:, 0] - x, points[:, 1]) - radius) < 1e-6).sum() > 4
-    inside = (np.hypot(*np.meshgrid(five_bar.u + 0.15, five_bar.v, indexing="ij")) < 0.65) & (
-        np.hypot(*np.meshgrid(five_bar.u - 0.15, five_bar.v, indexing="ij")) < 0.65
-    )
-    for x in (-0.15, 0.15):
-        inside &= np.hypot(*np.meshgrid(five_bar.u - x, five_bar.v, indexing="ij")) > 0.15
+    across = [np.hypot(*np.meshgrid(five_bar.u - x, five_bar.v, indexing="ij")) for x in (-0.15, 0.15)]
+    inside = np.all([(distance > 0.15) & (distance < 0.65) for distance in across], axis=0)
     assert (five_bar.reached == inside).all()
 
 
@@ -131,31 +128,27 @@ def test_the_command_finds_where_a_recorded_way_is_singular_between_its_samples(
     assert coordinates.coordinates(np.array(passed["q"]))["rz"] == pytest.approx(0.5 * math.pi, abs=1e-3)
 
 
-@pytest.mark.parametrize(("arguments", "words"), [
-    (["--over", "x"], "--over x: name two coordinates"),
-    (["--at", "jont1=10"], "no coordinate 'jont1' here (did you mean 'joint1'?): there are x, y, z, rx, ry, rz"),
-    (["--at", "joint1=10,x=1"], "no coordinate 'joint1' here: there are"),
-    (["--at", "joint2=10"], "no coordinate 'joint2' here (this joint is not actuated): there are"),
-    (["--at", "x=90"], "--at x: 90 m is far beyond the reach of linkage, at most 0.8 m: did you mean 90 mm?"),
-    (["--over", "x=-550..550,y=-700..700"], "did you mean -550 mm?"),
-    (["--over", "rz=-7..7rad,x"], "more than one revolution: did you mean -7..7deg?"),
-    (["--at", "x=0.9"], "--at x=0.9 can't be reached along a straight line from home on its branch"),
-    (["--over", "x,y", "--grid", "3", "--plot", "a.tiff9"], "a.tiff9: can't be written"),
+@pytest.mark.parametrize(("code", "arguments", "words"), [
+    (1, ["--over", "x"], "--over x: name two coordinates"),
+    (1, ["--at", "jont1=10"], "no coordinate 'jont1' here (did you mean 'joint1'?): there are x, y, z, rx, ry, rz"),
+    (1, ["--at", "joint1=10,x=1"], "no coordinate 'joint1' here: there are"),
+    (1, ["--at", "joint2=10"], "no coordinate 'joint2' here (this joint is not actuated): there are"),
+    (1, ["--at", "x=90"], "--at x: 90 m is far beyond the reach of linkage, at most 0.8 m: did you mean 90 mm?"),
+    (1, ["--over", "x=-550..550,y=-700..700"], "did you mean -550 mm?"),
+    (1, ["--over", "rz=-7..7rad,x"], "more than one revolution: did you mean -7..7deg?"),
+    (1, ["--at", "x=0.9"], "--at x=0.9 can't be reached along a straight line from home on its branch"),
+    (1, ["--over", "x,y", "--grid", "3", "--plot", "a.tiff9"], "a.tiff9: can't be written"),
+    (2, ["--over", "x=1,y"], "'1' is one number: write LOW..HIGH"),
+    (2, ["--over", "x=1..b,y"], "--over: x: 'b' is not a length"),
+    (2, ["--at", "x"], "'x': write NAME=VALUE, such as x=0.1 or rz=15 (m and degrees)"),
+    (2, ["--at", "joint1=1m"], "--at: joint1: '1m' is a length: an angle is wanted"),
+    (2, ["--at", "x=1,x=2"], "--at: x is given twice"),
 ])  # fmt: skip
-def test_what_the_command_cant_do_is_told(root, tmp_path, monkeypatch, typed, arguments, words):
+def test_what_the_command_cant_do_and_numbers_that_are_none_are_told(
+    root, tmp_path, monkeypatch, typed, code, arguments, words
+):
     monkeypatch.chdir(tmp_path)
-    assert words in typed("singular", root / "robots/five_bar.raff", *arguments, code=1).err
-
-
-@pytest.mark.parametrize(("arguments", "words"), [
-    (["--over", "x=1,y"], "'1' is one number: write LOW..HIGH"),
-    (["--over", "x=1..b,y"], "--over: x: 'b' is not a length"),
-    (["--at", "x"], "'x': write NAME=VALUE, such as x=0.1 or rz=15 (m and degrees)"),
-    (["--at", "joint1=1m"], "--at: joint1: '1m' is a length: an angle is wanted"),
-    (["--at", "x=1,x=2"], "--at: x is given twice"),
-])  # fmt: skip
-def test_a_number_that_is_none_is_a_wrong_call(root, typed, arguments, words):
-    assert words in typed("singular", root / "robots/five_bar.raff", *arguments, code=2).err
+    assert words in typed("singular", root / "robots/five_bar.raff", *arguments, code=code).err
 
 
 @pytest.mark.parametrize("size", [5.0, -5.0])

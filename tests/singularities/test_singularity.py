@@ -18,40 +18,8 @@ from cinegen.singularities.line_varieties import GrassmannClass
 from cinegen.singularities.pluecker import PlueckerLine
 from cinegen.singularities.slice import Coordinates
 
-
-def three_rrr(elbows, platform, base=((0.0, 0.0), (1.0, 0.1), (0.4, 0.9))) -> str:
-    """A planar 3-RRR as RAFF: pivots on the base, elbows and the platform's points, all (3, 2) in the world, m."""
-
-    def angle(a, b):
-        return math.degrees(math.atan2(b[1] - a[1], b[0] - a[0]))
-
-    def away(a, b):
-        return 1000.0 * math.dist(a, b)
-
-    lines, origin = ["robot r {", "base { }"], (0.0, 0.0)
-    for leg, (foot, elbow, head) in enumerate(zip(base, elbows, platform, strict=True)):
-        n = 10 * leg
-        first, second = angle(foot, elbow), angle(elbow, head)
-        foot_angle, foot_away = angle(origin, foot), away(origin, foot)
-        lines.append(
-            f"link {n + 1} {{ parameters {{ gamma {foot_angle!r} d {foot_away!r} theta {first - foot_angle!r} }} "
-            "type 2 pred 0 actuated 1 }"
-        )
-        bar, turn = away(foot, elbow), second - first
-        lines.append(f"link {n + 2} {{ parameters {{ d {bar!r} theta {turn!r} }} type 2 pred {n + 1} }}")
-        if leg == 0:
-            bar, turn = away(elbow, head), angle(head, platform[1]) - second
-            lines.append(f"link {n + 3} {{ parameters {{ d {bar!r} theta {turn!r} }} type 2 pred {n + 2} }}")
-        else:
-            turned = angle(platform[0], head) - angle(platform[0], platform[1])
-            lines.append(f"frame {n + 4} {{ parameters {{ d {away(elbow, head)!r} }} pred {n + 2} }}")
-            lines.append(f"frame {n + 5} {{ parameters {{ gamma {turned!r} d {away(platform[0], head)!r} }} pred 3 }}")
-            lines.append(f"constraint {{ frame {n + 4} frame {n + 5} type 2 }}")
-    lines.append('frame 40 { name "tool" parameters { d 100.0 } pred 3 } constraint { frame 40 sensor ( 0 1 ) } }')
-    return "\n".join([*lines, 'sensor 1 { port "/dev/null" translation 3 rotation 3 }'])
-
-
-ELBOWS, HEADS = ((0.1, 0.5), (1.2, 0.5), (0.8, 1.1)), ((0.35, 0.4), (0.75, 0.45), (0.5, 0.75))
+FEET = ((0.0, 0.0), (1.0, 0.1), (0.4, 0.9))
+HEADS = np.array([[0.35, 0.4], [0.75, 0.45], [0.5, 0.75]])
 
 
 @pytest.mark.parametrize("name", ["hybrid", "delta4", "arm7"])
@@ -73,17 +41,15 @@ def test_the_gained_motion_opens_loops_least_and_moves_the_node_as_its_screw_say
     step = 1e-6
     size = np.abs(found.motion / mechanism.scale).max()
     assert all(found.motion[mechanism.v_index(motor)] == 0.0 for motor in mechanism.actuated)
-    ends = [
-        mechanism.placement(pin.integrate(mechanism.model, q, s * step * found.motion), mechanism.end) for s in (-1, 1)
-    ]
+    moved = [pin.integrate(mechanism.model, q, s * step * found.motion) for s in (-1, 1)]
+    ends = [mechanism.placement(each, mechanism.end) for each in moved]
     w = pin.log3(ends[1].rotation @ ends[0].rotation.T) / (2.0 * step)
     v = (ends[1].translation - ends[0].translation) / (2.0 * step)
     p = mechanism.placement(q, mechanism.end).translation
     twist = np.concatenate([w, v + np.cross(p, w)])  # the origin's velocity
     screw = found.uncontrolled_dof.coordinates
-    assert np.allclose(twist / np.linalg.norm(twist), screw / np.linalg.norm(screw), atol=1e-6 * size) or np.allclose(
-        twist / np.linalg.norm(twist), -screw / np.linalg.norm(screw), atol=1e-6 * size
-    )
+    screw = screw * np.sign(screw @ twist) * np.linalg.norm(twist) / np.linalg.norm(screw)
+    assert twist == pytest.approx(screw, abs=1e-6 * size * np.linalg.norm(twist))
 
 
 def test_type_2_of_a_five_bar_is_where_its_outer_bars_are_in_line(robot):
@@ -112,11 +78,12 @@ def test_type_2_of_a_five_bar_is_where_its_outer_bars_are_in_line(robot):
 
 @pytest.mark.parametrize("parallel", [False, True])
 def test_a_3rrr_gains_a_motion_where_its_outer_bars_meet_in_a_point_or_are_parallel(raff, parallel):
-    heads = np.array(HEADS)
     centre, way = np.array([0.3, 0.6]), np.array([0.3, 1.0])
-    ways = np.array([way] * 3) if parallel else heads - centre
-    elbows = heads + ways * np.array([[0.5], [0.6], [0.4]]) * (1.0 if parallel else 1.5)
-    mechanism = raff(three_rrr(elbows, heads))
+    ways = np.array([way] * 3) if parallel else HEADS - centre
+    elbows = HEADS + ways * np.array([[0.5], [0.6], [0.4]]) * (1.0 if parallel else 1.5)
+    hinges = [[linkages.hinge(point) for point in leg] for leg in np.stack([elbows, HEADS], axis=1)]
+    joints = [[linkages.hinge(foot, motor=True), *leg] for foot, leg in zip(FEET, hinges, strict=True)]
+    mechanism = raff(linkages.legged(joints, "joint").text(joint_digits=None))
     found = singularity(mechanism, mechanism.q_home, tolerance=1e-7)
     assert found.kind is SingularityType.TYPE_2
     assert found.dependence.grassmann_class is GrassmannClass.FLAT_PENCIL
@@ -274,9 +241,8 @@ def test_an_arm_loses_what_numpy_finds(robot, straight, lost):
 
         grid = np.linspace(0.5, 2.6, 400)
         best = min(grid, key=smallest)
-        q = mechanism.configuration(
-            {"joint3": minimize_scalar(smallest, bounds=(best - 0.01, best + 0.01), options={"xatol": 1e-13}).x}, q
-        )
+        best = minimize_scalar(smallest, bounds=(best - 0.01, best + 0.01), options={"xatol": 1e-13}).x
+        q = mechanism.configuration({"joint3": best}, q)
     if "joint5" in straight:
         q = mechanism.configuration({"joint5": 0.0}, q)
     found = singularity(mechanism, q)

@@ -32,9 +32,8 @@ def _unit(rng, size=3):
 
 def _turn(rng, count):
     """Angles that are not too near each other modulo pi."""
-    return (
-        np.linspace(0.0, np.pi, count, endpoint=False) + rng.uniform(-0.6, 0.6, count) / count + rng.uniform(0.0, 7.0)
-    )
+    even = np.linspace(0.0, np.pi, count, endpoint=False)
+    return even + rng.uniform(-0.6, 0.6, count) / count + rng.uniform(0.0, 7.0)
 
 
 def _at(point, direction, rng):
@@ -143,30 +142,28 @@ def hyperbolic(rng, count=5):
 
 def hyperbolic_one_far(rng, count=5):
     a = (np.zeros(3), np.array([0.3, -0.2, 1.0]))
-    segments = [
-        _at(s * a[1], _in_plane(t), rng) for s, t in zip(rng.uniform(-2, 2, count), _turn(rng, count), strict=True)
-    ]
+    stations = zip(rng.uniform(-2, 2, count), _turn(rng, count), strict=True)
+    segments = [_at(s * a[1], _in_plane(t), rng) for s, t in stations]
     return Built(GrassmannClass.HYPERBOLIC_CONGRUENCE, segments, directors=[a], normals=[Z])
 
 
+def _fan(rng, count):
+    """Points of the z axis, and directions across it which turn as tan(angle) = z / k."""
+    k, heights = rng.uniform(0.5, 1.5), np.linspace(-1.5, 1.5, count) + rng.uniform(-0.2, 0.2, count)
+    return [(z * Z, np.array([k, z, 0.0]) / np.hypot(k, z)) for z in heights]
+
+
 def parabolic(rng, count=5):
-    """Through each point of the z axis a pencil in a plane through it, which turns as tan(angle) = z / k."""
-    k = rng.uniform(0.5, 1.5)
-    segments = []
-    for z in np.linspace(-1.5, 1.5, count) + rng.uniform(-0.2, 0.2, count):
-        across = np.array([k, z, 0.0]) / np.hypot(k, z)
-        segments.append(_at(z * Z, across + rng.uniform(-1.5, 1.5) * Z, rng))
+    """Through each point of the z axis a pencil in a plane through it."""
+    segments = [_at(point, across + rng.uniform(-1.5, 1.5) * Z, rng) for point, across in _fan(rng, count)]
     return Built(GrassmannClass.PARABOLIC_CONGRUENCE, segments, directors=[(np.zeros(3), Z)])
 
 
 def parabolic_far(rng, count=5):
-    """In each plane with normal z all lines are parallel, along a direction which turns as tan(angle) = z / k."""
-    k = rng.uniform(0.5, 1.5)
+    """In each plane with normal z all lines are parallel."""
     segments = []
-    for z in np.linspace(-1.5, 1.5, count) + rng.uniform(-0.2, 0.2, count):
-        along = np.array([k, z, 0.0]) / np.hypot(k, z)
-        across = np.cross(Z, along)
-        segments.append(_at(z * Z + rng.uniform(-1.5, 1.5) * across, along, rng))
+    for point, along in _fan(rng, count):
+        segments.append(_at(point + rng.uniform(-1.5, 1.5) * np.cross(Z, along), along, rng))
     return Built(GrassmannClass.PARABOLIC_CONGRUENCE, segments, normals=[Z])
 
 
@@ -221,13 +218,6 @@ ALL = [
 ]  # fmt: skip
 
 
-def moved(line, turn, shift):
-    """A line after x -> turn x + shift."""
-    direction = turn @ line.direction
-    moment = turn @ line.moment + np.cross(shift, direction)
-    return PlueckerLine(direction, moment, turn @ line.point + shift)
-
-
 def rotation(rng):
     q, r = np.linalg.qr(rng.normal(size=(3, 3)))
     q = q * np.sign(np.diag(r))
@@ -257,8 +247,8 @@ def _gap(lines, length, rank):
     return np.linalg.svd(vectors, compute_uv=False)[rank - 1]
 
 
-def placed(maker, rng, noise=0.0, others=None, clear=0.05):
-    """Lines of a variety that span it well (smallest singular value at least `clear`), among other lines."""
+def placed(maker, rng, noise=0.0, others=None):
+    """Lines of a variety that span it well, with a smallest singular value of at least 0.05, among other lines."""
     length = 10.0 ** rng.uniform(-3.0, 3.0)
     turn, shift = rotation(rng), length * rng.normal(size=3)
     while True:
@@ -267,10 +257,10 @@ def placed(maker, rng, noise=0.0, others=None, clear=0.05):
         extra = rng.integers(0, 7 - count) if others is None else others
         segments = built.segments + [tuple(rng.normal(size=(2, 3))) for _ in range(extra)]
         plain = [PlueckerLine.through(*ends) for ends in segments]
-        if _gap(plain, 1.0, len(plain) - 1) < clear or any(np.linalg.norm(e) > 20.0 for s in segments for e in s):
+        if _gap(plain, 1.0, len(plain) - 1) < 0.05 or any(np.linalg.norm(e) > 20.0 for s in segments for e in s):
             continue
         subsets = [[j for j in range(count) if j != i] for i in range(count)]
-        if min(_gap([plain[j] for j in some], 1.0, count - 1) for some in subsets) >= clear:
+        if min(_gap([plain[j] for j in some], 1.0, count - 1) for some in subsets) >= 0.05:
             break
     result = Placed(built, [], (), length, turn, shift)
     order = rng.permutation(len(segments))
@@ -280,7 +270,6 @@ def placed(maker, rng, noise=0.0, others=None, clear=0.05):
     return result
 
 
-def nearness(lines, length, origin=None):
-    """The smallest singular value of all lines, moments about an origin or else the middle of the lines."""
-    frame = LineFrame.of(lines, length) if origin is None else LineFrame(origin, length)
-    return float(np.linalg.svd(frame.coordinates(lines), compute_uv=False)[-1])
+def nearness(lines, length):
+    """The smallest singular value of all lines, moments about the middle of the lines."""
+    return float(np.linalg.svd(LineFrame.of(lines, length).coordinates(lines), compute_uv=False)[-1])

@@ -5,6 +5,7 @@ joint lies count once.
 """
 
 import numpy as np
+from five_bar import two_bar_angles
 from numpy import cos, pi, radians, sin
 
 
@@ -13,20 +14,13 @@ def within(angle, low, high):
     return (angle - radians(low)) % (2.0 * pi) <= radians(high - low)
 
 
-def two_bars(x, y, first, second, elbow):
-    """Angles of a 2R arm, and whether it reaches."""
-    c = (x * x + y * y - first**2 - second**2) / (2.0 * first * second)
-    two = elbow * np.arccos(np.clip(c, -1.0, 1.0))
-    return np.arctan2(y, x) - np.arctan2(second * sin(two), first + second * cos(two)), two, np.abs(c) <= 1.0
-
-
 def five_bar(x, y, limits=True):
     """Motors 300 apart, inner bars 250, outer bars 400."""
     count = np.zeros(np.shape(x), dtype=int)
     for left in (1, -1):
         for right in (1, -1):
-            one, two, reaches = two_bars(x + 0.15, y, 0.25, 0.4, left)
-            three, four, too = two_bars(x - 0.15, y, 0.25, 0.4, right)
+            one, two, reaches = two_bar_angles(x + 0.15, y, 0.25, 0.4, left)
+            three, four, too = two_bar_angles(x - 0.15, y, 0.25, 0.4, right)
             ok = reaches & too
             if limits:
                 ok &= within(one, 60, 200) & within(two, -170, -5) & within(three, -20, 120) & within(four, 5, 170)
@@ -39,7 +33,7 @@ def planar_3r(x, y, turned, limits=True):
     """Links of 400, 300 and 200, the last one at a given angle."""
     count = np.zeros(np.shape(x), dtype=int)
     for elbow in (1, -1):
-        one, two, ok = two_bars(x - 0.2 * cos(turned), y - 0.2 * sin(turned), 0.4, 0.3, elbow)
+        one, two, ok = two_bar_angles(x - 0.2 * cos(turned), y - 0.2 * sin(turned), 0.4, 0.3, elbow)
         if limits:
             ok = ok & within(one, -170, 170) & within(two, -160, 160) & within(turned - one - two, -160, 160)
         count += ok
@@ -55,7 +49,7 @@ def delta4(x, y, z, limits=True):
         flat = 3.5**2 - aside**2  # of the forearm, squared, in the upper arm's plane
         of_arm = np.zeros(np.shape(x), dtype=int)
         for elbow in (1, -1):
-            shoulder, knee, ok = two_bars(outward, z, 2.0, np.sqrt(np.maximum(flat, 1e-12)), elbow)
+            shoulder, knee, ok = two_bar_angles(outward, z, 2.0, np.sqrt(np.maximum(flat, 1e-12)), elbow)
             ok = ok & (flat >= 0.0)
             if limits:
                 swing = np.arcsin(np.clip(aside / 3.5, -1.0, 1.0))
@@ -74,7 +68,7 @@ def rx90(points, rotations, limits=True, order=True):
     for front in (1, -1):
         one = np.arctan2(front * y, front * x)
         for elbow in (1, -1):
-            two, bent, ok = two_bars(front * np.hypot(x, y), z, 0.45, 0.45, elbow)
+            two, bent, ok = two_bar_angles(front * np.hypot(x, y), z, 0.45, 0.45, elbow)
             up = two + bent
             forearm = np.column_stack([cos(one) * cos(up), sin(one) * cos(up), sin(up)])
             five = np.degrees(np.arccos(np.clip((forearm * rotations[:, :, 2]).sum(axis=1), -1.0, 1.0)))

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from mapped import mapped, over
+from urdf_text import UrdfJoint, urdf_text
 
 from cinegen.model.build import build
 from cinegen.singularities import SingularityType
@@ -11,13 +12,11 @@ from cinegen.workspace import MapError, MapSpecification, make_map
 from cinegen.workspace.cells import CellStatus
 from cinegen.workspace.loci import loci
 
-FLOATING = """<robot name="flying"><link name="world"/><link name="base"/><link name="a"/><link name="tool"/>
-  <joint name="free" type="floating"><parent link="world"/><child link="base"/></joint>
-  <joint name="slide" type="prismatic"><parent link="base"/><child link="a"/><axis xyz="1 0 0"/>
-    <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
-  <joint name="turn" type="revolute"><parent link="a"/><child link="tool"/><axis xyz="0 1 0"/>
-    <origin xyz="0 0 0.3"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
-</robot>"""
+FLOATING = urdf_text([
+    UrdfJoint("free", "world", "base", kind="floating"),
+    UrdfJoint("slide", "base", "a", axis="1 0 0", kind="prismatic", limit=(-1.0, 1.0)),
+    UrdfJoint("turn", "a", "tool", "0 0 0.3", "0 1 0", limit=(-1.0, 1.0)),
+])  # fmt: skip
 
 
 def test_over_motors_no_cell_is_lost_in_a_pocket_that_the_way_led_into(robot):
@@ -36,9 +35,8 @@ def test_over_motors_no_cell_is_lost_in_a_pocket_that_the_way_led_into(robot):
 def test_a_wave_does_not_change_branches_in_a_cell_where_two_meet(robot, count):
     """With odd counts a cell of this grid is exactly where both arms of the five-bar are folded."""
     five_bar = robot("five_bar")
-    spec = MapSpecification(
-        five_bar, over(("x", -0.7, 0.7, count), ("y", -0.7, 0.7, count)), ("sigma_1",), limits=False
-    )
+    region = over(("x", -0.7, 0.7, count), ("y", -0.7, 0.7, count))
+    spec = MapSpecification(five_bar, region, ("sigma_1",), limits=False)
     found = mapped(spec)
     q = found["configuration"][found["reachable"] & (found["sigma_1"] > 1e-3)]
     for joint in ("joint2", "joint4"):

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-from closed_forms import delta4, five_bar, planar_3r, rx90, two_bars, within
+from closed_forms import delta4, five_bar, planar_3r, rx90, within
+from five_bar import two_bar_angles
 from mapped import mapped, middles, over
 from scipy.ndimage import label, maximum_filter, minimum_filter
 
@@ -107,7 +108,7 @@ def test_both_parts_are_found_where_limits_part_an_arm_s_poses(raff, root):
     x, y = middles(region)
     wanted = np.zeros(region.shape, dtype=bool)
     for elbow in (1, -1):
-        one, two, ok = two_bars(x + 0.2, y, 0.4, 0.3, elbow)
+        one, two, ok = two_bar_angles(x + 0.2, y, 0.4, 0.3, elbow)
         wanted |= ok & within(one, -120, 120) & within(two, -100, 100) & within(math.pi - one - two, -30, 30)
     assert label(wanted)[1] == 2
     found = mapped(MapSpecification(arm, region, ()), 100)
@@ -158,9 +159,8 @@ def test_five_bar_s_motors_close_it_on_home_s_side(robot, limits, most):
     left, right = middles(region)
     elbows = np.array([-0.3 + 0.25 * (np.cos(left) - np.cos(right)), 0.25 * (np.sin(left) - np.sin(right))])
     half, base = np.arccos(np.linalg.norm(elbows, axis=0) / 0.8), np.arctan2(*-elbows[::-1])
-    tool = np.array([-0.15 + 0.25 * np.cos(left), 0.25 * np.sin(left)]) + 0.4 * np.array(
-        [np.cos(base + half), np.sin(base + half)]
-    )
+    shoulder = np.array([-0.15 + 0.25 * np.cos(left), 0.25 * np.sin(left)])
+    tool = shoulder + 0.4 * np.array([np.cos(base + half), np.sin(base + half)])
     wanted = np.ones(region.shape, dtype=bool)
     if limits:
         two = base + half - left

@@ -1,34 +1,33 @@
 """Two maps compared: what one of both reaches, and by how much they differ."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
+from small_maps import map_of
 
-from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map
+from cinegen.workspace import MapError
 from cinegen.workspace.comparison import compare
 
 LENS = 2.0 * 0.7**2 * math.acos(0.2 / 0.7) - 0.2 * math.sqrt(4.0 * 0.7**2 - 0.4**2)
 """Of two discs of 700 whose middles are 400 apart: r^2 2 acos(d / 2r) - d/2 sqrt(4r^2 - d^2)."""
 
 
+PLANE = ("x", -1.0, 1.0, 50), ("y", -1.0, 1.0, 50)
+
+
 @pytest.fixture(scope="module")
-def made(robot, tmp_path_factory):
-    """`made(rz, x, y)`: what planar_3r reaches where its tool looks that way, over some ranges."""
+def made(tmp_path_factory):
+    """`made(("x", -1, 1, 50), ..., at={"rz": 0})`: what planar_3r reaches where its tool looks that way."""
     folder = tmp_path_factory.mktemp("compare")
-
-    def make(rz, x=(-1.0, 1.0, 50), y=(-1.0, 1.0, 50), quantities=("manipulability",), name="planar_3r", **more):
-        at = {} if rz is None else {"rz": rz}
-        spec = MapSpecification(robot(name), Region((GridAxis("x", *x), GridAxis("y", *y)), at), quantities, **more)
-        return make_map(spec, folder / f"{len(list(folder.iterdir()))}.zarr", workers=1)
-
-    return make
+    return partial(map_of, folder, "planar_3r", quantities=("manipulability",), limits=False)
 
 
 @pytest.fixture(scope="module")
 def both(made):
     """Tools that look along x, and against it: rings of 100 to 700 about 200 and -200 of x."""
-    return [made(rz, limits=False) for rz in (0.0, math.pi)]
+    return [made(*PLANE, at={"rz": rz}) for rz in (0.0, math.pi)]
 
 
 def test_rings_that_overlap(both):
@@ -63,7 +62,7 @@ def test_quantities_differ_as_the_closed_form_says(both, robot):
 
 def test_grids_that_overlap_are_compared_where_they_do(made, both):
     """The same robot, cut finer and elsewhere: on the coarser cells both say the same, but for cells on the border."""
-    fine = made(0.0, (-0.3, 1.5, 90), (-1.5, 1.5, 150), limits=False)
+    fine = made(("x", -0.3, 1.5, 90), ("y", -1.5, 1.5, 150), at={"rz": 0.0})
     found = compare(both[0], fine)
     assert [(a.low, a.high, a.count) for a in found.region.axes] == [
         (-0.3, pytest.approx(0.98), 32),
@@ -79,26 +78,20 @@ def test_grids_that_overlap_are_compared_where_they_do(made, both):
     assert found.only_first.value + found.only_second.value < 0.1 * found.both.value
 
 
-def test_maps_that_cannot_be_compared(made, both, robot, tmp_path):
-    def small(*axes, name="planar_3r", at=None, centre=None):
-        spec = MapSpecification(robot(name), Region(axes, at or {}, centre=centre), ())
-        return make_map(spec, tmp_path / f"{len(list(tmp_path.iterdir()))}.zarr", workers=1)
-
-    turns = small(GridAxis("joint1", 0.0, 1.0, 2), GridAxis("joint2", 0.0, 1.0, 2))
+def test_maps_that_cannot_be_compared(both, robot, tmp_path):
+    small = partial(map_of, tmp_path)
+    turns = small("planar_3r", ("joint1", 0.0, 1.0, 2), ("joint2", 0.0, 1.0, 2))
     with pytest.raises(MapError, match="a map over x, y can't be compared with one over joint1, joint2"):
         compare(both[0], turns)
-    far = small(GridAxis("x", 2.0, 3.0, 4), GridAxis("y", -1.0, 1.0, 4))
-    with pytest.raises(
-        MapError, match="x goes from -1 to 1 in one map and from 2 to 3 in the other: they have no cell"
-    ):
+    far = small("planar_3r", ("x", 2.0, 3.0, 4), ("y", -1.0, 1.0, 4))
+    says = "x goes from -1 to 1 in one map and from 2 to 3 in the other: they have no cell"
+    with pytest.raises(MapError, match=says):
         compare(both[0], far)
-    around = [
-        small(GridAxis("azimuth", -1.0, 1.0, 2), GridAxis("elevation", -1.0, 1.0, 2), at={"radius": radius})
-        for radius in (0.5, 0.6)
-    ]
+    angles = ("azimuth", -1.0, 1.0, 2), ("elevation", -1.0, 1.0, 2)
+    around = [small("planar_3r", *angles, at={"radius": radius}) for radius in (0.5, 0.6)]
     with pytest.raises(MapError, match=r"spheres of radius 0.5 and 0.6 m"):
         compare(*around)
     slide = next(name for name in robot("delta4_linear").actuated if name in robot("planar_3r").actuated)
-    one, other = (small(GridAxis(slide, 0.0, 0.1, 2), name=name) for name in ("planar_3r", "delta4_linear"))
+    one, other = (small(name, (slide, 0.0, 0.1, 2)) for name in ("planar_3r", "delta4_linear"))
     with pytest.raises(MapError, match="measured in rad, the other's in m: they can't be compared"):
         compare(one, other)

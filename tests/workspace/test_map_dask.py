@@ -7,13 +7,13 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 import warnings
 from pathlib import Path
 
 import pytest
 from distributed import Future
 from folders import digest, files, over_joints
+from ticking import until
 
 from cinegen import cluster
 from cinegen.cluster import ClusterError
@@ -22,7 +22,6 @@ from cinegen.workspace.zarr_store import MapStore
 
 HERE = Path(__file__).parent
 MOST = 10  # cells of a chunk
-PATIENCE = 60.0  # s, on a busy machine
 
 
 @pytest.fixture(scope="module")
@@ -57,14 +56,6 @@ def whole(spec, tmp_path_factory):
 def small_tasks(monkeypatch):
     monkeypatch.setattr("cinegen.workspace.maps.OVER_JOINTS", MOST)
     monkeypatch.setattr("cinegen.workspace.maps._QUICK", 2)
-
-
-def until(true):
-    """Waits for something."""
-    end = time.monotonic() + PATIENCE
-    while not true():
-        assert time.monotonic() < end
-        time.sleep(0.02)
 
 
 def pids(client):

@@ -5,9 +5,10 @@ import re
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
+from gough_lines import lines_of
 from mapped import over
+from urdf_text import UrdfJoint, urdf_text
 
 import cinegen
 from cinegen.design import tolerance
@@ -25,15 +26,13 @@ def arm():
     """Two bars in the plane of x and z with point masses at their ends."""
     body = """<inertial><origin xyz="{} 0 0"/><mass value="{}"/>
       <inertia ixx="1e-12" iyy="1e-12" izz="1e-12" ixy="0" ixz="0" iyz="0"/></inertial>"""
-    joint = """<joint name="{}" type="revolute"><parent link="{}"/><child link="{}"/><origin xyz="{} 0 0"/>
-      <axis xyz="0 -1 0"/><limit lower="-3" upper="3" effort="{}" velocity="1"/></joint>"""
-    return cinegen.load(f"""<robot name="upright"><link name="base"/>
-      <link name="upper">{body.format(UPPER, MASSES[0])}</link>
-      <link name="fore">{body.format(FORE, MASSES[1])}</link><link name="tip"/>
-      {joint.format("shoulder", "base", "upper", 0, EFFORTS[0])}
-      {joint.format("elbow", "upper", "fore", UPPER, EFFORTS[1])}
-      <joint name="end" type="fixed"><parent link="fore"/><child link="tip"/>
-      <origin xyz="{FORE} 0 0"/></joint></robot>""")
+    joints = [
+        UrdfJoint("shoulder", "base", "upper", "0 0 0", "0 -1 0", effort=EFFORTS[0]),
+        UrdfJoint("elbow", "upper", "fore", f"{UPPER} 0 0", "0 -1 0", effort=EFFORTS[1]),
+        UrdfJoint("end", "fore", "tip", f"{FORE} 0 0", kind="fixed"),
+    ]
+    links = {"upper": body.format(UPPER, MASSES[0]), "fore": body.format(FORE, MASSES[1])}
+    return cinegen.load(urdf_text(joints, links, "upright"))
 
 
 def cells(spec):
@@ -89,17 +88,8 @@ def test_a_platform_is_as_stiff_as_the_lines_of_its_legs(robot):
     names = ("stiffness", "rotational_stiffness")
     spec = MapSpecification(gough, region, names, stiffness=dict(zip(gough.actuated, springs, strict=True)))
     for q, values in cells(spec):
-        data = gough.model.createData()
-        pin.forwardKinematics(gough.model, data, q)
-        starts = [data.oMi[gough.model.getJointId(f"joint{k}")].translation for k in (1, 7, 10, 13, 16, 19)]
-        ends = [data.oMi[gough.model.getJointId("joint4")].translation]
-        ends += [(data.oMi[anchor[0]] * anchor[1]).translation for anchor in gough.structure.system.anchors]
-        centre = gough.placement(q, gough.end).translation
-        lines = []
-        for start, end in zip(starts, ends, strict=True):
-            along = (end - start) / np.linalg.norm(end - start)
-            lines.append(np.r_[along, np.cross(start - centre, along)])
-        compliance = np.linalg.inv(np.array(lines).T @ np.diag(springs) @ np.array(lines))
+        lines = lines_of(gough, q)
+        compliance = np.linalg.inv(lines.T @ np.diag(springs) @ lines)
         for name, part in zip(names, (slice(3), slice(3, 6)), strict=True):
             assert values[name] == pytest.approx(1.0 / np.linalg.eigvalsh(compliance[part, part])[-1], rel=1e-9)
 
@@ -149,9 +139,8 @@ robot lift {
 def test_a_spring_at_the_foot_of_a_scissor_lift(raff):
     """The foot is at 0.4 cos(angle), the corner rotates with the bar: springs of a passive joint count."""
     lift = raff(LIFT)
-    spec = MapSpecification(
-        lift, over(("joint1", 0.2, 1.3, 6)), ("stiffness",), stiffness={"joint1": 50.0, "joint2": 3000.0}
-    )
+    stiffness = {"joint1": 50.0, "joint2": 3000.0}
+    spec = MapSpecification(lift, over(("joint1", 0.2, 1.3, 6)), ("stiffness",), stiffness=stiffness)
     for q, values in cells(spec):
         wanted = (50.0 + 3000.0 * (0.4 * math.sin(q[0])) ** 2) / 0.4**2
         assert values["stiffness"] == pytest.approx(wanted, rel=1e-8)

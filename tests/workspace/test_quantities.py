@@ -16,6 +16,7 @@ from loop_openings import jacobian_by
 from mapped import mapped, middles, over
 from scipy.optimize import linprog
 from small_robots import two_bars
+from urdf_text import UrdfJoint, urdf_text
 
 import cinegen
 from cinegen.collision.clearance import Clearance, links_of
@@ -85,9 +86,8 @@ def test_two_bars_have_the_manipulability_and_the_speeds_that_textbooks_give_the
     """|l1 l2 sin q2|; and speeds and forces by the Jacobian, written down."""
     arm = cinegen.load(two_bars((30, 40), (500, 300), ("velocity 90", "velocity 180")))
     region = over(("x", -0.8, 0.8, 12), ("y", -0.8, 0.8, 12))
-    spec = MapSpecification(
-        arm, region, ("manipulability", "velocity", "force", "sigma_1", "margin"), along=(0.6, 0.8, 0.0)
-    )
+    quantities = ("manipulability", "velocity", "force", "sigma_1", "margin")
+    spec = MapSpecification(arm, region, quantities, along=(0.6, 0.8, 0.0))
     speeds = np.radians([90.0, 180.0])
     for q, values in cells(spec):
         one, both = q[0], q[0] + q[1]
@@ -200,6 +200,10 @@ def test_clearance_is_what_coal_measures_between_shapes(robot):
         assert values["clearance"] == pytest.approx(measured(clearance, q).min(), abs=1e-5)
 
 
+def _sliding(name, links=None):
+    return urdf_text([UrdfJoint(name, "base", "tool", axis="1 0 0", kind="prismatic", limit=(-1.0, 1.0))], links)
+
+
 BALL = {"name": "ball", "kind": "sphere", "radius": 0.1, "point": [0.4, 0.0, 0.3]}
 
 
@@ -207,11 +211,7 @@ def test_clearance_is_of_shapes_that_lie_in_files_beside_the_robot(tmp_path):
     """What others describe names its meshes as seen from its folder: whoever makes the map finds them there."""
     trimesh.creation.box((0.1, 0.1, 0.4)).export(tmp_path / "bar.stl")
     link = '<collision><geometry><mesh filename="bar.stl"/></geometry></collision>'
-    (tmp_path / "arm.urdf").write_text(
-        f"""<robot name="arm"><link name="base"/><link name="tool">{link}</link>
-        <joint name="slide" type="prismatic"><parent link="base"/><child link="tool"/><axis xyz="1 0 0"/>
-        <limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
-    )
+    (tmp_path / "arm.urdf").write_text(_sliding("slide", {"tool": link}))
     arm = cinegen.load(tmp_path / "arm.urdf")
     scene = {"name": "ball", "goal": {"point": [0, 0, 0]}, "obstacle": [BALL]}
     spec = MapSpecification(arm, over(("x", -0.4, 0.2, 6)), ("clearance",), "tool", scene=scene)
@@ -236,12 +236,7 @@ def test_a_robot_is_the_same_wherever_its_shapes_lie_and_another_if_it_moves_oth
 
 @functools.cache
 def _slide(name):
-    return build(
-        f"""<robot name="arm"><link name="base"/><link name="tool"/><joint name="{name}" type="prismatic">
-        <parent link="base"/><child link="tool"/><axis xyz="1 0 0"/>
-        <limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>""",
-        None,
-    )
+    return build(_sliding(name), None)
 
 
 @pytest.mark.parametrize("name", ["sigma_1", "left/elbow"])

@@ -9,9 +9,10 @@ import pinocchio as pin
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from small_maps import map_of
 
 import cinegen.workspace.extent as module
-from cinegen.workspace import CellStatus, GridAxis, MapError, MapSpecification, Region, line_region, make_map
+from cinegen.workspace import CellStatus, GridAxis, MapError, Region, line_region
 from cinegen.workspace.chunks import chunk_cells, chunk_counts, chunk_shape
 from cinegen.workspace.default_range import default_range
 from cinegen.workspace.extent import Extent, bounds, extent, extent_of
@@ -60,14 +61,8 @@ def test_what_is_not_given_is_as_at_home():
 
 
 def test_a_ball_seen_from_a_centre_measures_what_it_should():
-    ball = Region(
-        (
-            GridAxis("azimuth", -math.pi, math.pi, 12),
-            GridAxis("elevation", -math.pi / 2, math.pi / 2, 8),
-            GridAxis("radius", 0.5, 2.0, 5),
-        ),
-        centre=(1.0, 2.0, 3.0),
-    )
+    turns = GridAxis("azimuth", -math.pi, math.pi, 12), GridAxis("elevation", -math.pi / 2, math.pi / 2, 8)
+    ball = Region((*turns, GridAxis("radius", 0.5, 2.0, 5)), centre=(1.0, 2.0, 3.0))
     a, b, c = ball.sizes
     assert math.isclose(np.einsum("i,j,k->", a, b, c), 4.0 / 3.0 * math.pi * (2.0**3 - 0.5**3))
     points, _ = ball.poses(HOME, ball.values(whole(ball)))
@@ -152,12 +147,10 @@ def test_distances_across_a_joint_that_slides(axis, away, between):
 
 
 def test_what_has_no_limits_has_no_largest_distance():
-    assert _prismatic_bounds(np.eye(3)[0], np.array([0.3, 0.4, 0.0]), -math.inf, math.inf) == pytest.approx(
-        (0.4, math.inf)
-    )
-    assert _revolute_bounds(
-        np.eye(3)[2], np.array([0.3, 0.0, 0.0]), np.array([0.0, 0.5, 0.0]), -math.inf, math.inf
-    ) == (pytest.approx((0.2, 0.8)))
+    endless = _prismatic_bounds(np.eye(3)[0], np.array([0.3, 0.4, 0.0]), -math.inf, math.inf)
+    assert endless == pytest.approx((0.4, math.inf))
+    ends = np.array([0.3, 0.0, 0.0]), np.array([0.0, 0.5, 0.0])
+    assert _revolute_bounds(np.eye(3)[2], *ends, -math.inf, math.inf) == pytest.approx((0.2, 0.8))
 
 
 CARRIAGE = """
@@ -166,9 +159,7 @@ robot carriage {
   link 1 { parameters { r 400.0 } type 1 pred 0 limits { 200.0 700.0 } }
   link 2 { parameters { d 300.0 theta 90.0 } type 2 pred 1 limits { 60.0 120.0 } }
   frame 20 { name "tool" parameters { d 400.0 } pred 2 }
-  constraint { frame 20 sensor ( 0 1 ) }
 }
-sensor 1 { port "/dev/null" translation 3 rotation 3 }
 """
 
 
@@ -197,11 +188,9 @@ def test_the_base_stays_where_it_is(robot):
 def test_what_is_reached_from_home_lies_in_the_range_of_each_coordinate_that_can_change(robot, name):
     mechanism = robot(name)
     low, high = mechanism.model.lowerPositionLimit, mechanism.model.upperPositionLimit
-    places = [
-        mechanism.placement(q, mechanism.end).translation
-        for q in (mechanism.q_home, *mechanism.random_closed(60, seed=5))
-        if ((q >= low) & (q <= high)).all()
-    ]
+    closed = (mechanism.q_home, *mechanism.random_closed(60, seed=5))
+    within = [q for q in closed if ((q >= low) & (q <= high)).all()]
+    places = [mechanism.placement(q, mechanism.end).translation for q in within]
     assert len(places) > 1
     for k, coordinate in enumerate("xyz"):
         values = np.array(places)[:, k]
@@ -244,11 +233,10 @@ def square(half, count, names="xy", shift=0.0):
 
 
 @pytest.fixture(scope="module")
-def wrist(robot, tmp_path_factory):
+def wrist(tmp_path_factory):
     """planar_3r whose tool looks along x: its wrist, 200 behind, is that of an arm of 400 and 300."""
-    region = Region((GridAxis("x", -0.75, 1.15, 76), GridAxis("y", -0.9, 0.9, 60)), {"rz": 0.0})
-    spec = MapSpecification(robot("planar_3r"), region, ("manipulability",), limits=False)
-    return make_map(spec, tmp_path_factory.mktemp("wrist") / "a.zarr", workers=1)
+    axes, folder = (("x", -0.75, 1.15, 76), ("y", -0.9, 0.9, 60)), tmp_path_factory.mktemp("wrist")
+    return map_of(folder, "planar_3r", *axes, at={"rz": 0.0}, quantities=("manipulability",), limits=False)
 
 
 # --- closed forms ------------------------------------------------------------------------------------------------

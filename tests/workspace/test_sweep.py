@@ -235,9 +235,8 @@ def test_variants_whose_loops_can_not_be_closed_are_told_and_passed_over(tmp_pat
 def test_a_sweep_goes_on_and_its_variants_can_be_loaded(arm, tmp_path):
     out, over = tmp_path / "out", parse("link2.d=300..400:2", "tool.d=200..250:2")
     first = sweep(arm, over, square(0.7, 12), out, workers=1)
-    assert sorted(path.name for path in out.iterdir()) == sorted(
-        ["sweep.json", "table.csv", *(row.name for row in first.rows)]
-    )
+    expected = ["sweep.json", "table.csv", *(row.name for row in first.rows)]
+    assert sorted(path.name for path in out.iterdir()) == sorted(expected)
     written = {path: path.stat().st_mtime_ns for path in out.rglob("map.zarr/status/c.*")}
     assert len(written) >= 4
     for row in first.rows:
