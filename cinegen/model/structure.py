@@ -140,7 +140,10 @@ class Structure:
 
     @cached_property
     def idle_joints(self) -> tuple[str, ...]:
-        """For each idle motion a joint of one number that takes the largest part in it: locked, it holds the rod."""
+        """For each idle motion a joint of one number that takes the largest part in it: locked, it holds the rod. Of a
+        ball joint of one piece the ball joint, one of whose axes does."""
+        if self.mechanism.spherical is not None:
+            return self.mechanism.spherical.merged(self.mechanism.successive.structure.idle_joints)
         joints = {self.mechanism.v_index(name): name for name in self.mechanism.joints}
         at = sorted(joints)
         most = np.abs(self.idle_motions(self.samples[-1])[:, at]).argmax(axis=1) if at else []
