@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mechanisms import CLOSED_CHAINS, KNOWN, axis_at, delta, five_bar, four_bar, gough_stewart, ring, serial, shift
+from making import axis
+from mechanisms import CLOSED_CHAINS, KNOWN, delta, four_bar, gough_stewart, polygon, ring, serial, shift
 from small_robots import four_bar as rough_four_bar
 
 import raff2urdf
@@ -42,9 +43,9 @@ def test_the_mobility_of_known_mechanisms_is_found(name: str) -> None:
 @pytest.mark.parametrize(("text", "motors"), [
     (delta(), "1 6 12"),  # the three shoulders
     (four_bar(3), "1"),
-    (five_bar(2), "1 4"),  # both on the base
+    (polygon(5, 2), "1 4"),  # both on the base
     (KNOWN["planar 3-RRR"][0], "1 11 21"),
-    (gough_stewart(), "3 13 23 33 43 53"),  # its pistons
+    (gough_stewart(), "3 9 14 19 24 29"),  # its pistons
     (KNOWN["truss"][0], ""),
 ], ids=["delta", "four-bar", "five-bar", "3-RRR", "6-UPS", "truss"])  # fmt: skip
 def test_motors_sit_on_the_joints_nearest_the_base_that_suffice(text: str, motors: str) -> None:
@@ -62,7 +63,7 @@ def saying(text: str, **actuated: int) -> str:
 
 @pytest.mark.parametrize(("text", "said", "motors"), [
     (serial(4), {"link3": 1}, "3"),  # where one link says that it has a motor, those that say nothing have none
-    (gough_stewart(), {f"link{10 * leg + 3}": 1 for leg in range(6)}, "3 13 23 33 43 53"),
+    (gough_stewart(), {f"link{piston}": 1 for piston in (3, 9, 14, 19, 24, 29)}, "3 9 14 19 24 29"),
     (four_bar(), {"link1": 1, "link3": 1}, "1 3"),  # more motors than freedoms: a redundantly driven parallelogram
     (serial(4), {"link2": 0}, "1 3 4"),
     (four_bar(), {"link1": 0}, "2"),
@@ -83,7 +84,7 @@ def test_a_joint_said_to_have_no_motor_is_replaced() -> None:
 def test_the_gap_is_a_part_of_the_characteristic_length() -> None:
     """Ends 4 mm apart, over the root of 3 times the mean square distance of the axes from their centre."""
     corners = [(math.cos(a), math.sin(a), 0.0) for a in (0.1, 1.6, 3.3, 4.9)]
-    text = ring([axis_at(corner) for corner in corners], off=shift("x", 0.004))
+    text = ring([axis(corner) for corner in corners], off=shift("x", 0.004))
     loop = loads(text).robot().loops[0]
     placed = placements(loads(text), loads(text).robot())
     axes = np.array([*corners[:3], placed[loop.first][:3, 3]])
