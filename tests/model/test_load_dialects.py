@@ -7,9 +7,7 @@ Four bars in the xy plane, with all joints at 0: the crank is upright, the coupl
 Three revolute joints about z move in the plane. A pin at P takes two degrees of freedom: one remains.
 """
 
-import io
 import json
-import sys
 import warnings
 from pathlib import Path
 
@@ -20,7 +18,7 @@ from dragging import dragged
 import cinegen
 import raff2urdf
 from cinegen import CinegenError
-from cinegen.cli import main
+from cinegen.collision import load_scene
 from raff2urdf.errors import RaffWarning
 
 JOINT = (
@@ -475,10 +473,6 @@ def test_all_are_opened_by_ignore_loops_and_each_loop_by_its_dialect_or_its_name
             assert cinegen.load(path, ignore=[word]).mobility == 3
 
 
-# --- load declared loops ----------------------------------------------------------------------------------------------
-# Loops that are opened on purpose, in every format and command; numbers that a constraints file states.
-
-
 # --- numbers that a constraints file states ----------------------------------------------------------------------
 
 
@@ -529,35 +523,15 @@ def test_loops_are_opened_in_every_format_all_or_by_name(format, root, tmp_path)
     assert (len(mechanism.loops), mechanism.mobility) == (0, 5)
 
 
-# --- commands ----------------------------------------------------------------------------------------------------
-
-SCENE = """robot = "bars.urdf"
-node = "coupler"
-safety = 0.01
-goal = { point = [1.5, 0, 0] }
-"""
-
-COMMANDS = {
-    "info": ["info", "bars.urdf"],
-    "map": ["map", "bars.urdf"],
-    "drive": ["drive", "bars.urdf", "--snapshot", "page.html"],
-    "drive --scene": ["drive", "--scene", "scene.toml", "--snapshot", "page.html"],
-    "plan": ["plan", "scene.toml"],
-}
+# --- scenes ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_refuses_and_opens_on_demand(command, write, tmp_path, monkeypatch, typed, capsys):
+@pytest.mark.parametrize("options", [{"ignore_loops": True}, {"ignore": ["closure"]}])
+def test_the_robot_of_a_scene_is_opened_on_demand(options, write, tmp_path):
     write(LOOPS["URDF+"][0].replace("<loop ", "<closure ").replace("</loop>", "</closure>"))
-    (tmp_path / "scene.toml").write_text(SCENE)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO()))
-    refused = typed(*COMMANDS[command], code=1).err
-    assert "bars.urdf:6: <closure> 'pin' ('coupler', 'rocker') declares a loop" in refused
-    for option in (["--ignore-loops"], ["--ignore", "closure"]):
-        main([*COMMANDS[command], *option])
-        opened = capsys.readouterr().err
-        assert "bars.urdf: left out, as requested" in opened
-        assert ": <closure> 'pin' (line 6)" in opened
-        assert "Traceback" not in opened
-        assert "declares a loop" not in opened
+    path = tmp_path / "scene.toml"
+    path.write_text('robot = "bars.urdf"\nnode = "coupler"\nsafety = 0.01\ngoal = { point = [1.5, 0, 0] }\n')
+    with pytest.raises(CinegenError, match=r"bars.urdf:6: <closure> 'pin' \('coupler', 'rocker'\) declares a loop"):
+        load_scene(path)
+    with pytest.warns(RaffWarning, match=r"bars.urdf: left out, as requested.*: <closure> 'pin' \(line 6\)"):
+        assert load_scene(path, **options).mechanism.mobility == 3

@@ -241,10 +241,7 @@ def a_large_file(path: Path) -> None:
 WRONG: dict[str, tuple[str | bytes | Callable[[Path], None], str]] = {
     "a number used twice": (f"{BODY}{ONE}\n  {ONE}\n}}", "bad.raff:4:8: number 1 twice first line 3"),
     "a loop that can't be closed": (skew_four_bar(), "robot 'r' can't be closed 'frame5-frame6'"),
-    "no robot": ("RAFF bad\n", "bad.raff: has no robot"),
-    "an empty file": ("", "bad.raff:1:1: RAFF"),
     "binary": (b"\x7fELF\x02\x01\x01\x00\x00", "bad.raff: line 1 binary"),
-    "not UTF-8": (b"RAFF t\nrobot \xe9 { }", "bad.raff: line 2 UTF-8"),
     "a line of 10 MB": (a_long_line, "bad.raff:2:1: line 2 10000000 characters"),
     "a file of 300 MB": (a_large_file, "bad.raff: larger than 256 MiB"),
 }
