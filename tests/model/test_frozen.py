@@ -7,25 +7,20 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from making import platform
+from urdf_text import joint_at, limit, links, robot
 
 import cinegen
 import raff2urdf
 from raff2urdf.loops.mobility import analyse
 
-HAND = """<robot name="hand"><link name="palm"/>{links}{joints}</robot>"""
-
 
 def hand(*fingers):
     """A palm and fingers, each with limits and how it follows the first, if it does."""
-    links, joints = [], []
+    parts = [links("palm")]
     for i, (low, high, mimic) in enumerate(fingers):
         follows = "" if mimic is None else f'<mimic joint="f0" multiplier="{mimic}"/>'
-        links.append(f'<link name="l{i}"/>')
-        joints.append(
-            f'<joint name="f{i}" type="revolute"><parent link="palm"/><child link="l{i}"/><axis xyz="0 0 1"/>{follows}'
-            f'<origin xyz="0 0.1 0"/><limit lower="{low}" upper="{high}" effort="1" velocity="1"/></joint>'
-        )
-    return HAND.format(links="".join(links), joints="".join(joints))
+        parts += [links(f"l{i}"), joint_at(f"f{i}", "palm", f"l{i}", "0 0.1 0", follows + limit(low, high), "revolute")]
+    return robot(*parts, name="hand")
 
 
 def blocks(text):

@@ -12,6 +12,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
+from urdf_text import joint_at, joint_text, links, robot
 
 import raff2urdf
 from raff2urdf import tree as raff_tree
@@ -33,7 +34,7 @@ AXES = st.sampled_from(["0 0 1", "0 1 0", "1 0 0", "0 0 -1", "1 1 0", "0.3 -0.2 
 def trees(draw, most=8):
     """URDFs: any tree of joints, with all the special positions of axes that people and CAD programs make."""
     count = draw(st.integers(1, most))
-    rows = ['<robot name="r">', '<link name="l0"/>']
+    rows = [links("l0")]
     for i in range(1, count + 1):
         father = draw(st.integers(max(0, i - 3), i - 1))
         kind = draw(st.sampled_from(["revolute", "revolute", "continuous", "prismatic", "fixed"]))
@@ -41,12 +42,9 @@ def trees(draw, most=8):
         xyz = " ".join(repr(draw(lengths)) for _ in range(3))
         rpy = " ".join(repr(draw(SPECIAL)) for _ in range(3))
         limit = '<limit lower="-1" upper="2" effort="1" velocity="3"/>'
-        rows += [
-            f'<link name="l{i}"/>',
-            f'<joint name="j{i}" type="{kind}"><parent link="l{father}"/><child link="l{i}"/>',
-            f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{draw(AXES)}"/>{limit}</joint>',
-        ]
-    return "\n".join([*rows, "</robot>"])
+        inside = f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{draw(AXES)}"/>{limit}'
+        rows += [links(f"l{i}"), joint_text(f"j{i}", f"l{father}", f"l{i}", inside, kind)]
+    return robot(*rows)
 
 
 def model_of(text):
@@ -299,13 +297,8 @@ def test_a_tidy_number_is_short_and_stays_as_it_is(value, decimals):
 
 
 def chain(count):
-    links = "".join(f'<link name="l{i}"/>' for i in range(count))
-    turns = (
-        f'<joint name="j{i}" type="continuous"><parent link="l{i - 1}"/><child link="l{i}"/>'
-        f'<origin xyz="0.1 0 0" rpy="0 {0.3 * (i % 2)} 0.1"/><axis xyz="0 0 1"/></joint>'
-        for i in range(1, count)
-    )
-    return f'<robot name="r">{links}{"".join(turns)}</robot>'
+    turns = [joint_at(f"j{i}", f"l{i - 1}", f"l{i}", f'0.1 0 0" rpy="0 {0.3 * (i % 2)} 0.1') for i in range(1, count)]
+    return robot(links(*(f"l{i}" for i in range(count))), *turns)
 
 
 def test_a_chain_of_more_links_than_python_recurses_is_turned():
