@@ -75,43 +75,26 @@ def assert_among(placement, found, within=1e-8):
     assert np.abs(found.placements - placement).max(axis=(1, 2)).min() < within
 
 
-@settings(max_examples=25)
-@given(st.integers(0, 2**32 - 1), st.sampled_from(["", "B", "P", "BP"]))
-def test_a_general_platform_has_40_modes_an_even_number_of_them_real(seed, kind):
+@settings(max_examples=36)
+@given(st.integers(0, 2**32 - 1), st.sampled_from(["", "B", "P", "BP", "6-3", "6-3 B"]))
+def test_a_general_platform_has_40_modes_and_a_triangle_16_an_even_number_of_them_real(seed, kind):
     rng = np.random.default_rng(seed)
     base, platform = points(rng, kind)
-    placement = pose(rng)
+    placement, hexapod = pose(rng), Hexapod(base, platform)
     lengths = reach(base, platform, placement)
-    found = Hexapod(base, platform).modes(lengths)
+    found = hexapod.modes(lengths)
+    assert hexapod.degree == (16 if "6-3" in kind else 40)
     assert found.complete
     assert found.proved  # as many as the theorem allows
     assert repr(found).endswith("proved to be all>")
-    assert found.counts.real + found.counts.complex == 40
+    assert found.counts.real + found.counts.complex == hexapod.degree
     assert (found.counts.infinite, found.counts.multiple, found.counts.lost) == (0, 0, 0)
     assert len(found.placements) == found.counts.real
     assert found.counts.real % 2 == 0
     assert (found.coincident == 1).all()
     assert_modes(base, platform, lengths, found)
     assert_among(placement, found)
-    assert "40 of 40 distinct regular solutions" in found.method
-
-
-@settings(max_examples=10)
-@given(st.integers(0, 2**32 - 1), st.sampled_from(["6-3", "6-3 B"]))
-def test_a_platform_that_is_a_triangle_has_16(seed, kind):
-    rng = np.random.default_rng(seed)
-    base, platform = points(rng, kind)
-    placement = pose(rng)
-    hexapod = Hexapod(base, platform)
-    lengths = reach(base, platform, placement)
-    found = hexapod.modes(lengths)
-    assert hexapod.degree == 16
-    assert found.complete
-    assert found.proved  # as many as the theorem allows
-    assert (found.counts.real + found.counts.complex, found.counts.infinite) == (16, 0)
-    assert_modes(base, platform, lengths, found)
-    assert_among(placement, found)
-    assert "16 of 16 distinct regular solutions" in found.method
+    assert f"{hexapod.degree} of {hexapod.degree} distinct regular solutions" in found.method
 
 
 def test_dietmaiers_platform_has_40_real_modes():
