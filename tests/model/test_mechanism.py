@@ -38,12 +38,11 @@ def test_a_joint_that_does_not_move_a_loop_has_exactly_zero_there(robot):
 
 
 @pytest.mark.parametrize("axis", ["1 0 0", "0 1 0", "0 0 1", "0.6 0.8 0"])
-def test_a_prismatic_joint_of_any_axis_is_one_translation_and_the_next_joint_is_none(tmp_path, axis):
+def test_a_prismatic_joint_of_any_axis_is_one_translation_and_the_next_joint_is_none(axis):
     """The scale of a prismatic joint is the characteristic length, that of a revolute joint 1 rad."""
-    path = tmp_path / "two.urdf"
     slide = joint_text("p", "a", "b", f'<axis xyz="{axis}"/>{limit(-1, 1)}', "prismatic")
-    path.write_text(urdf(links(*"abc"), slide, joint_at("r", "b", "c", "0.3 0.1 0.2", limit(-1, 1), "revolute")))
-    mechanism = cinegen.load(path)
+    turn = joint_at("r", "b", "c", "0.3 0.1 0.2", limit(-1, 1), "revolute")
+    mechanism = cinegen.load(urdf(links(*"abc"), slide, turn))
     assert (mechanism.is_prismatic("p"), mechanism.is_prismatic("r")) == (True, False)
     assert mechanism.length != 1.0
     assert mechanism.scale == pytest.approx([mechanism.length, 1.0])

@@ -4,7 +4,6 @@ import io
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -37,15 +36,6 @@ def translated(
     document: Document, robot: RaffRobot | None = None, beside: Path = HERE, out: Path | None = None
 ) -> Translation:
     return translate(document, robot or document.robot(), beside, out)
-
-
-def text_of(body: str) -> str:
-    """The URDF of the robot whose block holds `body`."""
-    return translated(loads(f"RAFF test\nrobot r {{\n{body}\n}}")).urdf
-
-
-def xml_of(body: str) -> Any:
-    return etree.fromstring(text_of(body).encode())
 
 
 def numbers(text: str) -> list[float]:
