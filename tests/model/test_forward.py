@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.optimize
+from elementary import at
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from small_robots import four_bar
@@ -17,10 +18,6 @@ from raff2urdf import closure
 
 SOME = ("delta4", "five_bar", "hybrid")
 seeds = st.integers(0, 2**32 - 1)
-
-
-def motors(mechanism: cinegen.Mechanism, q: np.ndarray) -> np.ndarray:
-    return q[[mechanism.q_index(joint) for joint in mechanism.actuated]]
 
 
 def slowly(mechanism: cinegen.Mechanism, q: np.ndarray, goal: np.ndarray) -> np.ndarray | None:
@@ -54,7 +51,7 @@ def test_a_jump_ends_where_a_slow_motion_does(robot, name, seed):
     arrived = 0
     for size in (1e-4, 0.03, 0.3, 0.3, 1.0):
         before = motion.q
-        goal = motors(mechanism, before) + size * rng.uniform(-1.0, 1.0, len(units)) * units
+        goal = at(mechanism, before, mechanism.actuated) + size * rng.uniform(-1.0, 1.0, len(units)) * units
         expected = slowly(mechanism, before, goal)
         try:
             q = motion.move(dict(zip(mechanism.actuated, goal, strict=True)))
@@ -63,7 +60,7 @@ def test_a_jump_ends_where_a_slow_motion_does(robot, name, seed):
             assert np.array_equal(motion.q, before)
             continue
         arrived += 1
-        assert np.array_equal(motors(mechanism, q), goal)
+        assert np.array_equal(at(mechanism, q, mechanism.actuated), goal)
         assert mechanism.closure(q) <= 1e-12
         if expected is None:
             motion.q = before
@@ -143,7 +140,7 @@ def test_rates_are_derivatives_of_the_motion(robot, name):
     velocities, accelerations = ForwardKinematics(mechanism).rates(*rates)
 
     def away(t):
-        values = motors(mechanism, mechanism.q_home) + v * t + 0.5 * a * t * t
+        values = at(mechanism, mechanism.q_home, mechanism.actuated) + v * t + 0.5 * a * t * t
         q = ForwardKinematics(mechanism).move(dict(zip(mechanism.actuated, values.tolist(), strict=True)))
         return mechanism.difference(here, q)
 

@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
+import yourdfpy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
@@ -18,9 +19,8 @@ import raff2urdf
 from raff2urdf import tree as raff_tree
 from raff2urdf.conversion import convert, translate
 from raff2urdf.coupling import Coupling, coupling_entry
-from raff2urdf.placement import from_origin
 from raff2urdf.raff.reader import parse as parse_raff
-from raff2urdf.readers.urdf import joints, numbers
+from raff2urdf.readers.urdf import joints
 from raff2urdf.readers.urdf_file import parse
 from raff2urdf.urdf2raff.cli import main
 from raff2urdf.urdf2raff.frames import tidy
@@ -349,29 +349,20 @@ def write(folder, base="", upper=""):
 
 def shown(urdf: Path):
     """Of each link: area, centre and colour of every surface it shows, in its own frame, m."""
-    tree = etree.parse(str(urdf)).getroot()
-    colours = {m.get("name"): m.find("color") for m in tree.findall("material")}
-    found = {}
-    for link in tree.findall("link"):
-        for visual in link.findall("visual"):
-            origin = visual.find("origin")
-            xyz, rpy = (
-                ("0 0 0", "0 0 0") if origin is None else (origin.get("xyz", "0 0 0"), origin.get("rpy", "0 0 0"))
-            )
-            geometry = visual.find("geometry")[0]
-            if geometry.tag == "mesh":
-                mesh = trimesh.load(urdf.parent / geometry.get("filename").removeprefix("file://"), force="mesh")
-                mesh.apply_transform(np.diag([*numbers(geometry.get("scale", "1 1 1")), 1.0]))
+    model, found = yourdfpy.URDF.load(str(urdf), build_scene_graph=False, load_meshes=False).robot, {}
+    colours = {material.name: material.color for material in model.materials}
+    for link in model.links:
+        for visual in link.visuals:
+            shape, material = visual.geometry, visual.material
+            if shape.mesh is None:
+                surface = trimesh.creation.box(extents=shape.box.size)
             else:
-                mesh = trimesh.creation.box(extents=numbers(geometry.get("size")))
-            mesh.apply_transform(from_origin(numbers(xyz), numbers(rpy)))
-            material = visual.find("material")
-            colour = None
-            if material is not None:
-                named = material.find("color")
-                colour = (colours[material.get("name")] if named is None else named).get("rgba")
-                colour = tuple(round(255 * value) for value in numbers(colour))
-            found.setdefault(link.get("name"), []).append((mesh.area, tuple(mesh.centroid), colour))
+                surface = trimesh.load(urdf.parent / shape.mesh.filename.removeprefix("file://"), force="mesh")
+                surface.apply_scale(1.0 if shape.mesh.scale is None else shape.mesh.scale)
+            surface.apply_transform(np.eye(4) if visual.origin is None else visual.origin)
+            colour = None if material is None else material.color or colours[material.name]
+            colour = None if colour is None else tuple(round(255 * value) for value in colour.rgba)
+            found.setdefault(link.name, []).append((surface.area, tuple(surface.centroid), colour))
     return found
 
 
