@@ -186,9 +186,8 @@ def test_what_drives_a_closed_robot_is_actuated(named):
     assert load_quietly(FIVE_BAR.format(named("a", "d")), ["b", "d"]).actuated == ("b", "d")
 
 
-def test_what_the_user_or_a_file_states_is_stronger(tmp_path):
-    path = tmp_path / "five.urdf"
-    path.write_text(FIVE_BAR.format(transmissions("a", "d")))
+def test_what_the_user_or_a_file_states_is_stronger(tmp_path, text_file):
+    path = text_file("five.urdf", FIVE_BAR.format(transmissions("a", "d")))
     (tmp_path / "five.yaml").write_text("closed_loop: [[end, eye]]\ntype: [3d]\nname_mot: [b, d]\n")
     assert cinegen.load(path).actuated == ("b", "d")
 

@@ -9,7 +9,6 @@ Three revolute joints about z move in the plane. A pin at P takes two degrees of
 
 import json
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -115,13 +114,8 @@ LOOPS = {
 
 
 @pytest.fixture
-def write(tmp_path):
-    def write(added: str = "", base: str = BARS) -> Path:
-        path = tmp_path / "bars.urdf"
-        path.write_text(f"{base}{added}\n</robot>")
-        return path
-
-    return write
+def write(text_file):
+    return lambda added="", base=BARS: text_file("bars.urdf", f"{base}{added}\n</robot>")
 
 
 @pytest.mark.parametrize("dialect", LOOPS)
@@ -511,10 +505,10 @@ def test_loops_are_opened_in_every_format_all_or_by_name(format, root, tmp_path)
 
 
 @pytest.mark.parametrize("options", [{"ignore_loops": True}, {"ignore": ["closure"]}])
-def test_the_robot_of_a_scene_is_opened_on_demand(options, write, tmp_path):
+def test_the_robot_of_a_scene_is_opened_on_demand(options, write, text_file):
     write(LOOPS["URDF+"][0].replace("<loop ", "<closure ").replace("</loop>", "</closure>"))
-    path = tmp_path / "scene.toml"
-    path.write_text('robot = "bars.urdf"\nnode = "coupler"\nsafety = 0.01\ngoal = { point = [1.5, 0, 0] }\n')
+    scene = 'robot = "bars.urdf"\nnode = "coupler"\nsafety = 0.01\ngoal = { point = [1.5, 0, 0] }\n'
+    path = text_file("scene.toml", scene)
     with pytest.raises(CinegenError, match=r"bars.urdf:6: <closure> 'pin' \('coupler', 'rocker'\) declares a loop"):
         load_scene(path)
     with pytest.warns(RaffWarning, match=r"bars.urdf: left out, as requested.*: <closure> 'pin' \(line 6\)"):

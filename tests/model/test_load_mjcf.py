@@ -46,13 +46,8 @@ MODEL = """<mujoco model="zoo">
 
 
 @pytest.fixture
-def write(tmp_path):
-    def write(more="", text=MODEL):
-        path = tmp_path / "zoo.xml"
-        path.write_text(text.replace("{more}", more))
-        return path
-
-    return write
+def write(text_file):
+    return lambda more="", text=MODEL: text_file("zoo.xml", text.replace("{more}", more))
 
 
 def without_mesh(text):
@@ -311,10 +306,9 @@ def test_gravity_of_the_file_is_that_of_sessions_and_of_what_is_saved():
     assert downwards == pytest.approx(data.qfrc_inverse)
 
 
-def test_what_forces_leave_out_is_told(typed, tmp_path):
+def test_what_forces_leave_out_is_told(typed, text_file):
 
-    path = tmp_path / "arm.xml"
-    path.write_text(ARM.format(more='damping="3 0.1" frictionloss="0.2" stiffness="9"'))
+    path = text_file("arm.xml", ARM.format(more='damping="3 0.1" frictionloss="0.2" stiffness="9"'))
     told = "forces leave out the nonlinear damping of shoulder, the springs of shoulder"
     assert told in cinegen.load(path).source.notes
     assert f"note: {told}\n  gravity: 1, -4, -6 m/s2\n" in typed("forces", path).out

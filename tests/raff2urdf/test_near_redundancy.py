@@ -204,9 +204,8 @@ def check_numbers(path, healing, digits):
         assert lines == {one.number.line for one in healing.numbers if one.number.file == file}
 
 
-def test_an_sdf_whose_hips_are_tilted_is_healed(tmp_path):
-    path = tmp_path / "walker.sdf"
-    path.write_text(walker(legs=1, tilt=4e-5))
+def test_an_sdf_whose_hips_are_tilted_is_healed(tmp_path, text_file):
+    path = text_file("walker.sdf", walker(legs=1, tilt=4e-5))
     healing = heal_file(path)
     tilts = [one for one in healing.numbers if abs(float(one.number.text)) == 4e-5]
     assert len(tilts) == 2
@@ -222,11 +221,10 @@ def test_an_sdf_whose_hips_are_tilted_is_healed(tmp_path):
             assert abs(own.evaluate(q)[0]).max() <= 1e-12
 
 
-def test_a_urdf_with_its_constraints(tmp_path):
+def test_a_urdf_with_its_constraints(tmp_path, text_file):
     exact = build(*described(mechanisms.four_bar(2)))
     urdf, constraints = rounded(exact.source.urdf, exact.source.constraints, 5, 1)
-    path = tmp_path / "rounded.urdf"
-    path.write_text(urdf)
+    path = text_file("rounded.urdf", urdf)
     path.with_suffix(".constraints.json").write_text(json.dumps(constraints, indent=1))
     healing = heal_file(path)
     check_numbers(path, healing, 5)
@@ -235,16 +233,16 @@ def test_a_urdf_with_its_constraints(tmp_path):
 
 
 @pytest.mark.parametrize("suffix", [".raff", ".xml"])
-def test_bennett_in_each_format(suffix, tmp_path):
-    source = tmp_path / "source.raff"
-    source.write_text(mechanisms.bennett())
+def test_bennett_in_each_format(suffix, tmp_path, text_file):
+    source = text_file("source.raff", mechanisms.bennett())
     if suffix != ".raff":
         (conversion,) = raff2urdf.convert(source, out=tmp_path, format="mjcf")
         source = conversion.file
     digits = 2 if suffix == ".raff" else 5  # mm and degrees
     number = re.compile(r"(?<=[\s>\"'])-?\d+\.\d+(e-?\d+)?")
-    path = tmp_path / f"rounded{suffix}"
-    path.write_text(number.sub(lambda found: repr(round(float(found[0]), digits)), source.read_text()))
+    path = text_file(
+        f"rounded{suffix}", number.sub(lambda found: repr(round(float(found[0]), digits)), source.read_text())
+    )
     healing = heal_file(path)
     check_numbers(path, healing, 4)
     mechanism = cinegen.load(written(healing, tmp_path / "out")[0])

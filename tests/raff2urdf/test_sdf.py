@@ -8,6 +8,7 @@ import dataclasses
 import math
 import re
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -116,10 +117,9 @@ def test_shapes_are_all_there_and_in_place(folder: Path) -> None:
 # --- what is written ---------------------------------------------------------------------------------------------
 
 
-def test_names_that_meet_are_parted_and_told(tmp_path: Path) -> None:
+def test_names_that_meet_are_parted_and_told(tmp_path: Path, text_file: Callable[[str, str], Path]) -> None:
     """RAFF may call a link as its joint; SDF may not."""
-    raff = tmp_path / "arm.raff"
-    raff.write_text('RAFF t\nrobot arm { link 1 { name "joint1" parameters { theta 90 } type 2 pred 0 } }')
+    raff = text_file("arm.raff", 'RAFF t\nrobot arm { link 1 { name "joint1" parameters { theta 90 } type 2 pred 0 } }')
     (conversion,) = convert(raff, tmp_path / "out", format="sdf")
     text = conversion.file.read_text()
     assert set(re.findall(r'<joint name="(\S+)"', text)) == {"joint0", "joint1#2"}

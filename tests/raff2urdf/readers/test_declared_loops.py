@@ -4,7 +4,6 @@ import json
 import re
 import shutil
 import warnings
-from pathlib import Path
 
 import pytest
 
@@ -26,13 +25,8 @@ YAML = "closed_loop: [[coupler, rocker]]\ntype: [3d]\nname_mot: [drive]\n"
 
 
 @pytest.fixture
-def bars(tmp_path):
-    def write(added: str, name: str = "bars.urdf") -> Path:
-        path = tmp_path / name
-        path.write_text(f"{HEAD}{added}\n</robot>")
-        return path
-
-    return write
+def bars(text_file):
+    return lambda added: text_file("bars.urdf", f"{HEAD}{added}\n</robot>")
 
 
 READABLE = f'<loop_joint name="pin" type="spherical">{LINKS}</loop_joint>'
@@ -152,11 +146,10 @@ def test_a_loop_of_old_gazebo_is_warned_of(bars):
 
 
 @pytest.fixture
-def five_bar(root, tmp_path):
+def five_bar(root, tmp_path, text_file):
     """A URDF and its constraints; the note that names them was lost on the way."""
-    raff2urdf.convert(root / "robots" / "five_bar.raff", tmp_path)
-    urdf = tmp_path / "five_bar.urdf"
-    urdf.write_text(re.sub("  <!--.*-->\n", "", urdf.read_text()))
+    (made,) = raff2urdf.convert(root / "robots" / "five_bar.raff", tmp_path)
+    text_file("five_bar.urdf", re.sub("  <!--.*-->\n", "", made.urdf.read_text()))
     return tmp_path
 
 

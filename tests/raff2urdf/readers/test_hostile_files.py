@@ -4,6 +4,7 @@ import json
 import os
 import re
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -121,10 +122,9 @@ def test_shapes_and_masses(tmp_path: Path, content: str, message: str, capfd: py
     ],
 )
 def test_an_incomplete_mass_is_reported(
-    tmp_path: Path, inertial: str, lacks: str, capfd: pytest.CaptureFixture[str]
+    text_file: Callable[[str, str], Path], inertial: str, lacks: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    path = tmp_path / "r.urdf"
-    path.write_text(of_b(f"<inertial>{inertial}</inertial>"))
+    path = text_file("r.urdf", of_b(f"<inertial>{inertial}</inertial>"))
     with pytest.warns(
         cinegen.CinegenWarning, match=rf"r.urdf:2: the <inertial> of link 'b' has no {lacks}: its mass is"
     ):
@@ -277,10 +277,9 @@ def test_an_error_lists_twenty_problems(tmp_path: Path) -> None:
     assert len(caught.value.problems) == 99
 
 
-def test_an_error_quotes_some_of_a_long_text(tmp_path: Path) -> None:
+def test_an_error_quotes_some_of_a_long_text(text_file: Callable[[str, str], Path]) -> None:
     text = URDF.format(f'<limit velocity="1e{"a" * 1_000_000}"/>', "")
-    path = tmp_path / "r.urdf"
-    path.write_text(text, encoding="utf-8")
+    path = text_file("r.urdf", text)
     with pytest.raises(CinegenError, match="is not a number") as error:
         cinegen.load(path)
     assert len(str(error.value)) < 5000

@@ -167,17 +167,13 @@ def test_what_drives_joints_is_not_listed(tmp_path):
     assert ignored(write(tmp_path, transmission + plugin + control)) == []
 
 
-def test_other_formats(root, tmp_path):
-    path = tmp_path / "arm.sdf"
-    path.write_text(
-        '<sdf version="1.9"><model name="m"><link name="l"><collision name="c"/><visual name="v"/></link>\n'
-        '<plugin name="p" filename="f"/></model></sdf>'
-    )
+def test_other_formats(root, text_file):
+    shapes = '<link name="l"><collision name="c"/><visual name="v"/></link>'
+    model = f'<model name="m">{shapes}\n<plugin name="p" filename="f"/></model>'
+    path = text_file("arm.sdf", f'<sdf version="1.9">{model}</sdf>')
     assert ignored(path) == [("link/collision", 1, (1,)), ("model/plugin", 1, (2,))]
-    path = tmp_path / "arm.xml"
-    path.write_text(
-        '<mujoco><worldbody><light pos="0 0 1"/><body><geom size="1"/></body></worldbody><sensor/></mujoco>'
-    )
+    world = '<worldbody><light pos="0 0 1"/><body><geom size="1"/></body></worldbody>'
+    path = text_file("arm.xml", f"<mujoco>{world}<sensor/></mujoco>")
     assert ignored(path) == [("worldbody/light", 1, (1,)), ("mujoco/sensor", 1, (1,))]
     for name in ("five_bar", "delta4"):
         assert ignored(root / "generated" / f"{name}.urdf") == []
@@ -234,13 +230,8 @@ LIMITED = joint_text("j", "a", "b", '<axis xyz="0 0 1"/><limit {} velocity="1" e
 
 
 @pytest.fixture
-def load(tmp_path):
-    def load(*elements, **options):
-        path = tmp_path / "r.urdf"
-        path.write_text(robot(*elements))
-        return cinegen.load(path, **options)
-
-    return load
+def load(text_file):
+    return lambda *elements, **options: cinegen.load(text_file("r.urdf", robot(*elements)), **options)
 
 
 @pytest.mark.parametrize(("kind", "floating"), [("fixed", False), ("floating", True)])
@@ -335,9 +326,8 @@ def test_trees_that_nothing_joins_are_refused_with_a_joint_that_joins_them(load,
     ('upper="-1"', 'lower="-1" upper="0"'),
     ('lower="0.5"', 'lower="0" upper="0.5"'),
 ])  # fmt: skip
-def test_reversed_limits_are_refused_and_exchanged_on_request(tmp_path, limits, edit, typed):
-    path = tmp_path / "r.urdf"
-    path.write_text(robot(links("a", "b"), LIMITED.format(limits)))
+def test_reversed_limits_are_refused_and_exchanged_on_request(tmp_path, text_file, limits, edit, typed):
+    path = text_file("r.urdf", robot(links("a", "b"), LIMITED.format(limits)))
     said = typed("info", path, code=1).err
     assert f"swap them ({edit}), or add --swap-limits (in Python swap_limits=True)" in said
     option = re.search(r"add (--\S+)", said)[1]
