@@ -146,18 +146,3 @@ def test_what_makes_no_sense_is_refused() -> None:
     ):
         with pytest.raises(cinegen.CinegenError, match=message):
             cinegen.inverse_kinematics(mechanism, targets, **options)
-
-
-def test_two_nodes_at_once() -> None:
-    mechanism = load("arm7")
-    elbow, end = mechanism.nodes[4], end_of(mechanism)
-    for known in configurations(mechanism, 20, seed=5):
-        elbow_there, end_there = (mechanism.placement(known, node) for node in (elbow, end))
-        reached = cinegen.inverse_kinematics(
-            mechanism, [cinegen.FrameTask(elbow, elbow_there, 3, 0), cinegen.FrameTask(end, end_there)]
-        )
-        assert reached
-        assert len(reached.errors) == 2
-        assert max(map(max, reached.errors)) <= 1e-6
-        left = mechanism.placement(reached.q, elbow).translation - elbow_there.translation
-        assert np.linalg.norm(left) <= 1e-6
