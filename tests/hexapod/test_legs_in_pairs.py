@@ -5,6 +5,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 from test_hexapod import pose, reach
 
 from cinegen.hexapod import Hexapod
@@ -28,12 +29,8 @@ seeds = st.integers(0, 2**32 - 1).map(np.random.default_rng)
 
 
 def euler(x, y, z, *angles):
-    (a, d), (b, e), (c, f) = ((np.cos(t), np.sin(t)) for t in np.radians(angles))
-    placement = np.eye(4)
-    about_z, about_x = np.array([[a, -d, 0], [d, a, 0], [0, 0, 1]]), np.array([[1, 0, 0], [0, b, -e], [0, e, b]])
-    placement[:3, :3] = about_z @ about_x @ np.array([[c, -f, 0], [f, c, 0], [0, 0, 1]])
-    placement[:3, 3] = x, y, z
-    return placement
+    rotation = Rotation.from_euler("ZXZ", angles, degrees=True).as_matrix()
+    return pin.SE3(rotation, np.array([x, y, z], dtype=float)).homogeneous
 
 
 def mirrored(placement, platform):

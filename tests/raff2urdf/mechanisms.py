@@ -1,7 +1,7 @@
 """RAFF texts of mechanisms whose mobility is known.
 
 Most are given by where their joint axes lie in the world (metres; z of a placement is the axis), see `making`; those
-that stand in a book by their own parameters are written out.
+that stand in a paper are those of `robots`.
 """
 
 import math
@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import making
 import numpy as np
+from elementary import ROBOTS
 from elementary import shift as shift
 from elementary import turn as turn
 from making import PRISMATIC, REVOLUTE, TOOL, Body, Mechanism, axis, planar
@@ -96,33 +97,9 @@ def slider_crank(cut: str) -> str:
 # --- spatial mechanisms ------------------------------------------------------------------------------------------
 
 
-def delta(forearm: float = 3500.0) -> str:
-    """The paper's MiniDelta (figure 5), completed: a 3-RUU delta, mobility 3.
-
-    Base radius 1500, upper arm 2000, shoulder at 0, elbow at 211.21 are the figure's; forearm L and platform radius
-    p are tied by p = 3500 + L cos(211.21). Each arm: shoulder, then two joints at the elbow, two at the wrist; link 5
-    is the platform. Arms 2 and 3 end in a fixed link that coincides with it.
-    """
-    radius = 3500.0 + forearm * math.cos(math.radians(211.21))
-    lines = ["RAFF MiniDelta", "robot r1 {", "base { }"]
-    for arm, gamma in enumerate((0, 120, 240)):
-        n = (1, 6, 12)[arm]
-        lines += [
-            f"link {n} {{ parameters {{ gamma {gamma} alpha 90 d 1500 theta 0 }} type 2 pred 0 limits {{ -85 80 }} }}",
-            f"link {n + 1} {{ parameters {{ d 2000 theta 211.21 }} type 2 pred {n} limits {{ 185 355 }} }}",
-            f"link {n + 2} {{ parameters {{ alpha 90 }} type 2 pred {n + 1} }}",
-            f"link {n + 3} {{ parameters {{ d {forearm!r} }} type 2 pred {n + 2} }}",
-            f"link {n + 4} {{ parameters {{ alpha -90 theta {360 - 211.21!r} }} type 2 pred {n + 3} }}",
-        ]
-        if arm:  # to the platform's centre, and out again to where the first arm holds it
-            centre, end = 20 + arm, (5, 11, 17)[arm]
-            lines += [
-                f"frame {centre} {{ parameters {{ d {-radius!r} alpha -90 }} pred {n + 4} }}",
-                f"link {end} {{ parameters {{ gamma {-gamma} alpha 90 d {radius!r} }} type 0 pred {centre} }}",
-                f"constraint {{ link 5 link {end} }}",
-            ]
-    lines += [f'frame 20 {{ name "tool" parameters {{ d {-radius!r} alpha -90 }} pred 5 }}', "}", ""]
-    return "\n".join(lines)
+def delta() -> str:
+    """The paper's MiniDelta (figure 5) as it is in `robots`, without graphics: a 3-RUU delta, mobility 3."""
+    return re.sub('path ".*"|filename {[^}]*}', "", (ROBOTS / "delta4.raff").read_text(encoding="utf-8"))
 
 
 def gough_stewart() -> str:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from elementary import shift, turn
 from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
@@ -39,14 +40,7 @@ def text(kind: str, variables: str = "") -> str:
 
 def step(name: str, value: float) -> np.ndarray:
     """The transform of a variable (rad, m): of x a rotation about x, of tx a translation along it."""
-    along, k = np.eye(4), "xyz".index(name[-1])
-    if name.startswith("t"):
-        along[k, 3] = value
-        return along
-    i, j = (k + 1) % 3, (k + 2) % 3
-    along[[i, j], [i, j]] = np.cos(value)
-    along[i, j], along[j, i] = -np.sin(value), np.sin(value)
-    return along
+    return shift(name[-1], value) if name.startswith("t") else turn(name, value)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -56,7 +56,7 @@ def saying(text: str, **actuated: int) -> str:
     """The text with `actuated 0|1` in some links, given as link3=1."""
     for link, value in actuated.items():
         number = link.removeprefix("link")
-        text, count = re.subn(rf"(link {number} {{ parameters)", rf"link {number} {{ actuated {value} parameters", text)
+        text, count = re.subn(rf"\blink {number} {{", rf"link {number} {{ actuated {value}", text)
         assert count == 1
     return text
 

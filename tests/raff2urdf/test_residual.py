@@ -31,19 +31,11 @@ def directions(draw: st.DrawFn) -> np.ndarray:
     return v / size
 
 
-def placement_of(rotation: np.ndarray, p: np.ndarray | None = None) -> Matrix:
-    m = np.eye(4)
-    m[:3, :3] = rotation
-    if p is not None:
-        m[:3, 3] = p
-    return m
-
-
 @st.composite
 def placements(draw: st.DrawFn, farthest: float = 3.0) -> Matrix:
     """A second end seen from the first, turned by up to `farthest`, very little now and then."""
     angle = draw(st.floats(0, farthest) | st.floats(-12, -1).map(lambda exponent: 10.0**exponent))
-    return placement_of(pin.exp3(angle * draw(directions())), draw(vectors))
+    return pin.SE3(pin.exp3(angle * draw(directions())), draw(vectors)).homogeneous
 
 
 # --- the rotation vector -----------------------------------------------------------------------------------------
@@ -127,7 +119,7 @@ def freedoms(draw: st.DrawFn, kind: LoopKind) -> Matrix:
     if kind is LoopKind.REVOLUTE:
         return turn("z", draw(st.floats(-7, 7)))
     if kind is LoopKind.BALL:
-        return placement_of(pin.exp3(draw(st.floats(0, 7)) * draw(directions())))
+        return pin.SE3(pin.exp3(draw(st.floats(0, 7)) * draw(directions())), np.zeros(3)).homogeneous
     return np.eye(4)
 
 
