@@ -24,3 +24,12 @@ def limit(lower: float, upper: float) -> str:
 def robot(*parts: str, name: str = "r") -> str:
     """A URDF of these elements."""
     return "\n".join([f'<robot name="{name}">', *parts, "</robot>"])
+
+
+BARS = f"""<robot name="bars">
+  {links("ground", "crank", "coupler", "rocker")}
+  {joint_at("drive", "ground", "crank")}
+  {joint_at("elbow", "crank", "coupler", "0 1 0")}
+  {joint_at("swing", "ground", "rocker", "2.5 0 0")}
+"""
+"""Bars that are no closed four-bar yet; what is added begins on line 6."""

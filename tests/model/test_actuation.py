@@ -83,9 +83,11 @@ SYNTAX = {
 
 @pytest.mark.parametrize("kind", SYNTAX)
 def test_a_joint_whose_column_is_rounding_is_not_taken_for_a_passive_one(kind, tmp_path):
+    """Nor is a tip on two coaxial hinges a rod that may spin: its angle matters."""
     mechanism, met = declared(tmp_path, kind, "")
     assert (mechanism.mobility, len(mechanism.actuated), met) == (3, 3, [])
     assert uncontrolled(mechanism) == 0
+    assert (mechanism.structure.idle, mechanism.uncontrolled) == ((), ())
 
 
 @pytest.mark.parametrize("name", ["arm7", "delta4", "planar_hybrid", "gough", "sr400", "scara", "planetary_gear"])

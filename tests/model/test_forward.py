@@ -10,11 +10,11 @@ import scipy.optimize
 from elementary import at
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from slow_motion import walk
 from small_robots import four_bar
 
 import cinegen
 from cinegen.model import ForwardKinematics
-from raff2urdf import closure
 
 SOME = ("delta4", "five_bar", "hybrid")
 seeds = st.integers(0, 2**32 - 1)
@@ -22,23 +22,10 @@ seeds = st.integers(0, 2**32 - 1)
 
 def slowly(mechanism: cinegen.Mechanism, q: np.ndarray, goal: np.ndarray) -> np.ndarray | None:
     """Where a slow motion from q (nq,) to the motors' goal ends; None where it meets a singularity."""
-    places = [mechanism.q_index(joint) for joint in mechanism.actuated]
-    columns = [mechanism.v_index(joint) for joint in mechanism.actuated]
-    free = np.ones(mechanism.model.nv, dtype=bool)
-    free[columns] = False
-    begin = q[places]
-    steps = max(1, int(np.ceil(np.abs((goal - begin) / mechanism.scale[columns]).max() / 0.01)))
-    before = q
-    for i in range(1, steps + 1):
-        start = 2.0 * q - before
-        start[places] = begin + (goal - begin) * i / steps
-        closing = closure.close(mechanism.structure.system, start, free, 20)
-        rows = mechanism.structure.system.evaluate(closing.q)[1][:, free]
-        smallest = np.linalg.svd(rows, compute_uv=False)[mechanism.loop_rank - 1]
-        if not closing.closed or smallest < 0.02 or np.abs(closing.q - q).max() > 0.2:
-            return None
-        before, q = q, closing.q
-    return q
+    scale = mechanism.scale[[mechanism.v_index(joint) for joint in mechanism.actuated]]
+    steps = np.ceil(np.abs((goal - at(mechanism, q, mechanism.actuated)) / scale).max() / 0.01)
+    walked = walk(mechanism, q, goal, max(1, int(steps)))
+    return None if walked is None else walked[-1]
 
 
 @pytest.mark.parametrize("name", SOME)

@@ -13,20 +13,13 @@ import warnings
 import numpy as np
 import pytest
 from dragging import dragged
-from urdf_text import joint_at, joint_text, limit, links
+from urdf_text import BARS, joint_at, joint_text, limit, links
 
 import cinegen
 import raff2urdf
 from cinegen import CinegenError
 from cinegen.collision import load_scene
 from raff2urdf.errors import RaffWarning
-
-BARS = f"""<robot name="bars">
-  {links("ground", "crank", "coupler", "rocker")}
-  {joint_at("drive", "ground", "crank")}
-  {joint_at("elbow", "crank", "coupler", "0 1 0")}
-  {joint_at("swing", "ground", "rocker", "2.5 0 0")}
-"""  # what is added begins on line 6
 
 ENDS = '<parent link="coupler"/><child link="rocker"/>'
 SDF_ENDS = "<parent>coupler</parent><child>bars::rocker</child>"

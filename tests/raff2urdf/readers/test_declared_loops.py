@@ -6,18 +6,12 @@ import shutil
 import warnings
 
 import pytest
+from urdf_text import BARS
 
 import cinegen
 import raff2urdf
 from raff2urdf import readers
 from raff2urdf.errors import RaffError, RaffWarning
-
-HEAD = """<robot name="bars">
-  <link name="ground"/> <link name="crank"/> <link name="coupler"/> <link name="rocker"/>
-  <joint name="drive" type="continuous"> <parent link="ground"/> <child link="crank"/> </joint>
-  <joint name="elbow" type="continuous"> <parent link="crank"/> <child link="coupler"/> </joint>
-  <joint name="swing" type="continuous"> <parent link="ground"/> <child link="rocker"/> </joint>
-"""  # what is added begins on line 6
 
 ENDS = '<parent link="coupler"/><child link="rocker"/>'
 LINKS = '<link1 link="coupler"/><link2 link="rocker"/>'
@@ -26,7 +20,7 @@ YAML = "closed_loop: [[coupler, rocker]]\ntype: [3d]\nname_mot: [drive]\n"
 
 @pytest.fixture
 def bars(text_file):
-    return lambda added: text_file("bars.urdf", f"{HEAD}{added}\n</robot>")
+    return lambda added: text_file("bars.urdf", f"{BARS}{added}\n</robot>")
 
 
 READABLE = f'<loop_joint name="pin" type="spherical">{LINKS}</loop_joint>'

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from loop_like_names import names
-from urdf_text import joint_at, joint_text, links, robot
+from urdf_text import BARS, joint_at, joint_text, links, robot
 
 import cinegen
 from raff2urdf import readers
@@ -120,18 +120,13 @@ def test_commas_may_be_decimal_ones():
 # Elements that are not read are listed; none that could remove degrees of freedom is among them.
 
 
-HEAD = """<robot name="bars">
-  <link name="ground"/> <link name="crank"/> <link name="rocker"/>
-  <joint name="drive" type="continuous"> <parent link="ground"/> <child link="crank"/> </joint>
-  <joint name="swing" type="continuous"> <parent link="ground"/> <child link="rocker"/> </joint>
-"""
 FIXED = "<joint name='j' type='fixed'><parent link='crank'/>"
 ENDS = '<a link="crank"/><b link="rocker"/>'
 
 
 def write(folder: Path, added: str) -> Path:
     path = folder / "bars.urdf"
-    path.write_text(f"{HEAD}{added}\n</robot>")
+    path.write_text(f"{BARS}{added}\n</robot>")
     return path
 
 
@@ -149,7 +144,7 @@ def write(folder: Path, added: str) -> Path:
 def test_elements_that_are_not_read_are_listed(added, element, tmp_path):
     path = write(tmp_path, added)
     readers.read(path)
-    assert ignored(path) == [(element, 1, (5,))]
+    assert ignored(path) == [(element, 1, (6,))]
 
 
 def test_loops_and_couplings_that_are_read_are_not_listed(tmp_path):
@@ -157,7 +152,7 @@ def test_loops_and_couplings_that_are_read_are_not_listed(tmp_path):
     frames = '<frame name="closing_a_1" link="crank"/><frame name="closing_a_2" link="rocker"/>'
     param = '<param name="mimic">drive</param>'
     control = f'<ros2_control name="r" type="system"><joint name="swing">{param}</joint><hardware/></ros2_control>'
-    assert ignored(write(tmp_path, loop + frames + control)) == [("ros2_control/hardware", 1, (5,))]
+    assert ignored(write(tmp_path, loop + frames + control)) == [("ros2_control/hardware", 1, (6,))]
 
 
 def test_what_drives_joints_is_not_listed(tmp_path):
@@ -182,9 +177,9 @@ def test_other_formats(root, text_file):
 def test_the_command_lists_them(tmp_path, typed):
 
     path = write(tmp_path, 2 * "<sensor name='s'/>\n")
-    assert typed("info", path, "--ignored").out.endswith("  not read:\n    2 <sensor> in <robot>, lines 5, 6\n")
+    assert typed("info", path, "--ignored").out.endswith("  not read:\n    2 <sensor> in <robot>, lines 6, 7\n")
     assert json.loads(typed("info", path, "--ignored", "--json").out)[0]["ignored"] == [
-        {"element": "robot/sensor", "number": 2, "lines": [5, 6]}
+        {"element": "robot/sensor", "number": 2, "lines": [6, 7]}
     ]
     assert typed("info", "four_bar", "--ignored").out.endswith("  everything is read\n")
 
@@ -212,7 +207,7 @@ def test_no_loop_like_element_is_dropped_in_silence(name, form, prefix, tmp_path
             found = readers.read(path)
         told = bool(found.constraints and (found.constraints["loops"] or found.constraints.get("couplings")))
     except RaffError as error:
-        told = f"bars.urdf:5: <{prefix}{name}> 'e'" in str(error)
+        told = f"bars.urdf:6: <{prefix}{name}> 'e'" in str(error)
     except UserWarning:
         told = True
     assert told, added
