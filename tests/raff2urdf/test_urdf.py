@@ -152,20 +152,13 @@ def test_a_robot_of_any_size_is_drawn_or_refused(size: float, word: str) -> None
         assert all(math.isfinite(number) for origin in origins for number in numbers(origin.get("xyz")))
 
 
-def ends_of_bars(document: Document, robot: RaffRobot | None = None) -> dict[str, list[np.ndarray]]:
-    """Both ends of every cylinder that collides, in the frame of its node."""
-    xml = etree.fromstring(translated(document, robot).urdf.encode())
-    ends: dict[str, list[np.ndarray]] = {}
-    for link in xml.findall("link"):
-        for visual in link.findall("collision"):
-            cylinder = visual.find("geometry/cylinder")
-            if cylinder is None:
-                continue
-            roll, pitch, yaw = numbers(visual.find("origin").get("rpy"))
-            axis = (turn("z", yaw) @ turn("y", pitch) @ turn("x", roll))[:3, 2]
-            middle = np.array(numbers(visual.find("origin").get("xyz")))
-            half = 0.5 * float(cylinder.get("length")) * axis
-            ends.setdefault(link.get("name"), []).extend([middle - half, middle + half])
+def ends_of_bars(document: Document, link: str) -> list[np.ndarray]:
+    """Both ends of every cylinder of a link that collides, in its frame."""
+    ends = []
+    for shape in translated(document).model.link_map[link].collisions:
+        if shape.geometry.cylinder is not None:
+            half = 0.5 * shape.geometry.cylinder.length * shape.origin[:3, 2]
+            ends += [shape.origin[:3, 3] - half, shape.origin[:3, 3] + half]
     return ends
 
 
@@ -176,7 +169,7 @@ def test_bars_lead_all_the_way_to_where_a_child_stands(k: Kleinfinger) -> None:
     words += f" d {1e3 * k.d!r} theta {math.degrees(k.theta)!r} r {1e3 * k.r!r}"
     document = loads(f"RAFF t\nrobot r {{ link 1 {{ parameters {{ {words} }} type 2 pred 0 }} }}")
     child = placements(document, document.robot())[1][:3, 3]
-    ends = ends_of_bars(document)["base"]
+    ends = ends_of_bars(document, "base")
     assert min(np.linalg.norm(end) for end in ends) <= 1e-5
     assert min(np.linalg.norm(end - child) for end in ends) <= 1e-5
 
