@@ -60,13 +60,6 @@ def test_a_sidecar_file_is_named_without_xacro(bars, tmp_path):
     assert cinegen.load(path).mobility == 2
 
 
-def test_commands_and_conversion_take_xacro(bars, tmp_path, typed):
-    path = bars("bars.urdf.xacro", BARS.replace("loop_joint", "frame"))
-    assert "bars: robot 'bars', mobility 2" in typed("info", path).out
-    assert urdf2raff([str(path), "-o", f"{tmp_path}/"]) == 0
-    assert len(raff2urdf.load(tmp_path / "bars.raff").robot().links) == 2
-
-
 @pytest.mark.parametrize(("element", "says"), [
     ("<xacro:nope/>", "xacro: unknown macro name: xacro:nope"),
     ('<link name="${nope}"/>', "xacro: name 'nope' is not defined"),
