@@ -145,6 +145,19 @@ def raff(tmp_path):
     return load
 
 
+@pytest.fixture
+def text_file(tmp_path):
+    """`text_file("arm.urdf", text)`: the path of a file with this text."""
+
+    def write(name: str, text: str) -> Path:
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write
+
+
 DEVICES = {"null": (1, 3), "full": (1, 7)}
 
 

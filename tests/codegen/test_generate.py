@@ -2,11 +2,11 @@
 
 import json
 import re
-import shutil
-import subprocess
 
 import numpy as np
 import pytest
+from generated_code import CHECKED, NODE, compiled, largest, needs_gcc, needs_node, run, run_script, written
+from hostile_names import KEYS, urdf
 from small_robots import rssr
 from variants import slow
 
@@ -19,50 +19,21 @@ from cinegen.codegen.translation import KernelTranslation
 from cinegen.codegen.values import Memories, Number, TranslationError
 from cinegen.model import ForwardKinematics
 
-GCC, NODE = shutil.which("gcc"), shutil.which("node")
-STRICT = ("-std=c99", "-O0", "-g", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-fsanitize=address,undefined")
-
-needs_gcc = pytest.mark.skipif(GCC is None, reason="there is no gcc")
-needs_node = pytest.mark.skipif(NODE is None, reason="there is no node")
-
-
-def written(folder, mechanism, language, **settings):
-    for name, text in generate(mechanism, language, name="robot", **settings).items():
-        (folder / name).write_text(text)
-
-
-def compiled(folder, *options):
-    command = [GCC, *options, "robot.c", "robot_test.c", "-o", "test", "-lm"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return folder / "test"
-
-
-def largest(said):
-    """What a test program found: the largest difference from Python."""
-    wrong, difference = re.search(r"(\d+) wrong results, largest difference (\S+)", said).groups()
-    assert wrong == "0", said
-    return float(difference)
-
 
 @needs_gcc
 @pytest.mark.parametrize("name", ["delta4", *slow("arm7", "hybrid", "differential_wrist")])
 def test_c_agrees_with_python(robot, tmp_path, name):
     written(tmp_path, robot(name), Language.C)
-    done = subprocess.run([compiled(tmp_path, *STRICT)], capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stderr == ""
-    assert largest(done.stdout) < 1e-12
-    assert done.stdout.count("\n") == 5
+    said = run(tmp_path, compiled(tmp_path, *CHECKED))
+    assert largest(said) < 1e-12
+    assert said.count("\n") == 5
 
 
 @needs_node
 @pytest.mark.parametrize("name", ["scara", *slow("gough", "sr400")])
 def test_javascript_agrees_with_python(robot, tmp_path, name):
     written(tmp_path, robot(name), Language.JAVASCRIPT)
-    done = subprocess.run([NODE, "robot_test.mjs"], cwd=tmp_path, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert largest(done.stdout) < 1e-12
+    assert largest(run(tmp_path, NODE, "robot_test.mjs")) < 1e-12
 
 
 RANDOM = """
@@ -86,11 +57,10 @@ def test_frames_and_singular_values_at_random_configurations(robot, tmp_path, na
     sizes = np.array([mechanism.scale[mechanism.v_index(joint)] for joint in mechanism.actuated])
     given = home + 0.2 * sizes * rng.uniform(-1.0, 1.0, (count, len(home)))
     (tmp_path / "values.json").write_text(json.dumps(given.tolist()))
-    (tmp_path / "run.mjs").write_text(RANDOM)
-    done = subprocess.run([NODE, "run.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    computed = json.loads(run_script(tmp_path, RANDOM))
     wanted, motion, unreached = cinegen.evaluate(mechanism, mechanism.end, given), ForwardKinematics(mechanism), 0
     compared = 0
-    for i, (reached, q, frames, sigma) in enumerate(json.loads(done.stdout)):
+    for i, (reached, q, frames, sigma) in enumerate(computed):
         assert mechanism.closure(np.array(q)) < 1e-12
         values = dict(zip(mechanism.actuated, given[i].tolist(), strict=True))
         if not reached:
@@ -138,9 +108,8 @@ def test_ball_joints_and_floating_bases(tmp_path, text, name, language):
     """The rod of an RSSR rotates about itself, which no actuated joint determines: that must agree, too."""
     mechanism = cinegen.load(text)
     written(tmp_path, mechanism, language, functions=[Function.FORWARD, Function.TICK])
-    command = [compiled(tmp_path, *STRICT)] if language is Language.C else [NODE, "robot_test.mjs"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
-    assert largest(done.stdout) < 1e-12, done.stderr
+    command = [compiled(tmp_path, *CHECKED)] if language is Language.C else [NODE, "robot_test.mjs"]
+    assert largest(run(tmp_path, *command)) < 1e-12
     if language is Language.C:
         return
     names = re.search(r"names = (.*);", (tmp_path / "robot.mjs").read_text())[1]
@@ -161,17 +130,15 @@ console.log(JSON.stringify(found));
 def test_values_that_are_not_finite_or_far_away_move_nothing(robot, tmp_path):
     mechanism = robot("delta4")
     written(tmp_path, mechanism, Language.JAVASCRIPT, functions=[Function.FORWARD, Function.CLOSE])
-    (tmp_path / "invalid.mjs").write_text(INVALID.replace("COUNT", str(len(mechanism.actuated))))
-    done = subprocess.run([NODE, "invalid.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True)
-    assert json.loads(done.stdout) == [False, False, False, True, None]  # JSON has no NaN
+    found = run_script(tmp_path, INVALID.replace("COUNT", str(len(mechanism.actuated))))
+    assert json.loads(found) == [False, False, False, True, None]  # JSON has no NaN
 
 
 @needs_node
 def test_several_tasks_and_positions(robot, tmp_path):
     tasks = ["tool:position", "link4:position"]
     written(tmp_path, robot("arm7"), Language.JAVASCRIPT, functions=[Function.TICK], tasks=tasks)
-    done = subprocess.run([NODE, "robot_test.mjs"], cwd=tmp_path, capture_output=True, text=True)
-    assert largest(done.stdout) < 1e-12
+    assert largest(run(tmp_path, NODE, "robot_test.mjs")) < 1e-12
 
 
 @pytest.mark.parametrize(
@@ -188,6 +155,13 @@ def test_what_cannot_be_generated_is_named(robot, settings, message):
     with pytest.raises(cinegen.CinegenError, match=message):
         generate(robot("arm7"), Language.C, **settings)
     assert issubclass(GenerationError, cinegen.CinegenError)
+
+
+def test_nodes_whose_identifiers_would_be_equal_have_different_ones():
+    names = ("a-b", "a_b", "a b", *KEYS)
+    mechanism = cinegen.load(urdf(links=names, joints=tuple(map(str, range(len(names))))))
+    header = generate(mechanism, Language.C, functions=(), name="arm")["arm.h"]
+    assert len(set(re.findall(r"(arm_NODE_\w+) = \d+", header))) == 1 + len(names)
 
 
 def comprehends(memory):

@@ -1,21 +1,19 @@
 """Inverse kinematics of generated code, beside the same search in Python; Pinocchio judges what it finds."""
 
 import json
-import shutil
-import subprocess
 
 import numpy as np
 import pytest
+from generated_code import needs_node, run_script, written
 from variants import slow
 
-from cinegen.codegen import Function, Language, generate
+from cinegen.codegen import Function, Language
 from cinegen.codegen.inverse import ITERATIONS, TOLERANCE, InverseKinematics
 from cinegen.ik import FrameTask
 from cinegen.ik.local_ik import LocalIK
 from cinegen.jit.foreign import frame_of
 from cinegen.tolerances import AT_LIMIT
 
-NODE = shutil.which("node")
 SOLVE = """
 import create, { names } from "./robot.mjs";
 import { readFileSync } from "node:fs";
@@ -29,16 +27,13 @@ console.log(JSON.stringify(JSON.parse(readFileSync("targets.json", "utf8")).map(
 })));
 """.replace("TOLERANCE", repr(TOLERANCE))
 
-pytestmark = pytest.mark.skipif(NODE is None, reason="there is no node")
+pytestmark = needs_node
 
 
 def solved(folder, mechanism, targets, task):
-    files = generate(mechanism, Language.JAVASCRIPT, name="robot", functions=[Function.IK], tasks=[task])
-    for name, text in {**files, "run.mjs": SOLVE}.items():
-        (folder / name).write_text(text)
+    written(folder, mechanism, Language.JAVASCRIPT, functions=[Function.IK], tasks=[task])
     (folder / "targets.json").write_text(json.dumps([frame_of(one).ravel().tolist() for one in targets]))
-    done = subprocess.run([NODE, "run.mjs"], cwd=folder, capture_output=True, text=True, check=True)
-    return json.loads(done.stdout)
+    return json.loads(run_script(folder, SOLVE))
 
 
 @pytest.mark.parametrize(
@@ -86,8 +81,8 @@ def test_poses_that_configurations_have_are_found(robot, tmp_path, name, kind, c
 
 
 def test_targets_that_cannot_be_reached_move_nothing(robot, tmp_path):
-    files = generate(robot("delta4"), Language.JAVASCRIPT, name="robot", functions=[Function.IK, Function.TICK])
-    run = """
+    written(tmp_path, robot("delta4"), Language.JAVASCRIPT, functions=[Function.IK, Function.TICK])
+    script = """
 import create from "./robot.mjs";
 const robot = create();
 robot.targets[0][9] += 0.05;
@@ -101,9 +96,6 @@ robot.targets[0][9] += 0.05;
 for (let i = 0; i < 1000; i += 1) robot.tick();
 console.log(JSON.stringify([...found, Math.max(...before.map((value, k) => Math.abs(value - robot.q[k])))]));
 """
-    for name, content in {**files, "run.mjs": run}.items():
-        (tmp_path / name).write_text(content)
-    done = subprocess.run([NODE, "run.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True)
-    *found, apart = json.loads(done.stdout)
+    *found, apart = json.loads(run_script(tmp_path, script))
     assert found == ["FOUND", "BAD_TARGET", "NOT_FOUND", True, True]
     assert apart < 1e-9  # ticks towards the same target end in the same configuration

@@ -2,11 +2,10 @@
 
 import ctypes
 import re
-import shutil
-import subprocess
 
 import numpy as np
 import pytest
+from generated_code import CHECKED, compiled, needs_gcc, run, written
 from variants import slow
 
 from cinegen.codegen import Function, Language, generate
@@ -14,29 +13,15 @@ from cinegen.codegen.precision import CLOSURE_ERROR, POSITION_ERROR
 from cinegen.errors import ClosureError
 from cinegen.model import ForwardKinematics
 
-GCC = shutil.which("gcc")
-STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror")
 REGULAR = 0.1  # smallest singular value of the passive joints: no singularity is near
 
-pytestmark = pytest.mark.skipif(GCC is None, reason="there is no gcc")
-
-
-def built(folder, mechanism, *options, output, **settings):
-    for name, text in generate(mechanism, Language.C_FLOAT, name="robot", **settings).items():
-        (folder / name).write_text(text)
-    files = ["robot.c"] if "-shared" in options else ["robot.c", "robot_test.c"]
-    command = [GCC, *STRICT, *options, *files, "-o", output, "-lm"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return folder / output
+pytestmark = needs_gcc
 
 
 @pytest.mark.parametrize("name", ["delta4", *slow("arm7", "hybrid")])
 def test_recorded_cases_are_met(robot, tmp_path, name):
-    program = built(tmp_path, robot(name), "-O0", "-g", "-fsanitize=address,undefined", output="test")
-    done = subprocess.run([program], capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stderr == ""
+    written(tmp_path, robot(name), Language.C_FLOAT)
+    run(tmp_path, compiled(tmp_path, "-Wdouble-promotion", *CHECKED))
     for file in ("robot.c", "robot.h"):
         code = re.sub(r"/\*.*?\*/", "", (tmp_path / file).read_text(), flags=re.DOTALL)
         assert "double" not in code
@@ -47,7 +32,8 @@ def test_recorded_cases_are_met(robot, tmp_path, name):
 def test_the_stated_error_is_kept(robot, tmp_path, name, count):
     """At random values of the actuated joints, wherever double precision gets to and no singularity is near."""
     mechanism, rng = robot(name), np.random.default_rng(4)
-    library = built(tmp_path, mechanism, "-O2", "-shared", "-fPIC", output="robot.so", functions=[Function.FORWARD])
+    written(tmp_path, mechanism, Language.C_FLOAT, functions=[Function.FORWARD])
+    library = compiled(tmp_path, "-O2", "-shared", "-fPIC", files=["robot.c"])
     code, floats = ctypes.CDLL(str(library)), ctypes.POINTER(ctypes.c_float)
     code.robot_q.restype = code.robot_node.restype = floats
     code.robot_forward.restype = ctypes.c_bool

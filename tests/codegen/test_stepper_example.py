@@ -1,11 +1,9 @@
 """The steps of example 27 beside a delta's closed form: each actuator's angle is a two-link arm's in its plane."""
 
 import re
-import shutil
-import subprocess
 
 import numpy as np
-import pytest
+from generated_code import compiled, needs_gcc, run
 
 from cinegen.codegen import Function, Language, generate
 
@@ -14,16 +12,15 @@ HEIGHT = -LOWER * np.sin(np.radians(31.21))
 STEPS = 16000 / np.pi  # per radian
 
 
-@pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no gcc")
+@needs_gcc
 def test_every_step_is_made_where_the_actuator_is(robot, root, tmp_path):
     text = (root / "examples/27_steps_of_a_delta.py").read_text()
     planner = re.search(r'PLANNER = r"""(.*?)"""', text, re.DOTALL)[1]
     files = generate(robot("delta4"), Language.C, functions=[Function.TICK], dt=1e-3, name="delta4")
     for name, content in {**files, "planner.c": planner}.items():
         (tmp_path / name).write_text(content)
-    command = ["gcc", "-std=c99", "-O2", "delta4.c", "planner.c", "-o", "planner", "-lm"]
-    subprocess.run(command, cwd=tmp_path, check=True)
-    steps = np.loadtxt(subprocess.check_output([tmp_path / "planner"], text=True).splitlines())
+    program = compiled(tmp_path, "-O2", "-Wno-error", files=["delta4.c", "planner.c"])
+    steps = np.loadtxt(run(tmp_path, program).splitlines())
     times = np.linspace(0.0, 1.0, 20_001)
     along = 0.6 * (times - np.sin(2 * np.pi * times) / (2 * np.pi))
     for i in range(3):

@@ -36,19 +36,10 @@ def shift(axis: str, length: float) -> np.ndarray:
     return m
 
 
-def product(*transforms: np.ndarray) -> np.ndarray:
-    """Their product, from left to right."""
-    result = np.eye(4)
-    for transform in transforms:
-        result = result @ transform
-    return result
-
-
 def kleinfinger(gamma: float, epsilon: float, alpha: float, d: float, theta: float, r: float) -> np.ndarray:
     """The product of six elementary transforms."""
-    return product(
-        turn("z", gamma), shift("z", epsilon), turn("x", alpha), shift("x", d), turn("z", theta), shift("z", r)
-    )
+    axis = turn("z", gamma) @ shift("z", epsilon) @ turn("x", alpha)
+    return axis @ shift("x", d) @ turn("z", theta) @ shift("z", r)
 
 
 @cache
@@ -118,19 +109,6 @@ def within_limits(mechanism, q: np.ndarray) -> bool:
 def wrapped(angle: np.ndarray) -> np.ndarray:
     """Angles in [-pi, pi)."""
     return (np.asarray(angle) + math.pi) % (2.0 * math.pi) - math.pi
-
-
-def forward(mechanism, q: np.ndarray, goal: np.ndarray, longest: float) -> np.ndarray:
-    """Closed configurations from q on, motors moved to `goal` in steps of at most `longest`: forward kinematics that
-    stays on q's branch. The last one."""
-    motors = [mechanism.q_index(joint) for joint in mechanism.actuated]
-    start = q[motors]
-    count = max(1, math.ceil(float(np.abs(goal - start).max()) / longest))
-    for k in range(1, count + 1):
-        q = q.copy()
-        q[motors] = goal if k == count else start + (goal - start) * (k / count)
-        q = mechanism.close(q, locked=mechanism.actuated)
-    return q
 
 
 def angle_between(one: np.ndarray, other: np.ndarray) -> float:

@@ -12,6 +12,8 @@ import pinocchio as pin
 import pytest
 import trimesh
 from numpy.typing import NDArray
+from urdf_text import joint_at
+from urdf_text import robot as urdf
 
 import cinegen
 from cinegen.model.build import build
@@ -104,13 +106,11 @@ def test_a_mesh_elsewhere_is_not_read_for_its_mass(tmp_path: Path) -> None:
     assert any("leads out of" in note for note in mechanism.source.notes)
 
 
-def test_bodies_without_geoms_have_no_mass(tmp_path: Path) -> None:
-    path = tmp_path / "bare.xml"
-    path.write_text(
+def test_bodies_without_geoms_have_no_mass() -> None:
+    mechanism = cinegen.load(
         '<mujoco><compiler inertiafromgeom="false"/><worldbody><body name="a"><joint/><geom size=".1"/>'
         '<body name="b"><joint/><inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/></body></body></worldbody></mujoco>'
     )
-    mechanism = cinegen.load(path)
     assert mechanism.massless == ("a",)
     assert [inertia.mass for inertia in mechanism.model.inertias] == [0.0, 0.0, 2.0]
 
@@ -121,16 +121,10 @@ SDF = """<sdf version="1.9"><model name="m"><link name="base"/>
 </model></sdf>"""
 
 
-def sdf(tmp_path: Path, text: str, outer: str = "") -> Path:
-    path = tmp_path / "m.sdf"
-    path.write_text(SDF.format(text).replace("<inertial>", f"<inertial{outer}>"))
-    return path
-
-
-def test_an_inertial_of_an_sdf_is_in_its_own_axes(tmp_path: Path) -> None:
+def test_an_inertial_of_an_sdf_is_in_its_own_axes() -> None:
     moments = "<ixx>1</ixx><ixy>0.1</ixy><ixz>0.2</ixz><iyy>2</iyy><iyz>-0.3</iyz><izz>2.5</izz>"
     text = f"<mass>3</mass><pose>0.1 0.2 0.3 0.4 -0.5 0.6</pose><inertia>{moments}</inertia>"
-    (_, found) = cinegen.load(sdf(tmp_path, text)).model.inertias
+    (_, found) = cinegen.load(SDF.format(text)).model.inertias
     rotation = pin.rpy.rpyToMatrix(0.4, -0.5, 0.6)
     matrix = np.array([[1.0, 0.1, 0.2], [0.1, 2.0, -0.3], [0.2, -0.3, 2.5]])
     assert found.mass == 3.0
@@ -138,26 +132,27 @@ def test_an_inertial_of_an_sdf_is_in_its_own_axes(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.inertia, rotation @ matrix @ rotation.T, atol=1e-14)
 
 
-def test_what_an_inertial_of_an_sdf_leaves_out_is_1(tmp_path: Path) -> None:
-    (_, found) = cinegen.load(sdf(tmp_path, "<inertia><ixx>1.5</ixx></inertia>")).model.inertias
+def test_what_an_inertial_of_an_sdf_leaves_out_is_1() -> None:
+    (_, found) = cinegen.load(SDF.format("<inertia><ixx>1.5</ixx></inertia>")).model.inertias
     assert found.mass == 1.0
     np.testing.assert_array_equal(found.inertia, np.diag([1.5, 1.0, 1.0]))
 
 
-def test_an_inertial_that_simulators_compute_is_unknown(tmp_path: Path) -> None:
-    mechanism = cinegen.load(sdf(tmp_path, "<density>2000</density>", ' auto="true"'))
+def test_an_inertial_that_simulators_compute_is_unknown() -> None:
+    text = SDF.format("<density>2000</density>").replace("<inertial>", '<inertial auto="true">')
+    mechanism = cinegen.load(text)
     assert mechanism.massless == ("a",)
     assert mechanism.source.notes == ("not read: inertial of link 'a' (line 2), which auto=\"true\" leaves open",)
 
 
 @pytest.mark.parametrize(("text", "why"), [
-    ("<mass>-1</mass>", "m.sdf:2: the mass of link 'a' is -1 kg: it must not be negative"),
-    ("<inertia><ixy>9e12</ixy><iyy>9e12</iyy></inertia><pose>0 0 0 0 0 0.7</pose>", "m.sdf:2: the inertia of link"),
-    ("<inertia><iyz>1 2</iyz></inertia>", "m.sdf:2: the iyz of link 'a' must be a number, not '1 2'"),
+    ("<mass>-1</mass>", "<text>:2: the mass of link 'a' is -1 kg: it must not be negative"),
+    ("<inertia><ixy>9e12</ixy><iyy>9e12</iyy></inertia><pose>0 0 0 0 0 0.7</pose>", "<text>:2: the inertia of link"),
+    ("<inertia><iyz>1 2</iyz></inertia>", "<text>:2: the iyz of link 'a' must be a number, not '1 2'"),
 ])  # fmt: skip
-def test_wrong_masses_of_an_sdf_are_refused_with_their_line(tmp_path: Path, text: str, why: str) -> None:
+def test_wrong_masses_of_an_sdf_are_refused_with_their_line(text: str, why: str) -> None:
     with pytest.raises(cinegen.CinegenError, match=why):
-        cinegen.load(sdf(tmp_path, text))
+        cinegen.load(SDF.format(text))
 
 
 # --- massless ---------------------------------------------------------------------------------------------------------
@@ -171,29 +166,27 @@ def inertial(mass: float, ixx: float = 1.0) -> str:
     return f'<inertial><mass value="{mass}"/>{UNIT.format(ixx)}</inertial>'
 
 
-def chain(tmp_path: Path, links: dict[str, str], kinds: list[str]) -> Path:
-    """Write a URDF of links one behind another, with joints of the kinds between them."""
-    names = list(links)
-    text = "".join(f'<link name="{name}">{inner}</link>' for name, inner in links.items())
-    for parent, child, kind in zip(names, names[1:], kinds, strict=False):
-        ends = f'<parent link="{parent}"/><child link="{child}"/><axis xyz="0 0 1"/>'
-        text += f'\n<joint name="to_{child}" type="{kind}">{ends}</joint>'
-    path = tmp_path / "chain.urdf"
-    path.write_text(f'<robot name="chain">\n{text}</robot>')
-    return path
+def chain(links: dict[str, str], kinds: list[str]) -> str:
+    """A URDF of links one behind another, with joints of the kinds between them."""
+    bodies = [f'<link name="{name}">{inner}</link>' for name, inner in links.items()]
+    joints = [
+        joint_at(f"to_{child}", parent, child, kind=kind)
+        for (parent, child), kind in zip(pairwise(links), kinds, strict=True)
+    ]
+    return urdf(*bodies, *joints)
 
 
-def test_a_body_has_the_mass_of_any_link_on_it(tmp_path: Path) -> None:
+def test_a_body_has_the_mass_of_any_link_on_it() -> None:
     links = {"base": "", "arm": "", "flange": inertial(2.0), "hand": "", "finger": ""}
-    mechanism = cinegen.load(chain(tmp_path, links, ["continuous", "fixed", "continuous", "fixed"]))
+    mechanism = cinegen.load(chain(links, ["continuous", "fixed", "continuous", "fixed"]))
     assert mechanism.massless == ("hand",)
     assert mechanism.model.inertias[mechanism.model.getJointId("to_arm")].mass == 2.0
 
 
-def test_a_stated_mass_of_0_is_known(tmp_path: Path) -> None:
+def test_a_stated_mass_of_0_is_known() -> None:
     cross = inertial(0.0).replace('"1', '"0').replace('"1.0', '"0')
     links = {"base": "", "cross": cross, "hand": inertial(1.0)}
-    assert cinegen.load(chain(tmp_path, links, ["continuous"] * 2)).massless == ()
+    assert cinegen.load(chain(links, ["continuous"] * 2)).massless == ()
 
 
 def test_a_body_that_a_rigid_loop_cut_has_the_mass_of_either_half() -> None:
@@ -212,13 +205,9 @@ def test_a_body_that_a_rigid_loop_cut_has_the_mass_of_either_half() -> None:
     (1.0, 2.1, "a principal moment of inertia, 2.1 kg m2, exceeds the sum of the others, 1 and 1"),
     (0.0, 1.0, "it has moments of inertia, up to 1 kg m2, but no mass: state its mass"),
 ])  # fmt: skip
-def test_an_inertia_that_no_body_has_is_named_with_the_reason(
-    tmp_path: Path, mass: float, ixx: float, why: str
-) -> None:
-    links = {"base": "", "arm": inertial(mass, ixx)}
-    path = chain(tmp_path, links, ["continuous"])
+def test_an_inertia_that_no_body_has_is_named_with_the_reason(mass: float, ixx: float, why: str) -> None:
     with pytest.warns(cinegen.CinegenWarning, match="link 'arm'.*no body can have"):
-        mechanism = cinegen.load(path)
+        mechanism = cinegen.load(chain({"base": "", "arm": inertial(mass, ixx)}, ["continuous"]))
     assert mechanism.unphysical == {"arm": why}
 
 
@@ -245,8 +234,8 @@ IN_M = "inertial { mass 2 centre { 0.01 0.02 0.03 } moments { 4e-3 5e-3 6e-3 } p
 
 
 @pytest.mark.parametrize(("text", "head"), [(IN_MM, ""), (IN_M, "units m")])
-def test_moments_are_in_kg_and_the_files_unit_of_length(tmp_path: Path, text: str, head: str) -> None:
-    found = body(loaded(tmp_path, robot(text, head=head)))
+def test_moments_are_in_kg_and_the_files_unit_of_length(text: str, head: str) -> None:
+    found = body(cinegen.load(robot(text, head=head)))
     assert found.mass == 2.0
     np.testing.assert_allclose(found.lever, [0.01, 0.02, 0.03], rtol=1e-15)
     expected = [[4e-3, 1e-4, -2e-4], [1e-4, 5e-3, 3e-4], [-2e-4, 3e-4, 6e-3]]
@@ -262,9 +251,9 @@ def test_inertials_are_written_as_they_were_read(text: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["ball", "universal", "cylindrical", "planar"])
-def test_a_joint_of_several_variables_moves_the_mass_by_all_of_them(tmp_path: Path, kind: str) -> None:
+def test_a_joint_of_several_variables_moves_the_mass_by_all_of_them(kind: str) -> None:
     more = f"link 2 {{ joint {kind} pred 1 parameters {{ d 100 }} inertial {{ mass 5 centre {{ 7 8 9 }} }} }}"
-    mechanism = loaded(tmp_path, robot("inertial { mass 2 }", more))
+    mechanism = cinegen.load(robot("inertial { mass 2 }", more))
     assert mechanism.massless == ()
     node = mechanism.model.frames[mechanism.frame_id("link2")].parentJoint
     assert [inertia.mass for inertia in mechanism.model.inertias if inertia.mass > 0.0] == [2.0, 5.0]
@@ -274,9 +263,9 @@ def test_a_joint_of_several_variables_moves_the_mass_by_all_of_them(tmp_path: Pa
 # --- densities -----------------------------------------------------------------------------------------------------
 
 
-def test_bars_run_along_epsilon_d_and_r_of_the_children(tmp_path: Path) -> None:
+def test_bars_run_along_epsilon_d_and_r_of_the_children() -> None:
     more = "link 2 { type 2 pred 1 parameters { epsilon 30 d 200 r 100 alpha 90 } }"
-    found = body(loaded(tmp_path, robot("inertial { density 7850 radius 6 }", more)))
+    found = body(cinegen.load(robot("inertial { density 7850 radius 6 }", more)))
     per_length = 7850.0 * math.pi * 0.006**2
     lengths = np.array([0.03, 0.2, 0.1])
     middles = np.array([[0.0, 0.0, 0.015], [0.1, 0.0, 0.03], [0.2, -0.05, 0.03]])
@@ -309,24 +298,21 @@ def test_of_an_open_surface_the_hull_counts_and_a_warning_names_the_file(tmp_pat
     assert found.mass == pytest.approx(0.12, rel=1e-6)
 
 
-@pytest.mark.parametrize(("text", "why"), [
-    ('inertial { density 3 } filename { "flat.stl" }', "but graphics that enclose no volume: give its 'mass'"),
-])  # fmt: skip
-def test_a_density_without_a_volume_is_refused(tmp_path: Path, text: str, why: str) -> None:
+def test_a_density_without_a_volume_is_refused(tmp_path: Path) -> None:
     flat = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], [[0, 1, 2], [1, 3, 2]])
     flat.export(tmp_path / "flat.stl")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of graphics that can't be shown
-        with pytest.raises(RaffError, match=rf"a.raff:4:.*{why}"):
-            loaded(tmp_path, robot(text))
+        with pytest.raises(RaffError, match=r"a.raff:4:.*but graphics that enclose no volume: give its 'mass'"):
+            loaded(tmp_path, robot('inertial { density 3 } filename { "flat.stl" }'))
 
 
 # --- wrong ones ----------------------------------------------------------------------------------------------------
 
 
-def test_an_inertia_that_no_body_has_is_a_warning_and_is_kept(tmp_path: Path) -> None:
+def test_an_inertia_that_no_body_has_is_a_warning_and_is_kept() -> None:
     text = robot("inertial { mass 1 moments { 1 1 3 } }")
-    with pytest.warns(RaffWarning, match=r"a.raff:4:54: no body can have the inertia of link 1: .* exceeds the sum"):
-        mechanism = loaded(tmp_path, text)
+    with pytest.warns(RaffWarning, match=r"<text>:4:54: no body can have the inertia of link 1: .* exceeds the sum"):
+        mechanism = cinegen.load(text)
     assert list(mechanism.unphysical) == ["link1"]
     assert body(mechanism).inertia[2, 2] == pytest.approx(3e-6)

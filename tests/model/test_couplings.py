@@ -106,7 +106,7 @@ def test_gears_are_what_their_textbooks_say(robot):
     assert [q[wrist.q_index(joint)] for joint in ("joint3", "joint4")] == pytest.approx([0.3, 0.2])
 
 
-def test_couplings_that_contradict_each_other_are_named(tmp_path):
+def test_couplings_that_contradict_each_other_are_named(tmp_path, text_file):
     text = """RAFF any
 robot any {
   link 1 { type 2 pred 0 } link 2 { parameters { d 100 } type 2 pred 1 }
@@ -116,7 +116,6 @@ robot any {
 """
     with pytest.raises(cinegen.ClosureError, match=r"these loops and couplings remain open: 'one' \(coupling, 0.0"):
         cinegen.load(text)
-    path = tmp_path / "any.raff"
-    path.write_text(text)
+    path = text_file("any.raff", text)
     with pytest.raises(raff2urdf.RaffError, match="these loops and couplings remain open: 'one'"):
         raff2urdf.convert(path, tmp_path)

@@ -7,41 +7,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.optimize
+from elementary import at
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from slow_motion import walk
 from small_robots import four_bar
 
 import cinegen
 from cinegen.model import ForwardKinematics
-from raff2urdf import closure
 
 SOME = ("delta4", "five_bar", "hybrid")
 seeds = st.integers(0, 2**32 - 1)
 
 
-def motors(mechanism: cinegen.Mechanism, q: np.ndarray) -> np.ndarray:
-    return q[[mechanism.q_index(joint) for joint in mechanism.actuated]]
-
-
 def slowly(mechanism: cinegen.Mechanism, q: np.ndarray, goal: np.ndarray) -> np.ndarray | None:
     """Where a slow motion from q (nq,) to the motors' goal ends; None where it meets a singularity."""
-    places = [mechanism.q_index(joint) for joint in mechanism.actuated]
-    columns = [mechanism.v_index(joint) for joint in mechanism.actuated]
-    free = np.ones(mechanism.model.nv, dtype=bool)
-    free[columns] = False
-    begin = q[places]
-    steps = max(1, int(np.ceil(np.abs((goal - begin) / mechanism.scale[columns]).max() / 0.01)))
-    before = q
-    for i in range(1, steps + 1):
-        start = 2.0 * q - before
-        start[places] = begin + (goal - begin) * i / steps
-        closing = closure.close(mechanism.structure.system, start, free, 20)
-        rows = mechanism.structure.system.evaluate(closing.q)[1][:, free]
-        smallest = np.linalg.svd(rows, compute_uv=False)[mechanism.loop_rank - 1]
-        if not closing.closed or smallest < 0.02 or np.abs(closing.q - q).max() > 0.2:
-            return None
-        before, q = q, closing.q
-    return q
+    scale = mechanism.scale[[mechanism.v_index(joint) for joint in mechanism.actuated]]
+    steps = np.ceil(np.abs((goal - at(mechanism, q, mechanism.actuated)) / scale).max() / 0.01)
+    walked = walk(mechanism, q, goal, max(1, int(steps)))
+    return None if walked is None else walked[-1]
 
 
 @pytest.mark.parametrize("name", SOME)
@@ -54,7 +38,7 @@ def test_a_jump_ends_where_a_slow_motion_does(robot, name, seed):
     arrived = 0
     for size in (1e-4, 0.03, 0.3, 0.3, 1.0):
         before = motion.q
-        goal = motors(mechanism, before) + size * rng.uniform(-1.0, 1.0, len(units)) * units
+        goal = at(mechanism, before, mechanism.actuated) + size * rng.uniform(-1.0, 1.0, len(units)) * units
         expected = slowly(mechanism, before, goal)
         try:
             q = motion.move(dict(zip(mechanism.actuated, goal, strict=True)))
@@ -63,7 +47,7 @@ def test_a_jump_ends_where_a_slow_motion_does(robot, name, seed):
             assert np.array_equal(motion.q, before)
             continue
         arrived += 1
-        assert np.array_equal(motors(mechanism, q), goal)
+        assert np.array_equal(at(mechanism, q, mechanism.actuated), goal)
         assert mechanism.closure(q) <= 1e-12
         if expected is None:
             motion.q = before
@@ -143,7 +127,7 @@ def test_rates_are_derivatives_of_the_motion(robot, name):
     velocities, accelerations = ForwardKinematics(mechanism).rates(*rates)
 
     def away(t):
-        values = motors(mechanism, mechanism.q_home) + v * t + 0.5 * a * t * t
+        values = at(mechanism, mechanism.q_home, mechanism.actuated) + v * t + 0.5 * a * t * t
         q = ForwardKinematics(mechanism).move(dict(zip(mechanism.actuated, values.tolist(), strict=True)))
         return mechanism.difference(here, q)
 

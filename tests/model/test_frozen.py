@@ -7,25 +7,21 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from making import platform
+from small_robots import rssr
+from urdf_text import joint_at, limit, links, robot
 
 import cinegen
 import raff2urdf
 from raff2urdf.loops.mobility import analyse
 
-HAND = """<robot name="hand"><link name="palm"/>{links}{joints}</robot>"""
-
 
 def hand(*fingers):
     """A palm and fingers, each with limits and how it follows the first, if it does."""
-    links, joints = [], []
+    parts = [links("palm")]
     for i, (low, high, mimic) in enumerate(fingers):
         follows = "" if mimic is None else f'<mimic joint="f0" multiplier="{mimic}"/>'
-        links.append(f'<link name="l{i}"/>')
-        joints.append(
-            f'<joint name="f{i}" type="revolute"><parent link="palm"/><child link="l{i}"/><axis xyz="0 0 1"/>{follows}'
-            f'<origin xyz="0 0.1 0"/><limit lower="{low}" upper="{high}" effort="1" velocity="1"/></joint>'
-        )
-    return HAND.format(links="".join(links), joints="".join(joints))
+        parts += [links(f"l{i}"), joint_at(f"f{i}", "palm", f"l{i}", "0 0.1 0", follows + limit(low, high), "revolute")]
+    return robot(*parts, name="hand")
 
 
 def blocks(text):
@@ -197,24 +193,6 @@ def test_they_are_found_and_no_actuated_joint_drives_them(legs, cut):
     assert analyse(document, document.robot()).actuated == mechanism.actuated
 
 
-def test_a_tip_on_two_coaxial_hinges_is_no_rod(tmp_path):
-    """Its angle matters: it is the end of a five-bar."""
-    text = """RAFF tip
-    robot r {
-      link 1 { parameters { theta 100 } type 2 pred 0 }
-      link 2 { parameters { d 200 theta -60 } type 2 pred 1 }
-      link 3 { parameters { d 250 theta 20 } type 2 pred 2 }
-      link 4 { parameters { d 300 theta 80 } type 2 pred 0 }
-      link 5 { parameters { d 200 theta 60 } type 2 pred 4 }
-      frame 6 { parameters { d 250 } pred 5 }
-      constraint { link 3 frame 6 type 2 }
-    }"""
-    mechanism = cinegen.load(text)
-    assert (mechanism.mobility, mechanism.structure.idle) == (3, ())
-    assert len(mechanism.actuated) == 3
-    assert not mechanism.uncontrolled
-
-
 def test_a_joint_that_the_file_states_to_be_actuated_drives_a_spin():
     text = on_legs(("SPS",) * 6)
     free = cinegen.load(text)
@@ -240,20 +218,9 @@ def test_the_solver_holds_them_still():
     assert np.abs(solver.q - before).max() > 1e-2
 
 
-def test_modes_are_counted_without_them(tmp_path):
+def test_modes_are_counted_without_them():
     """A crank moves a rocker by a rod between ball joints: two configurations for each angle of the crank."""
-    text = """RAFF rssr
-    robot r {
-      link 1 { actuated 1 parameters { theta 40 } type 2 pred 0 }
-      frame 2 { parameters { d 100 } pred 1 }
-      link 3 { parameters { d 400 alpha 70 r 50 theta 75 } type 2 pred 0 }
-      link 4 { parameters { d 300 theta 30 } type 2 pred 3 }
-      link 5 { parameters { alpha 90 theta 90 } type 2 pred 4 }
-      link 6 { parameters { alpha 90 theta 20 } type 2 pred 5 }
-      frame 7 { parameters { d 380 } pred 6 }
-      constraint { frame 2 frame 7 type 3 }
-    }"""
-    mechanism = cinegen.load(text)
+    mechanism = cinegen.load(rssr())
     assert (mechanism.mobility, len(mechanism.structure.idle), mechanism.actuated) == (2, 1, ("joint1",))
     found = cinegen.assembly_modes(mechanism)
     rockers = {round(float(q[mechanism.q_index("joint3")]), 6) for q in found.configurations}

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from small_robots import four_bar
 from ticking import ticked
+from urdf_text import joint_at, links, robot
 
 import cinegen
 import raff2urdf
@@ -83,12 +84,11 @@ def test_limits_are_a_mapping_with_arrays_in_the_order_of_q_and_v(arm):
 
 def test_limits_of_velocity_and_effort_are_those_of_a_urdf_and_infinite_where_it_says_0_or_nothing():
     limits = ('effort="0.5" velocity="0.3"', 'effort="0" velocity="0"', 'effort="1e9"')
-    joints = "".join(
-        f"""<link name="l{k + 1}"/><joint name="j{k}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/>
-        <axis xyz="0 0 1"/><limit lower="-1" upper="1" {limit}/></joint>"""
+    joints = [
+        joint_at(f"j{k}", f"l{k}", f"l{k + 1}", inside=f'<limit lower="-1" upper="1" {limit}/>', kind="revolute")
         for k, limit in enumerate(limits)
-    )
-    found = cinegen.load(f'<robot name="arm"><link name="l0"/>{joints}</robot>').limits
+    ]
+    found = cinegen.load(robot(links("l0", "l1", "l2", "l3"), *joints)).limits
     nothing = (-1, 1, math.inf, math.inf)
     assert [tuple(found[joint]) for joint in found] == [(-1, 1, 0.3, 0.5), nothing, nothing]
 

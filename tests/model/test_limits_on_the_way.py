@@ -8,13 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from slow_motion import walk
 from small_robots import four_bar
 
 import cinegen
 from cinegen.devices import Lines
 from cinegen.model import ForwardKinematics
 from cinegen.session.motion import ConfigurationMotion, JointMotion
-from raff2urdf import closure
 
 AGAIN = re.compile(r"(\w+) would pass its limit (\S+) (?:rad|m), as it follows, with (.*) \((\S+) % of the motion\)")
 
@@ -36,26 +36,14 @@ def goals(mechanism, change):
     return dict(zip(mechanism.actuated, (mechanism.q_home[at] + change).tolist(), strict=True))
 
 
-def walk(mechanism, change, steps=600):
-    """(steps + 1, nq) configurations on a straight motion from home, by Newton steps in numpy; None if they jump."""
-    free = np.zeros(mechanism.model.nv, dtype=bool)
-    free[mechanism.structure.passive_columns] = True
-    found = [mechanism.q_home]
-    for k in range(1, steps + 1):
-        start = found[-1].copy()
-        for name, value in goals(mechanism, change * (k / steps)).items():
-            start[mechanism.q_index(name)] = value
-        closing = closure.close(mechanism.structure.system, start, free, 20)
-        rows = mechanism.structure.system.evaluate(closing.q)[1][:, free]
-        if not closing.closed or np.linalg.svd(rows, compute_uv=False)[-1] < 1e-2:
-            return None
-        found.append(closing.q)
-    return np.array(found)
+def walked_by(mechanism, change, steps=600):
+    """(steps + 1, nq) configurations on a straight motion from home; None if they jump."""
+    return walk(mechanism, mechanism.q_home, np.array(list(goals(mechanism, change).values())), steps)
 
 
 def out_and_back(mechanism, change, joint):
     """A motion, and the greatest value of a passive joint on it, above both ends."""
-    values = walk(mechanism, change)[:, mechanism.q_index(joint)]
+    values = walked_by(mechanism, change)[:, mechanism.q_index(joint)]
     top = int(values.argmax())
     assert values[top] > max(values[0], values[-1]) + 1e-3
     a, b, c = values[top - 1 : top + 2]  # extremum of the parabola through three points
@@ -95,7 +83,7 @@ def test_motions_keep_limits_exactly_if_tiny_steps_do(robot, name):
     passive = [joint for joint in mechanism.joints if joint not in mechanism.actuated]
     for _ in range(2):
         change = rng.uniform(-0.8, 0.8, len(scale)) * scale * (0.3 if name == "tssm" else 1.0)
-        walked = walk(mechanism, change, 150)
+        walked = walked_by(mechanism, change, 150)
         if walked is None:
             continue
         for _ in range(6):
@@ -121,7 +109,7 @@ def test_a_joint_beyond_its_limit_may_come_back_only(robot):
     bar = robot("four_bar")
     home = bar.q_home[bar.q_index("joint3")]
     motion = ForwardKinematics(limited(bar, joint3=(home + 0.1, 9.0)), within_limits=True)
-    way = np.sign(walk(bar, np.array([0.1]), 10)[-1, bar.q_index("joint3")] - home)
+    way = np.sign(walked_by(bar, np.array([0.1]), 10)[-1, bar.q_index("joint3")] - home)
     with pytest.raises(cinegen.CinegenError, match=r"joint3 would pass its limit .* \(0 % of the motion\)"):
         motion.move(goals(bar, np.array([-0.01 * way])))
     motion.move(goals(bar, np.array([0.01 * way])))

@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 import trimesh
 from small_robots import four_bar
+from urdf_text import joint_at, joint_text, limit, links, robot
 
 import cinegen
 from cinegen.errors import CinegenWarning, LoadError, UnknownNameError
@@ -56,42 +57,27 @@ def test_a_base_that_a_sensor_may_move_is_free_and_adds_six(raff):
     assert mechanism.sensor_constraints == (("base", (0, 1)),)
 
 
-def arm(joint="", links='<link name="a"/><link name="b"/>', name='name="arm"'):
-    held = f'<joint name="j" type="revolute"><parent link="a"/><child link="b"/>{joint}</joint>'
-    return f"<robot {name}>{links}{held}</robot>"
-
-
-def test_what_no_motion_depends_on_may_be_wrong(tmp_path):
+def test_what_no_motion_depends_on_may_be_wrong():
     """Pinocchio refuses a robot without a name, and a material that is said twice."""
-    path = tmp_path / "arm.urdf"
     red = '<material name="red"><color rgba="1 0 0 1"/></material>'
     shape = '<visual><geometry><sphere radius="1"/></geometry><material name="red"/></visual>'
     mass = '<inertial><mass value="1"/></inertial>'
-    path.write_text(
-        arm('<limit lower="-1"/>', f'{red}{red}<link name="a">{mass}</link><link name="b">{shape}</link>', "")
-    )
+    parts = f'{red}{red}<link name="a">{mass}</link><link name="b">{shape}</link>'
     with pytest.warns(cinegen.CinegenWarning, match="<inertial> of link 'a' has no inertia: its mass is left out"):
-        mechanism = cinegen.load(path)
+        mechanism = cinegen.load(f"<robot>{parts}{joint_text('j', 'a', 'b', limit(-1, 0), 'revolute')}</robot>")
     assert mechanism.name == "robot"
     (ball,) = mechanism.visual.geometryObjects
     assert ball.meshColor.tolist() == [1.0, 0.0, 0.0, 1.0]
 
 
-def test_a_thousand_joints_load_without_pinocchios_tensors_of_second_derivatives(tmp_path):
-    path = tmp_path / "long.urdf"
-    links = "".join(f'<link name="l{i}"/>' for i in range(1001))
-    turns = "".join(
-        f'<joint name="j{i}" type="continuous"><parent link="l{i - 1}"/><child link="l{i}"/>'
-        f'<origin xyz="0.1 0 0"/><axis xyz="0 0 1"/></joint>'
-        for i in range(1, 1001)
-    )
-    path.write_text(f'<robot name="r">{links}{turns}</robot>')
-    mechanism = cinegen.load(path)
+def test_a_thousand_joints_load_without_pinocchios_tensors_of_second_derivatives():
+    turns = [joint_at(f"j{i}", f"l{i - 1}", f"l{i}", "0.1 0 0") for i in range(1, 1001)]
+    text = robot(links(*(f"l{i}" for i in range(1001))), *turns)
+    mechanism = cinegen.load(text)
     assert mechanism.mobility == 1000
     jacobian = mechanism.jacobian(mechanism.q_home, "l1000")  # all joints turn about z, on a line along x
     assert jacobian[1] == pytest.approx(0.1 * np.arange(999, -1, -1), abs=1e-11)
-    path.write_text(path.read_text().replace("continuous", "fixed"))
-    assert cinegen.load(path).mobility == 0
+    assert cinegen.load(text.replace("continuous", "fixed")).mobility == 0
 
 
 # --- load text --------------------------------------------------------------------------------------------------------

@@ -281,17 +281,8 @@ def test_couplings_are_mujocos(name):
     assert mechanism.mobility == model.nv - max(ranks)
 
 
-@pytest.fixture
-def write(tmp_path):
-    def write(text):
-        (tmp_path / "row.xml").write_text(text)
-        return tmp_path / "row.xml"
-
-    return write
-
-
-def test_what_is_not_read_of_an_mjcf_is_listed(write):
-    path = write(ROW.format(EQUALITIES["several"]))
+def test_what_is_not_read_of_an_mjcf_is_listed(text_file):
+    path = text_file("row.xml", ROW.format(EQUALITIES["several"]))
     assert mjcf.read(path).ignored == ["equality constraint 'g' (not active)", "limits of tendon 'two'"]
     notes = cinegen.load(path).source.notes
     assert notes == ("not read: equality constraint 'g' (not active)", "not read: limits of tendon 'two'")
@@ -305,8 +296,8 @@ def test_what_is_not_read_of_an_mjcf_is_listed(write):
     (f'<tendon name="e" tendon1="one" tendon2="sum" {CURVE}/>', "'e' is a curve of a tendon with 2 joints"),
     ('<joint name="e" joint1="ball"/>', r"row.xml:\d+: MuJoCo can't read it: .*(?:'e'|ball)"),
 ])  # fmt: skip
-def test_an_equality_without_counterpart_is_an_error_that_names_it(write, equality, says):
-    path = write(ROW.format(equality))
+def test_an_equality_without_counterpart_is_an_error_that_names_it(text_file, equality, says):
+    path = text_file("row.xml", ROW.format(equality))
     with pytest.raises(cinegen.CinegenError, match=says) as failed:
         cinegen.load(path)
     if "MuJoCo" not in str(failed.value):
@@ -314,10 +305,10 @@ def test_an_equality_without_counterpart_is_an_error_that_names_it(write, equali
         assert mjcf.read(path, ignore=["e"]).ignored[0] == "equality constraint 'e'"
 
 
-def test_a_flex_is_left_out_with_its_constraints_only_on_request(write):
+def test_a_flex_is_left_out_with_its_constraints_only_on_request(text_file):
     grid = """<flexcomp name="cloth" type="grid" count="3 3 1" spacing="0.1 0.1 0.1" radius="0.01" mass="1">
       <edge equality="true"/></flexcomp><body><joint name="j"/><geom size="0.1"/></body>"""
-    path = write(f"<mujoco><worldbody>{grid}</worldbody></mujoco>")
+    path = text_file("row.xml", f"<mujoco><worldbody>{grid}</worldbody></mujoco>")
     with pytest.raises(
         cinegen.CinegenError, match=r"constrains the flex 'cloth', and only rigid bodies .*--ignore cloth"
     ):

@@ -7,32 +7,19 @@ Four bars in the xy plane, with all joints at 0: the crank is upright, the coupl
 Three revolute joints about z move in the plane. A pin at P takes two degrees of freedom: one remains.
 """
 
-import io
 import json
-import sys
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
 from dragging import dragged
+from urdf_text import BARS, joint_at, joint_text, limit, links
 
 import cinegen
 import raff2urdf
 from cinegen import CinegenError
-from cinegen.cli import main
+from cinegen.collision import load_scene
 from raff2urdf.errors import RaffWarning
-
-JOINT = (
-    '<joint name="{}" type="continuous"> <parent link="{}"/> <child link="{}"/> <origin xyz="{}"/> <axis xyz="0 0 1"/>'
-)
-
-BARS = f"""<robot name="bars">
-  <link name="ground"/> <link name="crank"/> <link name="coupler"/> <link name="rocker"/>
-  {JOINT.format("drive", "ground", "crank", "0 0 0")} </joint>
-  {JOINT.format("elbow", "crank", "coupler", "0 1 0")} </joint>
-  {JOINT.format("swing", "ground", "rocker", "2.5 0 0")} </joint>
-"""  # what is added begins on line 6
 
 ENDS = '<parent link="coupler"/><child link="rocker"/>'
 SDF_ENDS = "<parent>coupler</parent><child>bars::rocker</child>"
@@ -120,13 +107,8 @@ LOOPS = {
 
 
 @pytest.fixture
-def write(tmp_path):
-    def write(added: str = "", base: str = BARS) -> Path:
-        path = tmp_path / "bars.urdf"
-        path.write_text(f"{base}{added}\n</robot>")
-        return path
-
-    return write
+def write(text_file):
+    return lambda added="", base=BARS: text_file("bars.urdf", f"{base}{added}\n</robot>")
 
 
 @pytest.mark.parametrize("dialect", LOOPS)
@@ -262,8 +244,7 @@ def test_urdf_plus_tells_which_joints_are_passive(write):
 
 def test_a_rotor_of_urdf_plus_turns_with_its_gear_on_a_base_that_floats(write):
     turn = '<parent link="hull"/><child link="{0}"/><axis xyz="1 0 0"/>'
-    parts = ["".join(f'<link name="{link}"/>' for link in ("world", "hull", "leg", "rotor"))]
-    parts += ['<joint name="free" type="floating"><parent link="world"/><child link="hull"/></joint>']
+    parts = [links("world", "hull", "leg", "rotor"), joint_text("free", "world", "hull", kind="floating")]
     parts += [f'<joint name="hip" type="continuous">{turn.format("leg")}</joint>']
     parts += [f'<joint name="spin" type="continuous" independent="false">{turn.format("rotor")}</joint>']
     gear = '<coupling name="gear"><predecessor link="leg"/><successor link="rotor"/><ratio value="6.0"/></coupling>'
@@ -285,12 +266,11 @@ def test_home_at_a_singular_drawing_is_beside_it(write):
 
 # --- couplings ---------------------------------------------------------------------------------------------------
 
-ARM = f"""<robot name="arm"> {"".join(f'<link name="l{i}"/>' for i in range(5))}
-  {JOINT.format("a", "l0", "l1", "0 0 0")} {{0}} </joint>
-  {JOINT.format("b", "l1", "l2", "1 0 0")} {{1}} </joint>
-  <joint name="f" type="fixed"> <parent link="l2"/> <child link="l3"/> <origin xyz="1 0 0"/> </joint>
-  {JOINT.format("c", "l3", "l4", "0 0 0").replace("continuous", "prismatic")} {{2}}
-    <limit lower="-1" upper="1" effort="1" velocity="9"/> </joint>
+ARM = f"""<robot name="arm"> {links("l0", "l1", "l2", "l3", "l4")}
+  {joint_at("a", "l0", "l1", inside="{0}")}
+  {joint_at("b", "l1", "l2", "1 0 0", "{1}")}
+  {joint_at("f", "l2", "l3", "1 0 0", kind="fixed")}
+  {joint_at("c", "l3", "l4", inside="{2}" + limit(-1, 1), kind="prismatic")}
 """
 
 COUPLINGS = {
@@ -336,14 +316,9 @@ def test_couplings_of_each_dialect_hold(dialect, write):
 
 def test_a_ratio_of_urdf_plus_counts_the_joints_of_both_chains(write):
     """Two chains from the ground: 5 (a + b) = d + e."""
-    links = "".join(f'<link name="{link}"/>' for link in ("o", "a", "b", "d", "e"))
-    joints = "".join(
-        f'<joint name="j{child}" type="continuous"><parent link="{parent}"/><child link="{child}"/>'
-        '<origin xyz="1 0 0"/><axis xyz="0 0 1"/></joint>'
-        for parent, child in ("oa", "ab", "od", "de")
-    )
+    joints = "".join(joint_at(f"j{child}", parent, child, "1 0 0") for parent, child in ("oa", "ab", "od", "de"))
     coupling = '<coupling name="gear"><predecessor link="b"/><successor link="e"/><ratio value="5"/></coupling>'
-    mechanism = cinegen.load(write(coupling, f'<robot name="r">{links}{joints}'))
+    mechanism = cinegen.load(write(coupling, f'<robot name="r">{links(*"oabde")}{joints}'))
     assert mechanism.mobility == 3
     assert {name: c for name, (c,) in mechanism.couplings[0].terms.items()} == {"ja": 5, "jb": 5, "jd": -1, "je": -1}
 
@@ -360,13 +335,12 @@ def test_a_joint_that_mimics_a_fixed_one_is_refused(write):
 
 
 def test_of_two_joints_the_one_without_limits_is_cut(write):
-    limited = '<limit lower="-1" upper="1" effort="1" velocity="9"/>'
-    pin = JOINT.format("pin", "crank", "rocker", "2.5 0 0").replace("continuous", "revolute")
-    mechanism = cinegen.load(write(f"{pin} {limited} </joint>"))
+    limited = joint_at("pin", "crank", "rocker", "2.5 0 0", limit(-1, 1), "revolute")
+    mechanism = cinegen.load(write(limited))
     assert mechanism.joints == ("drive", "elbow", "pin")
     assert [loop.name for loop in mechanism.loops] == ["swing"]
-    both = BARS.replace('name="swing" type="continuous">', f'name="swing" type="revolute">{limited}')
-    mechanism = cinegen.load(write(f"{pin} {limited} </joint>", both))
+    both = BARS.replace('name="swing" type="continuous">', f'name="swing" type="revolute">{limit(-1, 1)}')
+    mechanism = cinegen.load(write(limited, both))
     assert [loop.name for loop in mechanism.loops] == ["pin"]
     assert mechanism.source.notes == (
         "joint 'pin' closes a loop: its child 'rocker' has another parent; its limits are not enforced",
@@ -375,16 +349,11 @@ def test_of_two_joints_the_one_without_limits_is_cut(write):
 
 def test_a_ring_of_joints_without_a_root(write):
     """ros/urdf#13: each link has one parent, and the first link is the base."""
-    links = "".join(f'<link name="l{i}"/>' for i in range(4))
-    corners = [(0, 0), (2, 0), (3, 2), (0, 1)]
-    joints = ""
+    corners, parts = [(0, 0), (2, 0), (3, 2), (0, 1)], [links("l0", "l1", "l2", "l3")]
     for i in range(4):
         (x, y), (u, v) = corners[i], corners[(i + 1) % 4]
-        joints += (
-            f'<joint name="j{i}" type="continuous"><parent link="l{i}"/><child link="l{(i + 1) % 4}"/>'
-            f'<origin xyz="{u - x} {v - y} 0"/><axis xyz="0 0 1"/></joint>'
-        )
-    mechanism = cinegen.load(write("", f'<robot name="ring">{links}{joints}'))
+        parts.append(joint_at(f"j{i}", f"l{i}", f"l{(i + 1) % 4}", f"{u - x} {v - y} 0"))
+    mechanism = cinegen.load(write("", f'<robot name="ring">{"".join(parts)}'))
     assert mechanism.nodes[0] == "l0"
     assert [loop.name for loop in mechanism.loops] == ["j3"]
     assert mechanism.mobility == 1
@@ -406,7 +375,7 @@ def test_loop_closures_of_jsk(folder, tmp_path):
     (tmp_path / "urdf").mkdir()
     (tmp_path / "config").mkdir()
     path = tmp_path / "urdf" / "bars.urdf"
-    approximate = BARS.replace('link="coupler"/> ', 'link="coupler"/> <mimic joint="drive" multiplier="-1.3"/> ')
+    approximate = BARS.replace('"coupler"/><origin', '"coupler"/><mimic joint="drive" multiplier="-1.3"/><origin')
     path.write_text(f"{approximate}</robot>")
     (path.parent / folder / "loop_closures.yaml").write_text(CLOSURES)
     mechanism = cinegen.load(path)
@@ -475,10 +444,6 @@ def test_all_are_opened_by_ignore_loops_and_each_loop_by_its_dialect_or_its_name
             assert cinegen.load(path, ignore=[word]).mobility == 3
 
 
-# --- load declared loops ----------------------------------------------------------------------------------------------
-# Loops that are opened on purpose, in every format and command; numbers that a constraints file states.
-
-
 # --- numbers that a constraints file states ----------------------------------------------------------------------
 
 
@@ -529,35 +494,15 @@ def test_loops_are_opened_in_every_format_all_or_by_name(format, root, tmp_path)
     assert (len(mechanism.loops), mechanism.mobility) == (0, 5)
 
 
-# --- commands ----------------------------------------------------------------------------------------------------
-
-SCENE = """robot = "bars.urdf"
-node = "coupler"
-safety = 0.01
-goal = { point = [1.5, 0, 0] }
-"""
-
-COMMANDS = {
-    "info": ["info", "bars.urdf"],
-    "map": ["map", "bars.urdf"],
-    "drive": ["drive", "bars.urdf", "--snapshot", "page.html"],
-    "drive --scene": ["drive", "--scene", "scene.toml", "--snapshot", "page.html"],
-    "plan": ["plan", "scene.toml"],
-}
+# --- scenes ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_refuses_and_opens_on_demand(command, write, tmp_path, monkeypatch, typed, capsys):
+@pytest.mark.parametrize("options", [{"ignore_loops": True}, {"ignore": ["closure"]}])
+def test_the_robot_of_a_scene_is_opened_on_demand(options, write, text_file):
     write(LOOPS["URDF+"][0].replace("<loop ", "<closure ").replace("</loop>", "</closure>"))
-    (tmp_path / "scene.toml").write_text(SCENE)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO()))
-    refused = typed(*COMMANDS[command], code=1).err
-    assert "bars.urdf:6: <closure> 'pin' ('coupler', 'rocker') declares a loop" in refused
-    for option in (["--ignore-loops"], ["--ignore", "closure"]):
-        main([*COMMANDS[command], *option])
-        opened = capsys.readouterr().err
-        assert "bars.urdf: left out, as requested" in opened
-        assert ": <closure> 'pin' (line 6)" in opened
-        assert "Traceback" not in opened
-        assert "declares a loop" not in opened
+    scene = 'robot = "bars.urdf"\nnode = "coupler"\nsafety = 0.01\ngoal = { point = [1.5, 0, 0] }\n'
+    path = text_file("scene.toml", scene)
+    with pytest.raises(CinegenError, match=r"bars.urdf:6: <closure> 'pin' \('coupler', 'rocker'\) declares a loop"):
+        load_scene(path)
+    with pytest.warns(RaffWarning, match=r"bars.urdf: left out, as requested.*: <closure> 'pin' \(line 6\)"):
+        assert load_scene(path, **options).mechanism.mobility == 3

@@ -46,13 +46,8 @@ MODEL = """<mujoco model="zoo">
 
 
 @pytest.fixture
-def write(tmp_path):
-    def write(more="", text=MODEL):
-        path = tmp_path / "zoo.xml"
-        path.write_text(text.replace("{more}", more))
-        return path
-
-    return write
+def write(text_file):
+    return lambda more="", text=MODEL: text_file("zoo.xml", text.replace("{more}", more))
 
 
 def without_mesh(text):
@@ -71,24 +66,27 @@ def wxyz(rotation):
     return [w, x, y, z]
 
 
+def qpos(at):
+    """MuJoCo's configuration of the model, for values of its successive joints."""
+    ball, about = (turned([at[f"{joint}_{x}"] for x in "XYZ"]) for joint in ("ball", "free"))
+    written = pin.SE3(turned(np.radians([5, 6, 7])), np.array([2.0, 0.0, 1.0]))
+    loose = written * pin.SE3(about, np.array([at[f"free_T{x}"] for x in "XYZ"]))
+    hinges = [at["bent"], at["other"]]
+    return [at["turn"], at["slide"], *wxyz(ball), *hinges, *loose.translation, *wxyz(loose.rotation)]
+
+
 def test_every_body_stands_where_mujoco_has_it(write):
     mechanism = cinegen.load(write())
     model = mujoco.MjModel.from_xml_string(without_mesh(MODEL.replace("{more}", "")))
-    data = mujoco.MjData(model)
+    data, successive = mujoco.MjData(model), mechanism.successive
     rng = np.random.default_rng(0)
-    loose = pin.SE3(turned(np.radians([5, 6, 7])), np.array([2.0, 0.0, 1.0]))
     for _ in range(20):
-        turn, slide, bent, other, *more = rng.uniform(-1.5, 1.5, size=13)
-        ball, (along, about) = more[:3], (np.array(more[3:6]), more[6:9])
-        there = loose * pin.SE3(turned(about), along)
-        data.qpos[:] = [turn, slide, *wxyz(turned(ball)), bent, other, *there.translation, *wxyz(there.rotation)]
+        values = dict(zip(successive.joints, rng.uniform(-1.5, 1.5, size=len(successive.joints)), strict=True))
+        data.qpos[:] = qpos(values)
         mujoco.mj_kinematics(model, data)
-        names = ["turn", "slide", "bent", "other", "ball_X", "ball_Y", "ball_Z"]
-        names += ["free_TX", "free_TY", "free_TZ", "free_X", "free_Y", "free_Z"]
-        values = [turn, slide, bent, other, *ball, *along, *about]
-        q = mechanism.configuration(dict(zip(names, values, strict=True)))
+        q = successive.configuration(values)
         for i in range(1, model.nbody):
-            stands = mechanism.placement(q, model.body(i).name)
+            stands = successive.placement(q, model.body(i).name)
             assert np.allclose(stands.translation, data.xpos[i], atol=1e-12)
             assert np.allclose(stands.rotation, data.xmat[i].reshape(3, 3), atol=1e-12)
 
@@ -106,16 +104,9 @@ def test_connect_and_weld_become_loops_that_mujoco_finds_closed(write):
     assert mechanism.mobility == 4
     model = mujoco.MjModel.from_xml_string(without_mesh(MODEL.replace("{more}", EQUALITY)))
     data = mujoco.MjData(model)
-    loose = pin.SE3(turned(np.radians([5, 6, 7])), np.array([2.0, 0.0, 1.0]))
     for q in [mechanism.q_home, *mechanism.random_closed(4)]:
         successive, angles = mechanism.successive, mechanism.spherical.to_successive(q)
-        at = {joint: angles[successive.q_index(joint)] for joint in successive.joints}
-        ball = turned([at[f"ball_{x}"] for x in "XYZ"])
-        about, along = turned([at[f"free_{x}"] for x in "XYZ"]), np.array([at[f"free_T{x}"] for x in "XYZ"])
-        there = loose * pin.SE3(about, along)
-        hinges = [at["bent"], at["other"]]
-        loose_at = [*there.translation, *wxyz(there.rotation)]
-        data.qpos[:] = [at["turn"], at["slide"], *wxyz(ball), *hinges, *loose_at]
+        data.qpos[:] = qpos({joint: angles[successive.q_index(joint)] for joint in successive.joints})
         mujoco.mj_forward(model, data)
         equality = data.efc_type[: data.nefc] == mujoco.mjtConstraint.mjCNSTR_EQUALITY
         assert equality.sum() == 9
@@ -311,10 +302,9 @@ def test_gravity_of_the_file_is_that_of_sessions_and_of_what_is_saved():
     assert downwards == pytest.approx(data.qfrc_inverse)
 
 
-def test_what_forces_leave_out_is_told(typed, tmp_path):
+def test_what_forces_leave_out_is_told(typed, text_file):
 
-    path = tmp_path / "arm.xml"
-    path.write_text(ARM.format(more='damping="3 0.1" frictionloss="0.2" stiffness="9"'))
+    path = text_file("arm.xml", ARM.format(more='damping="3 0.1" frictionloss="0.2" stiffness="9"'))
     told = "forces leave out the nonlinear damping of shoulder, the springs of shoulder"
     assert told in cinegen.load(path).source.notes
     assert f"note: {told}\n  gravity: 1, -4, -6 m/s2\n" in typed("forces", path).out

@@ -171,9 +171,8 @@ def test_mujoco_finds_random_couplings_fulfilled(tmp_path_factory, seed):
     assert (back.mobility, len(back.couplings)) == (there.mobility, len(there.couplings))
 
 
-def test_each_dialect_names_what_it_lacks(tmp_path):
-    path = tmp_path / "coupled.raff"
-    path.write_text(CLOSED_TEXTS["coupled"])
+def test_each_dialect_names_what_it_lacks(tmp_path, text_file):
+    path = text_file("coupled.raff", CLOSED_TEXTS["coupled"])
     expected = {
         "constraint": [],
         "urdf+": ["coupling 'cam'"],
@@ -183,8 +182,7 @@ def test_each_dialect_names_what_it_lacks(tmp_path):
     }
     for dialect, lost in expected.items():
         assert converted(path, "coupled", tmp_path / dialect, dialect)[1] == lost
-    path = tmp_path / "slide.raff"
-    path.write_text(CLOSED_TEXTS["slide_loop"])
+    path = text_file("slide.raff", CLOSED_TEXTS["slide_loop"])
     for dialect in ("closing-frames", "robot.yaml", "mimic"):
         assert converted(path, "slide", tmp_path / dialect, dialect)[1] == ["loop 'frame4-frame5'"]
     for dialect in ("constraint", "urdf+"):

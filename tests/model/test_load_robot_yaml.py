@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from urdf_text import joint_at, limit, links, robot
 
 import cinegen
 import raff2urdf
@@ -14,18 +15,7 @@ JOINTS = (
     ("swing", "ground", "rocker", "0.4 0 0"),
     ("loop_B", "rocker", "end_b", "0.2 0.1 0"),
 )
-URDF = "\n".join(
-    [
-        '<robot name="linkage">',
-        *(f'<link name="{link}"/>' for link in LINKS),
-        *(
-            f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
-            f'<origin xyz="{xyz}"/><axis xyz="0 0 1"/><limit lower="-4" upper="4" effort="1" velocity="2"/></joint>'
-            for name, parent, child, xyz in JOINTS
-        ),
-        "</robot>",
-    ]
-)
+URDF = robot(links(*LINKS), *(joint_at(*joint, limit(-4, 4), "revolute") for joint in JOINTS), name="linkage")
 YAML = """closed_loop: [['loop_A', 'loop_B']]
 type: ['6d']
 name_mot: ['drive']

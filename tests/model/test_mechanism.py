@@ -7,6 +7,8 @@ import warnings
 
 import numpy as np
 import pytest
+from urdf_text import joint_at, joint_text, limit, links
+from urdf_text import robot as urdf
 
 import cinegen
 from raff2urdf.constraints import HASH
@@ -36,15 +38,11 @@ def test_a_joint_that_does_not_move_a_loop_has_exactly_zero_there(robot):
 
 
 @pytest.mark.parametrize("axis", ["1 0 0", "0 1 0", "0 0 1", "0.6 0.8 0"])
-def test_a_prismatic_joint_of_any_axis_is_one_translation_and_the_next_joint_is_none(tmp_path, axis):
+def test_a_prismatic_joint_of_any_axis_is_one_translation_and_the_next_joint_is_none(axis):
     """The scale of a prismatic joint is the characteristic length, that of a revolute joint 1 rad."""
-    path = tmp_path / "two.urdf"
-    limit = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
-    path.write_text(f"""<robot name="two"><link name="a"/><link name="b"/><link name="c"/>
-      <joint name="p" type="prismatic"><parent link="a"/><child link="b"/><axis xyz="{axis}"/>{limit}</joint>
-      <joint name="r" type="revolute"><origin xyz="0.3 0.1 0.2"/><parent link="b"/><child link="c"/>
-        <axis xyz="0 0 1"/>{limit}</joint></robot>""")
-    mechanism = cinegen.load(path)
+    slide = joint_text("p", "a", "b", f'<axis xyz="{axis}"/>{limit(-1, 1)}', "prismatic")
+    turn = joint_at("r", "b", "c", "0.3 0.1 0.2", limit(-1, 1), "revolute")
+    mechanism = cinegen.load(urdf(links(*"abc"), slide, turn))
     assert (mechanism.is_prismatic("p"), mechanism.is_prismatic("r")) == (True, False)
     assert mechanism.length != 1.0
     assert mechanism.scale == pytest.approx([mechanism.length, 1.0])
@@ -97,19 +95,12 @@ def test_what_a_mechanism_shows_is_in_the_reference(robot):
 # Home of a URDF is the group state of its SRDF.
 
 
-LIMIT = '<limit lower="{}" upper="{}" velocity="1" effort="1"/>'
-ENDS = '<parent link="{}"/><child link="{}"/>'
-JOINT = f'<joint name="{{}}" type="revolute">{ENDS}<origin xyz="1 0 0"/><axis xyz="0 0 1"/>{{}}</joint>'
+def limited(name, parent, child, low=-3, high=3, inside=""):
+    return joint_at(name, parent, child, "1 0 0", limit(low, high) + inside, "revolute")
 
 
-def pin(name, parent, child, low=-3, high=3):
-    return JOINT.format(name, parent, child, LIMIT.format(low, high))
-
-
-LINKS = '<link name="a"/><link name="b"/><link name="c"/><link name="d"/><link name="tool"/>'
-FIXED = f'<joint name="{{}}" type="fixed">{ENDS}<origin xyz="{{}}"/></joint>'
-JOINTS = FIXED.format("flange", "d", "tool", "1 0 0") + pin("j1", "a", "b") + pin("j2", "b", "c")
-ARM = f'<robot name="arm">{LINKS}{JOINTS}{pin("j3", "c", "d", 1, 2)}{{}}</robot>'
+JOINTS = joint_at("flange", "d", "tool", "1 0 0", kind="fixed") + limited("j1", "a", "b") + limited("j2", "b", "c")
+ARM = urdf(links(*"abcd", "tool"), JOINTS, limited("j3", "c", "d", 1, 2), "{}", name="arm")
 PLAIN = ARM.format("")
 
 
@@ -179,13 +170,11 @@ def test_a_home_in_the_constraints_file_is_stronger(write, tmp_path):
 
 def test_loops_and_couplings_are_closed_near_it(write):
     """A follower has the value that its leader gives it; a state with rounded numbers is closed."""
-    follower = ARM.format(pin("k", "a", "e").replace("</joint>", '<mimic joint="j1" multiplier="2"/></joint>'))
-    follower = follower.replace(LINKS, f'{LINKS}<link name="e"/>')
+    follower = ARM.format(links("e") + limited("k", "a", "e", inside='<mimic joint="j1" multiplier="2"/>'))
     mechanism = load(write(state("home", "arm", j1=0.4, j2=0.1), urdf=follower))
     assert home(mechanism) == pytest.approx({"j1": 0.4, "j2": 0.1, "j3": 1.5, "k": 0.8})
     closing = '<loop_joint name="l" type="spherical"><link1 link="tool"/><link2 link="e"/></loop_joint>'
-    four = ARM.format(closing + FIXED.format("e", "a", "e", "1 1 0"))
-    four = four.replace(LINKS, f'{LINKS}<link name="e"/>')
+    four = ARM.format(links("e") + closing + joint_at("e", "a", "e", "1 1 0", kind="fixed"))
     for angle in (0.1, 0.3):
         rounded = state("home", "arm", j1=angle, j2=round(1.5708 - angle, 2), j3=round(1.5708 + angle, 2))
         mechanism = load(write(rounded, urdf=four))

@@ -29,6 +29,8 @@ from proposals import pattern, proposals
 from test_beginners_mistakes import BARS, MISTAKES, RIGHT, URDF_BARS, filled, messages
 from test_frozen import bars as with_play
 from test_frozen import hand
+from urdf_text import joint_text as joint
+from urdf_text import links, robot
 
 import cinegen
 import cinegen.cli
@@ -166,11 +168,7 @@ OF_RAFF = [
 
 
 def urdf(*parts: str) -> str:
-    return "\n".join(['<robot name="r">', *(f'<link name="{name}"/>' for name in "abc"), *parts, "</robot>"])
-
-
-def joint(name: str, parent: str, child: str, inside: str = "", kind: str = "continuous") -> str:
-    return f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{inside}</joint>'
+    return robot(links(*"abc"), *parts)
 
 
 AB, BC = joint("p", "a", "b"), joint("q", "b", "c")
@@ -252,8 +250,7 @@ OF_XML = [
      '<xi:include xmlns:xi="http://www.w3.org/2001/XInclude" href="<1>"/>', '<link name="d"/>' + joint("s", "c", "d")),
     (hand((0, 1, None), (-1, 1, 2.0), (0, 1, -1.0)),
      "let no joint move that loops and couplings connect to them: correct these (limits), or",
-     'multiplier="-1.0"/><origin xyz="0 0.1 0"/><limit lower="0" upper="1"',
-     'multiplier="-1.0"/><origin xyz="0 0.1 0"/><limit lower="-1" upper="0"'),
+     'multiplier="-1.0"/><limit lower="0" upper="1"', 'multiplier="-1.0"/><limit lower="-1" upper="0"'),
     (hand((0, 1, None), (-1, 1, 2.0), (0, 1, -1.0)), "let no joint move .*: correct these limits, or the (coupling)s",
      'multiplier="-1.0"', 'multiplier="1.0"'),
     # SDF: what links, joints and couplings lack
@@ -752,9 +749,7 @@ def four_bar(folder: Path, axis: str, *rpy: str) -> Path:
     def at(along: float, up: float) -> str:
         return {"x": f"0 {along} {up}", "y": f"{along} 0 {up}", "z": f"{along} {up} 0"}[axis]
 
-    text = "".join(
-        f'<link name="{name}"/>' for name in ("ground", "crank", "coupler", "rocker", "closing_pin_1", "closing_pin_2")
-    )
+    text = links("ground", "crank", "coupler", "rocker", "closing_pin_1", "closing_pin_2")
     about = f'<axis xyz="{ {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1"}[axis] }"/>'
     for parent, child, *place in (
         ("ground", "crank", 0, 0),

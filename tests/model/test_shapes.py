@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
+from urdf_text import joint_at, links, robot
 
 import cinegen
 import raff2urdf
@@ -288,9 +289,7 @@ def test_bars_of_a_long_chain_are_seen():
     assert radii == pytest.approx([1.5 * 0.002 * 100.0] * 1000)
 
 
-def test_a_robot_of_one_joint_has_a_plane(tmp_path):
+def test_a_robot_of_one_joint_has_a_plane():
     """Pinocchio returns its Jacobian as a vector."""
-    links = '<link name="a"/><link name="b"/>'
-    joint = '<joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint>'
-    (tmp_path / "one.urdf").write_text(f'<robot name="one">{links}{joint}</robot>')
-    assert np.allclose(motion_plane(cinegen.load(tmp_path / "one.urdf")), [0.0, 0.0, 1.0])
+    one = cinegen.load(robot(links("a", "b"), joint_at("j", "a", "b")))
+    assert np.allclose(motion_plane(one), [0.0, 0.0, 1.0])

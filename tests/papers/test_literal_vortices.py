@@ -12,7 +12,7 @@ from literal_vortices import plan_literally, scissors
 from polygons import convex, distance, holds, normal
 from vortex_field import Vortex, facing
 
-from cinegen.collision import load_scene, scene_of
+from cinegen.collision import load_scene
 from cinegen.planning.vortices import folding, rotation_axis
 
 X, Y, Z = np.eye(3)
@@ -21,13 +21,6 @@ angles = st.floats(-math.pi, math.pi)
 
 def direction(angle):
     return np.array([math.cos(angle), math.sin(angle), 0.0])
-
-
-def point(obstacles, radius=0.0):
-    """A mobile robot."""
-    document = {"name": "point", "mobile": {"radius": radius}, "safety": 0.02, "influence": 0.6}
-    document |= {"start": {"point": [0.0, 0.0]}, "goal": {"point": [4.0, 0.0]}, "obstacle": obstacles}
-    return scene_of(document)
 
 
 @given(angles, angles, st.sampled_from([-1.0, 1.0]), st.floats(0.01, 100.0))

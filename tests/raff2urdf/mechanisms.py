@@ -1,254 +1,128 @@
 """RAFF texts of mechanisms whose mobility is known.
 
-Most are given by where their joint axes lie in the world (metres; z of a placement is the axis) and become RAFF
-through `raff_of`; those that stand in a book by their own parameters are written out.
+Most are given by where their joint axes lie in the world (metres; z of a placement is the axis), see `making`; those
+that stand in a paper are those of `robots`.
 """
 
 import math
+import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
+import making
 import numpy as np
+from elementary import ROBOTS
 from elementary import shift as shift
 from elementary import turn as turn
-from numpy.typing import ArrayLike, NDArray
+from making import PRISMATIC, REVOLUTE, TOOL, Body, Mechanism, axis, planar
+from numpy.typing import NDArray
 
 from raff2urdf import loads
 from raff2urdf.raff.document import Document
-from raff2urdf.raff.kleinfinger import parameters
 from raff2urdf.tree import Cluster, clusters, length_of
 
 Matrix = NDArray[np.float64]
 
-FIXED, PRISMATIC, REVOLUTE, BALL = 0, 1, 2, 3
+
+def raff_of(bodies: Iterable[Body], *loops: tuple[int, int, int]) -> str:
+    """RAFF text (mm, degrees) of bodies that are given by their placements in the world, all digits written."""
+    return "RAFF mechanism\n" + Mechanism(tuple(bodies), loops).text(joint_digits=None, units=None)
 
 
-# --- placements --------------------------------------------------------------------------------------------------
+def ring(axes: Sequence[Matrix], cut: int = -1, how: str = "joint", off: Matrix | None = None) -> str:
+    """The ring of `making`, cut at a joint; `off` displaces the second end of its loop."""
+    made = making.ring(axes, None, cut, how)
+    end = made.loops[0][1]
+    bodies = [body for body in made.bodies if body.number != TOOL]
+    if off is not None:
+        bodies = [replace(body, place=body.place @ off) if body.number == end else body for body in bodies]
+    return raff_of(bodies, *made.loops)
 
 
-def axis_at(point: ArrayLike, direction: ArrayLike = (0, 0, 1)) -> Matrix:
-    """A placement at `point` whose z points along `direction`."""
-    z = np.asarray(direction, dtype=float)
-    z = z / np.linalg.norm(z)
-    aside = np.eye(3)[np.argmin(np.abs(z))]
-    y = np.cross(z, aside)
-    y /= np.linalg.norm(y)
-    m = np.eye(4)
-    m[:3, :3] = np.column_stack([np.cross(y, z), y, z])
-    m[:3, 3] = point
-    return m
-
-
-# --- RAFF from placements ----------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Part:
-    """A link (or a frame, if `type` is None), where it stands in the world when the mechanism is at home."""
-
-    number: int
-    pred: int
-    place: Matrix
-    type: int | None = REVOLUTE
-    more: str = ""
-
-
-def raff_of(parts: Iterable[Part], *constraints: str, name: str = "mechanism") -> str:
-    """RAFF text (mm, degrees) of parts that are given by their placements in the world."""
-    world = {0: np.eye(4)}
-    lines = [f"RAFF {name}", "robot r {", "  base { }"]
-    for part in parts:
-        world[part.number] = part.place
-        p = parameters(np.linalg.inv(world[part.pred]) @ part.place)
-        said = f"theta {math.degrees(p.theta)!r} r {1e3 * p.r!r} d {1e3 * p.d!r}"
-        said += f" alpha {math.degrees(p.alpha)!r} gamma {math.degrees(p.gamma)!r} epsilon {1e3 * p.epsilon!r}"
-        word = "frame" if part.type is None else "link"
-        kind = "" if part.type is None else f"type {part.type}"
-        lines.append(f"  {word} {part.number} {{ parameters {{ {said} }} {kind} pred {part.pred} {part.more} }}")
-    lines += [f"  constraint {{ {constraint} }}" for constraint in constraints]
-    return "\n".join([*lines, "}", ""])
-
-
-def ring(axes: Sequence[Matrix], cut: int | None = None, rigid: bool = False, off: Matrix | None = None) -> str:
-    """One closed loop of revolute joints: joint i joins body i to body i + 1, the last one to the base, body 0.
-
-    Body b is link b. The loop is cut at joint `cut` (the last unless said): as a revolute joint, or `rigid`, with the
-    joint kept as one more link that must coincide with its other end. `off` displaces that end.
-    """
-    n = len(axes)
-    cut = n - 1 if cut is None else cut
-    forward = [Part(b, b - 1, axes[b - 1]) for b in range(1, cut + 1)]
-    backward = [Part(b, (b + 1) % n, axes[b]) for b in range(n - 1, cut, -1)]
-    one_end = Part(n + 1, cut, axes[cut], REVOLUTE if rigid else None)
-    other_end = Part(n + 2, (cut + 1) % n, axes[cut] if off is None else axes[cut] @ off, None)
-    closed = f"link {n + 1} frame {n + 2}" if rigid else f"frame {n + 1} frame {n + 2} type {REVOLUTE}"
-    return raff_of([*forward, *backward, one_end, other_end], closed)
+def side_by_side(*texts: str) -> str:
+    """The bodies of several texts on one base: link 1 of the first is link 11, that of the second link 21."""
+    inside = [text.split("\n", 3)[3].rsplit("}", 1)[0] for text in texts]
+    numbered = [re.sub(r"\b(link|frame|pred) ([1-9])", rf"\1 {i}\2", text) for i, text in enumerate(inside, 1)]
+    return "\n".join(["RAFF several", "robot r {", *numbered, "}", ""])
 
 
 # --- planar mechanisms -------------------------------------------------------------------------------------------
 
-
-def planar(*points: tuple[float, float]) -> list[Matrix]:
-    """Parallel axes through points of the plane."""
-    return [axis_at((x, y, 0.0)) for x, y in points]
+FOUR_BAR_AXES = planar(np.array([(0.0, 0.0), (0.05, 0.1), (0.4, 0.25), (0.4, 0.0)]))
 
 
-FOUR_BAR_AXES = planar((0.0, 0.0), (0.05, 0.1), (0.4, 0.25), (0.4, 0.0))
-PARALLELOGRAM_AXES = planar((0.0, 0.0), (0.1, 0.3), (0.6, 0.3), (0.5, 0.0))
-FLAT_PARALLELOGRAM_AXES = planar((0.0, 0.0), (0.3, 0.0), (0.8, 0.0), (0.5, 0.0))
+def four_bar(cut: int = -1, how: str = "joint") -> str:
+    return ring(FOUR_BAR_AXES, cut, how)
 
 
-def four_bar(cut: int | None = None, rigid: bool = False) -> str:
-    return ring(FOUR_BAR_AXES, cut, rigid)
+def parallelogram(cranks: int = 2, lean: float | None = None) -> str:
+    """Equal cranks under one coupler; all but two add nothing but rows."""
+    made = making.parallelograms(np.random.default_rng(0), 1, cranks, lean)
+    return raff_of(made.bodies, *made.loops)
 
 
-def parallelogram(cut: int | None = None) -> str:
-    return ring(PARALLELOGRAM_AXES, cut)
-
-
-def polygon(n: int, cut: int | None = None) -> str:
+def polygon(n: int, cut: int = -1) -> str:
     """A planar n-bar: mobility n - 3."""
     angles = [2.0 * math.pi * i / n + 0.1 * i * i / n for i in range(n)]
-    return ring(planar(*[(0.3 * math.cos(a), 0.2 * math.sin(a)) for a in angles]), cut)
-
-
-def five_bar(cut: int | None = None) -> str:
-    return ring(planar((0.0, 0.0), (-0.1, 0.2), (0.1, 0.4), (0.3, 0.2), (0.2, 0.0)), cut)
-
-
-def parallelogram_with_a_redundant_bar() -> str:
-    """Three equal cranks side by side under one coupler: the middle one adds nothing but rows."""
-    low, high = planar((0.0, 0.0), (0.5, 0.0), (0.2, 0.0)), planar((0.1, 0.3), (0.6, 0.3), (0.3, 0.3))
-    cranks = [Part(1, 0, low[0]), Part(2, 1, high[0]), Part(3, 0, low[1]), Part(4, 0, low[2])]
-    ends = [Part(11, 3, high[1], None), Part(12, 2, high[1], None)]
-    ends += [Part(21, 4, high[2], None), Part(22, 2, high[2], None)]
-    return raff_of([*cranks, *ends], "frame 11 frame 12 type 2", "frame 21 frame 22 type 2")
+    return ring(planar(np.array([(0.3 * math.cos(a), 0.2 * math.sin(a)) for a in angles])), cut)
 
 
 def planar_3rrr() -> str:
     """A platform on three legs of three revolute joints, all in one plane: mobility 3."""
-    parts, constraints = [], []
+    bodies: list[Body] = []
+    loops = []
     for leg in range(3):
         turned = turn("z", 2.0 * math.pi * leg / 3.0)
-        shoulder, elbow, wrist = (turned @ axis_at(p) for p in ((0.5, 0.0, 0.0), (0.4, 0.25, 0.0), (0.1, -0.05, 0.0)))
+        shoulder, elbow, wrist = (turned @ axis(p) for p in ((0.5, 0.0, 0.0), (0.4, 0.25, 0.0), (0.1, -0.05, 0.0)))
         first = 10 * leg + 1
-        parts += [Part(first, 0, shoulder), Part(first + 1, first, elbow)]
+        bodies += [Body(first, 0, shoulder), Body(first + 1, first, elbow)]
         if leg == 0:
-            parts.append(Part(3, 2, wrist))  # the platform
+            bodies.append(Body(3, 2, wrist))  # the platform
         else:
-            parts += [Part(first + 2, first + 1, wrist, None), Part(first + 3, 3, wrist, None)]
-            constraints.append(f"frame {first + 2} frame {first + 3} type 2")
-    return raff_of(parts, *constraints)
+            bodies += [Body(first + 2, first + 1, wrist, None), Body(first + 3, 3, wrist, None)]
+            loops.append((first + 2, first + 3, REVOLUTE))
+    return raff_of(bodies, *loops)
 
 
 def slider_crank(cut: str) -> str:
     """A crank, a rod and a piston that slides along x: cut at the piston's "slide" or at its "pin". Mobility 1."""
-    crank, knee, pin = planar((0.0, 0.0), (0.06, 0.08), (0.3, 0.0))
-    slide = axis_at((0.3, 0.0, 0.0), (1.0, 0.0, 0.0))
-    arm = [Part(1, 0, crank), Part(2, 1, knee)]
+    crank, knee, pin = planar(np.array([(0.0, 0.0), (0.06, 0.08), (0.3, 0.0)]))
+    slide = axis((0.3, 0.0, 0.0), (1.0, 0.0, 0.0))
+    arm = [Body(1, 0, crank), Body(2, 1, knee)]
     if cut == "slide":
-        piston = [Part(3, 2, pin), Part(4, 3, slide, None), Part(5, 0, slide, None)]
-        return raff_of([*arm, *piston], f"frame 4 frame 5 type {PRISMATIC}")
-    piston = [Part(3, 0, slide, PRISMATIC), Part(4, 2, pin, None), Part(5, 3, pin, None)]
-    return raff_of([*arm, *piston], f"frame 4 frame 5 type {REVOLUTE}")
-
-
-def truss() -> str:
-    """A triangle: three bars on three hinges. Mobility 0."""
-    return ring(planar((0.0, 0.0), (0.2, 0.4), (0.5, 0.0)))
+        return raff_of([*arm, Body(3, 2, pin), Body(4, 3, slide, None), Body(5, 0, slide, None)], (4, 5, PRISMATIC))
+    return raff_of([*arm, Body(3, 0, slide, PRISMATIC), Body(4, 2, pin, None), Body(5, 3, pin, None)], (4, 5, REVOLUTE))
 
 
 # --- spatial mechanisms ------------------------------------------------------------------------------------------
 
 
-def delta(forearm: float = 3500.0) -> str:
-    """The paper's MiniDelta (figure 5), completed: a 3-RUU delta, mobility 3.
-
-    Base radius 1500, upper arm 2000, shoulder at 0, elbow at 211.21 are the figure's; forearm L and platform radius
-    p are tied by p = 3500 + L cos(211.21). Each arm: shoulder, then two joints at the elbow, two at the wrist; link 5
-    is the platform. Arms 2 and 3 end in a fixed link that coincides with it.
-    """
-    radius = 3500.0 + forearm * math.cos(math.radians(211.21))
-    lines = ["RAFF MiniDelta", "robot r1 {", "base { }"]
-    for arm, gamma in enumerate((0, 120, 240)):
-        n = (1, 6, 12)[arm]
-        lines += [
-            f"link {n} {{ parameters {{ gamma {gamma} alpha 90 d 1500 theta 0 }} type 2 pred 0 limits {{ -85 80 }} }}",
-            f"link {n + 1} {{ parameters {{ d 2000 theta 211.21 }} type 2 pred {n} limits {{ 185 355 }} }}",
-            f"link {n + 2} {{ parameters {{ alpha 90 }} type 2 pred {n + 1} }}",
-            f"link {n + 3} {{ parameters {{ d {forearm!r} }} type 2 pred {n + 2} }}",
-            f"link {n + 4} {{ parameters {{ alpha -90 theta {360 - 211.21!r} }} type 2 pred {n + 3} }}",
-        ]
-        if arm:  # to the platform's centre, and out again to where the first arm holds it
-            centre, end = 20 + arm, (5, 11, 17)[arm]
-            lines += [
-                f"frame {centre} {{ parameters {{ d {-radius!r} alpha -90 }} pred {n + 4} }}",
-                f"link {end} {{ parameters {{ gamma {-gamma} alpha 90 d {radius!r} }} type 0 pred {centre} }}",
-                f"constraint {{ link 5 link {end} }}",
-            ]
-    lines += [f'frame 20 {{ name "tool" parameters {{ d {-radius!r} alpha -90 }} pred 5 }}', "}", ""]
-    return "\n".join(lines)
+def delta() -> str:
+    """The paper's MiniDelta (figure 5) as it is in `robots`, without graphics: a 3-RUU delta, mobility 3."""
+    return re.sub('path ".*"|filename {[^}]*}', "", (ROBOTS / "delta4.raff").read_text(encoding="utf-8"))
 
 
 def gough_stewart() -> str:
     """6-UPS: a platform on six legs, each a universal joint, a slide and a ball. Mobility 6."""
-    parts, constraints = [], []
-    top = np.eye(4)
-    for leg in range(6):
-        around = 2.0 * math.pi * (leg // 2) / 3.0
-        low, high = around + (-0.3, 0.3)[leg % 2], around + (-0.8, 0.8)[leg % 2]
-        foot = np.array([0.6 * math.cos(low), 0.6 * math.sin(low), 0.0])
-        head = np.array([0.3 * math.cos(high), 0.3 * math.sin(high), 0.5])
-        along = head - foot
-        first, second = np.cross(along, (0.0, 0.0, 1.0)), np.cross(along, np.cross(along, (0.0, 0.0, 1.0)))
-        n = 10 * leg + 1
-        parts += [Part(n, 0, axis_at(foot, second)), Part(n + 1, n, axis_at(foot, first))]
-        parts += [Part(n + 2, n + 1, axis_at(head, along), PRISMATIC)]
-        if leg == 0:  # this ball is three revolute joints, and the last of their links the platform
-            parts += [Part(4, 3, axis_at(head, (1, 0, 0))), Part(5, 4, axis_at(head, (0, 1, 0)))]
-            top[:3, 3] = head
-            parts += [Part(6, 5, top)]
-        else:
-            parts += [Part(n + 3, n + 2, axis_at(head), None), Part(n + 4, 6, axis_at(head), None)]
-            constraints.append(f"frame {n + 3} frame {n + 4} type {BALL}")
-    return raff_of(parts, *constraints)
+    made = making.platform(np.random.default_rng(0), ["UPS"] * 6, "joint")
+    return raff_of(made.bodies, *made.loops)
 
 
-def sarrus(cut: int | None = None, rigid: bool = False) -> str:
-    """Two pairs of hinged plates at right angles, that lift a platform straight up. Mobility 1; Kutzbach says 0."""
-    x, y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
-    axes = [axis_at(p, x) for p in ((0.0, 0.5, 0.0), (0.0, 0.9, 0.5), (0.0, 0.5, 1.0))]
-    axes += [axis_at(p, y) for p in ((0.5, 0.0, 1.0), (0.9, 0.0, 0.5), (0.5, 0.0, 0.0))]
-    return ring(axes, cut, rigid)
+def sarrus(cut: int = -1, how: str = "joint") -> str:
+    """Two pairs of hinged plates that lift a platform straight up. Mobility 1; Kutzbach says 0."""
+    return ring(making.sarrus(np.random.default_rng(0)), cut, how)
 
 
-def bennett(theta: float = 70.0) -> str:
-    """Bennett's skew four-bar, with the twists 40 and 100 degrees. Mobility 1; Kutzbach says -2.
-
-    G. T. Bennett, "A new mechanism", Engineering 76, 1903: a / sin(alpha) = b / sin(beta), opposite angles add up to
-    360 degrees, and tan(theta1 / 2) tan(theta2 / 2) = sin((beta + alpha) / 2) / sin((beta - alpha) / 2).
-    """
-    alpha, beta = math.radians(40.0), math.radians(100.0)
-    a, b = 300.0 * math.sin(alpha), 300.0 * math.sin(beta)
-    ratio = math.sin((beta + alpha) / 2.0) / math.sin((beta - alpha) / 2.0)
-    other = math.degrees(2.0 * math.atan(ratio / math.tan(math.radians(theta) / 2.0)))
-    return f"""RAFF Bennett
-robot r {{
-  base {{ }}
-  link 1 {{ parameters {{ alpha 100 d {b!r} theta {theta!r} }} type 2 pred 0 }}
-  link 2 {{ parameters {{ alpha 40 d {a!r} theta {other!r} }} type 2 pred 1 }}
-  link 3 {{ parameters {{ alpha 100 d {b!r} theta {360 - theta!r} }} type 2 pred 2 }}
-  frame 4 {{ parameters {{ alpha 40 d {a!r} }} pred 3 }}
-  constraint {{ base frame 4 type 2 }}
-}}
-"""
+def bennett() -> str:
+    """Bennett's skew four-bar. Mobility 1; Kutzbach says -2."""
+    return ring(making.bennett(np.random.default_rng(0)))
 
 
 def skew_four_bar() -> str:
     """Four revolute joints on skew axes, a bit off what would meet, cut rigidly: six rows on four joints."""
-    axes = [axis_at((0, 0, 0), (0, 0.1, 1)), axis_at((0.1, 0.3, 0), (0.2, 0, 1))]
-    axes += [axis_at((0.5, 0.3, 0.1), (0, 0.3, 1)), axis_at((0.5, 0, 0), (0.3, 0.1, 1))]
-    return ring(axes, rigid=True, off=shift("x", 0.004) @ turn("y", 0.02))
+    axes = [axis((0, 0, 0), (0, 0.1, 1)), axis((0.1, 0.3, 0), (0.2, 0, 1))]
+    axes += [axis((0.5, 0.3, 0.1), (0, 0.3, 1)), axis((0.5, 0, 0), (0.3, 0.1, 1))]
+    return ring(axes, how="rigid", off=shift("x", 0.004) @ turn("y", 0.02))
 
 
 def serial(n: int) -> str:
@@ -263,16 +137,16 @@ def serial(n: int) -> str:
 KNOWN = {
     "serial arm of 1": (serial(1), 1),
     "serial arm of 7": (serial(7), 7),
-    "truss": (truss(), 0),
+    "truss": (polygon(3), 0),
     "four-bar": (four_bar(), 1),
-    "four-bar, closed rigidly": (four_bar(rigid=True), 1),
+    "four-bar, closed rigidly": (four_bar(how="rigid"), 1),
     "slider-crank, cut at the slide": (slider_crank("slide"), 1),
     "slider-crank, cut at the pin": (slider_crank("pin"), 1),
-    "five-bar": (five_bar(2), 2),
+    "five-bar": (polygon(5, 2), 2),
     "seven-bar": (polygon(7), 4),
     "parallelogram": (parallelogram(), 1),
-    "flat parallelogram": (ring(FLAT_PARALLELOGRAM_AXES), 1),
-    "parallelogram with a redundant bar": (parallelogram_with_a_redundant_bar(), 1),
+    "flat parallelogram": (parallelogram(lean=0.0), 1),
+    "parallelogram with a redundant bar": (parallelogram(3), 1),
     "planar 3-RRR": (planar_3rrr(), 3),
     "delta": (delta(), 3),
     "6-UPS": (gough_stewart(), 6),

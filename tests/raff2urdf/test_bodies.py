@@ -15,7 +15,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
-from strategies import documents
 
 import cinegen
 import raff2urdf
@@ -392,23 +391,6 @@ NONE += ["lathe/x", "rack/1,1,1,1", "belt/0,1,1,1,1,1"]
 def test_a_recipe_that_makes_no_solid_is_refused(text: str) -> None:
     with pytest.raises(RaffError, match="is no solid: one of lathe, plate, wheel, "):
         triangles(text)
-
-
-@given(documents(moderate=True, graphics=False, least_robots=1))
-@settings(max_examples=30)
-def test_every_robot_is_drawn_by_solids_that_its_text_names(document: Document) -> None:
-    """Each recipe is one that `triangles` makes, and the same robot is drawn by the same bytes."""
-    for one in document.robots:
-        shapes = list(shapes_of(BodyDrawing(document, one)))
-        for _, shape in shapes:
-            assert np.isfinite(shape.placement).all()
-            assert all(0.0 < size < math.inf for size in shape.sizes)
-            if shape.recipe:
-                assert len(triangles(shape.recipe)) > 3
-        again = list(shapes_of(BodyDrawing(document, one)))
-        assert [(n, s.recipe, s.sizes, s.placement.tobytes()) for n, s in shapes] == [
-            (n, s.recipe, s.sizes, s.placement.tobytes()) for n, s in again
-        ]
 
 
 def test_a_robot_in_memory_names_its_solids_and_needs_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

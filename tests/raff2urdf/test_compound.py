@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from elementary import shift, turn
 from hypothesis import given
 from hypothesis import strategies as st
-from lxml import etree
 
 import cinegen
 import raff2urdf
@@ -39,14 +39,7 @@ def text(kind: str, variables: str = "") -> str:
 
 def step(name: str, value: float) -> np.ndarray:
     """The transform of a variable (rad, m): of x a rotation about x, of tx a translation along it."""
-    along, k = np.eye(4), "xyz".index(name[-1])
-    if name.startswith("t"):
-        along[k, 3] = value
-        return along
-    i, j = (k + 1) % 3, (k + 2) % 3
-    along[[i, j], [i, j]] = np.cos(value)
-    along[i, j], along[j, i] = -np.sin(value), np.sin(value)
-    return along
+    return shift(name[-1], value) if name.startswith("t") else turn(name, value)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -141,36 +134,17 @@ BODY = """<robot name="r">
 angles = st.floats(-1.5, 1.5)
 
 
-def replaced(kind, axis="0 0 1"):
-    tree = parse(BODY.format(kind=kind, axis=axis), "x")
-    assert successive.replace_compound(tree, "x", keep_root=True).keys() == {"j"}
-    again = parse(etree.tostring(tree, encoding="unicode"), "x")
-    model = pin.buildModelFromXML(etree.tostring(again, encoding="unicode"))
-    return [joint.get("name") for joint in joints(again)][1:], model
-
-
-def placement(model, names, values):
-    data, q = model.createData(), pin.neutral(model)
-    for name, value in zip(names, values, strict=True):
-        joint = model.joints[model.getJointId(name)]
-        if joint.nq == 2:  # the cosine and the sine of an angle without limits
-            q[joint.idx_q : joint.idx_q + 2] = np.cos(value), np.sin(value)
-        else:
-            q[joint.idx_q] = value
-    pin.framesForwardKinematics(model, data, q)
-    return data.oMf[model.getFrameId("body")]
-
-
 ORIGIN = pin.SE3(pin.rpy.rpyToMatrix(0.4, 0.5, 0.6), np.array([0.1, 0.2, 0.3]))
 
 
 @given(st.tuples(*[angles] * 3), st.sampled_from(["0 0 1", "0 1 0", "1 0 0", "1 2 -3"]))
 def test_a_planar_joint_slides_at_right_angles_to_its_axis_and_turns_about_it(values, axis):
-    names, model = replaced("planar", axis)
-    assert names == ["j_TX", "j_TY", "j_Z"]
+    mechanism = cinegen.load(BODY.format(kind="planar", axis=axis))
+    assert mechanism.joints == ("first", "j_TX", "j_TY", "j_Z")
     normal = np.array(axis.split(), dtype=float)
     normal /= np.linalg.norm(normal)
-    moved = ORIGIN.inverse() * placement(model, names, values)
+    q = mechanism.configuration(dict(zip(mechanism.joints[1:], values, strict=True)))
+    moved = ORIGIN.inverse() * mechanism.placement(q, "body")
     assert abs(moved.translation @ normal) < 1e-12
     assert np.linalg.norm(moved.translation) == pytest.approx(np.hypot(*values[:2]), abs=1e-12)
     assert np.allclose(pin.log3(moved.rotation), values[2] * normal, atol=1e-12)

@@ -196,9 +196,3 @@ def test_a_number_beyond_all_doubles_is_refused_at_its_place(
     where = "".join(f"[{step}]" if step.isdigit() else f".{step}" for step in path.split("/"))
     line = text[: text.index(number)].count("\n") + 1
     refused(text, f"some.json:{line}: at ${where}: this is not a finite number")
-
-
-def test_a_loop_that_is_listed_twice_is_refused(values: constraints.Constraints) -> None:
-    refused(
-        constraints.dumps(changed(values, "loops", 2 * values["loops"])), "$.loops[1].name: 'coupler-link3' is listed"
-    )

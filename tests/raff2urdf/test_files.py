@@ -1,6 +1,5 @@
 """Writing files: symbolic links are followed, devices and FIFOs written through, all files are written or none."""
 
-import errno
 import os
 import socket
 import stat
@@ -12,8 +11,6 @@ from pathlib import Path
 import pytest
 
 from raff2urdf.files import write_all
-
-Device = Callable[[str], Path]
 
 
 def names(folder: Path) -> list[str]:
@@ -52,30 +49,6 @@ def test_a_ring_of_links_is_an_error(tmp_path: Path) -> None:
     assert names(tmp_path) == ["a", "b"]
 
 
-def test_a_device_is_written_through(tmp_path: Path, device: Device) -> None:
-    null = device("null")
-    write_all({null: b"gone"})
-    assert stat.S_ISCHR(null.lstat().st_mode)
-    assert names(tmp_path) == [null.name]
-
-
-@pytest.mark.parametrize("behind", [False, True], ids=["device", "link to it"])
-def test_a_full_device_is_an_error_and_no_other_file_is_written(tmp_path: Path, device: Device, behind: bool) -> None:
-    full = device("full")
-    target = full
-    if behind:
-        target = tmp_path / "link"
-        target.symlink_to(full)
-    (tmp_path / "other").write_bytes(b"old")
-    before = names(tmp_path)
-    with pytest.raises(OSError, match="No space left") as raised:
-        write_all({tmp_path / "other": b"new", target: b"lost", tmp_path / "folder" / "third": b"new"})
-    assert (raised.value.errno, raised.value.filename) == (errno.ENOSPC, str(target))
-    assert stat.S_ISCHR(full.lstat().st_mode)
-    assert (tmp_path / "other").read_bytes() == b"old"
-    assert names(tmp_path) == before
-
-
 def test_a_fifo_is_written_through(tmp_path: Path, fifo: Callable[[], tuple[Path, Callable[[], bytes]]]) -> None:
     path, read = fifo()
     content = bytes(range(256)) * 1000  # more than it holds at once
@@ -95,16 +68,6 @@ def test_a_folder_and_a_socket_are_errors(tmp_path: Path) -> None:
             assert raised.value.filename == str(tmp_path / name)
     assert names(tmp_path) == ["folder", "socket"]
     assert stat.S_ISSOCK((tmp_path / "socket").stat().st_mode)
-
-
-@pytest.mark.parametrize("mode", [0o600, 0o755])
-def test_a_file_that_is_replaced_keeps_its_permissions(tmp_path: Path, mode: int) -> None:
-    path = tmp_path / "file"
-    path.write_bytes(b"old")
-    path.chmod(mode)
-    write_all({path: b"new"})
-    assert path.read_bytes() == b"new"
-    assert stat.S_IMODE(path.stat().st_mode) == mode
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root may give files away")

@@ -66,9 +66,8 @@ def test_every_format_and_raff_again_have_the_same_numbers_and_gravity(tmp_path,
         assert '<dynamics damping="100.0" friction="2.0"/>' in file.read_text()
 
 
-def test_the_gravity_of_a_world_around_it_replaces_that_of_an_sdf_of_ours(tmp_path):
-    path = tmp_path / "arm.raff"
-    path.write_text(ARM.replace("\n", "\ngravity { 0 0 -1.62 }\n", 1))
+def test_the_gravity_of_a_world_around_it_replaces_that_of_an_sdf_of_ours(tmp_path, text_file):
+    path = text_file("arm.raff", ARM.replace("\n", "\ngravity { 0 0 -1.62 }\n", 1))
     raff2urdf.convert(path, tmp_path, format="sdf")
     text = (tmp_path / "arm.sdf").read_text()
     text = text.replace("<model", '<world name="w"><gravity>0 0 -3.7</gravity><model', 1)

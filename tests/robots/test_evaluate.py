@@ -2,30 +2,28 @@
 
 import numpy as np
 import pytest
+from elementary import at
+from example_robots import load
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_inverse_kinematics import CLOSED, SERIAL, configurations, end_of, mechanism_of
+from test_inverse_kinematics import CLOSED, SERIAL, configurations, end_of
 
 import cinegen
-
-
-def motors(mechanism: cinegen.Mechanism, q: np.ndarray) -> np.ndarray:
-    return np.array([q[mechanism.q_index(joint)] for joint in mechanism.actuated])
 
 
 def around_home(mechanism: cinegen.Mechanism, count: int, seed: int, size: float = 0.3) -> np.ndarray:
     """(count, motors) values around home."""
     scale = np.array([mechanism.length if mechanism.is_prismatic(joint) else 1.0 for joint in mechanism.actuated])
     rng = np.random.default_rng(seed)
-    return motors(mechanism, mechanism.q_home) + rng.uniform(-size, size, (count, len(scale))) * scale
+    return at(mechanism, mechanism.q_home, mechanism.actuated) + rng.uniform(-size, size, (count, len(scale))) * scale
 
 
 @pytest.mark.parametrize("name", SERIAL)
 def test_without_loops_it_is_the_mechanisms_own_jacobian(name: str) -> None:
-    mechanism = mechanism_of(name)
+    mechanism = load(name)
     node = end_of(mechanism)
     known = configurations(mechanism, 20, seed=2)
-    found = cinegen.evaluate(mechanism, node, [motors(mechanism, q) for q in known])
+    found = cinegen.evaluate(mechanism, node, [at(mechanism, q, mechanism.actuated) for q in known])
     columns = [mechanism.v_index(joint) for joint in mechanism.actuated]
     for i, q in enumerate(known):
         jacobian = mechanism.jacobian(q, node)
@@ -40,7 +38,7 @@ def test_without_loops_it_is_the_mechanisms_own_jacobian(name: str) -> None:
 
 @pytest.mark.parametrize("name", CLOSED)
 def test_with_loops_it_is_what_closing_and_differences_say(name: str) -> None:
-    mechanism = mechanism_of(name)
+    mechanism = load(name)
     node = end_of(mechanism)
     values = around_home(mechanism, 12, seed=5, size=0.1)
     found = cinegen.evaluate(mechanism, node, values)
@@ -49,7 +47,7 @@ def test_with_loops_it_is_what_closing_and_differences_say(name: str) -> None:
     for i in np.flatnonzero(closed):
         q = found.q[i]
         assert mechanism.closure(q) <= 1e-10
-        np.testing.assert_array_equal(motors(mechanism, q), values[i])
+        np.testing.assert_array_equal(at(mechanism, q, mechanism.actuated), values[i])
         place = mechanism.placement(q, node)
         np.testing.assert_allclose(found.placements[i], place.homogeneous, atol=1e-12 * max(1.0, mechanism.length))
         if len(mechanism.actuated) != mechanism.mobility:
@@ -70,7 +68,7 @@ def test_with_loops_it_is_what_closing_and_differences_say(name: str) -> None:
 @pytest.mark.parametrize("name", CLOSED)
 @pytest.mark.parametrize(("translation", "rotation"), [(3, 0), (3, 3), (2, 1), (1, 2)])
 def test_singular_values_are_those_of_a_tick(name: str, translation: int, rotation: int) -> None:
-    mechanism = mechanism_of(name)
+    mechanism = load(name)
     node = end_of(mechanism)
     found = cinegen.evaluate(mechanism, node, around_home(mechanism, 3, seed=7, size=0.05), translation, rotation)
     for q, sigma in zip(found.q, found.singular_values, strict=True):
@@ -84,8 +82,8 @@ def test_singular_values_are_those_of_a_tick(name: str, translation: int, rotati
 
 
 def test_what_can_not_be_closed_is_no_number_and_does_not_stop_the_others() -> None:
-    mechanism = mechanism_of("five_bar")
-    home = motors(mechanism, mechanism.q_home)
+    mechanism = load("five_bar")
+    home = at(mechanism, mechanism.q_home, mechanism.actuated)
     away = [home, home + np.array([2.5, -2.5]), [np.nan, 0.0], [1e9, 0.0], home]
     found = cinegen.evaluate(mechanism, end_of(mechanism), away, 2, 0)
     np.testing.assert_array_equal(np.isfinite(found.closure)[[0, 2, 3, 4]], [True, False, False, True])
@@ -100,7 +98,7 @@ def test_what_can_not_be_closed_is_no_number_and_does_not_stop_the_others() -> N
 def test_a_line_of_equal_steps_is_where_each_of_its_configurations_is_alone(name: str, seed: int) -> None:
     """What is foreseen from the steps before saves work, and makes no difference; nor do turns, stops and other
     steps between."""
-    mechanism = mechanism_of(name)
+    mechanism = load(name)
     first, last, third = around_home(mechanism, 3, seed, size=0.02)
     line = np.linspace(first, last, 12)
     values = np.vstack([line, line[:-1][::-1], [first, first], np.linspace(first, third, 3), line])
@@ -113,7 +111,7 @@ def test_a_line_of_equal_steps_is_where_each_of_its_configurations_is_alone(name
 
 
 def test_nothing_gives_nothing_and_another_shape_is_refused() -> None:
-    mechanism = mechanism_of("delta4")
+    mechanism = load("delta4")
     assert cinegen.evaluate(mechanism, "platform", np.zeros((0, 3))).q.shape == (0, 15)
     with pytest.raises(cinegen.CinegenError, match=r"\(count, 3\)"):
         cinegen.evaluate(mechanism, "platform", np.zeros((4, 2)))

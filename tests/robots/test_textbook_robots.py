@@ -3,28 +3,22 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from elementary import (
-    angle_between,
     at,
     document,
-    forward,
     length,
     limits,
     link,
-    local,
     placed,
     turn,
     values,
     within_limits,
     wrapped,
 )
-from scipy.spatial.transform import Rotation
 
 import cinegen
 
@@ -48,6 +42,10 @@ def in_plane(mechanism, q: np.ndarray, node: str = "tool") -> tuple[np.ndarray, 
     m = mechanism.placement(q, node).homogeneous
     assert m[2] == pytest.approx([0.0, 0.0, 1.0, 0.0], abs=1e-15)
     return m[:2, 3], math.atan2(m[1, 0], m[0, 0])
+
+
+def closed(mechanism) -> list[np.ndarray]:
+    return [mechanism.q_home] + [q for seed in range(20) for q in mechanism.random_closed(5, seed)]
 
 
 # --- planar_hybrid: figure 9 -------------------------------------------------------------------------------------
@@ -208,23 +206,11 @@ def test_the_rx90s_jacobian_vanishes_in_the_published_singularities(robot):
 # --- sr400 -------------------------------------------------------------------------------------------------------
 
 
-def sr400_closed(arm, count: int, seed: int) -> list[np.ndarray]:
-    """Closed configurations: all motors random, within their limits and those of the parallelogram."""
-    rng = np.random.default_rng(seed)
-    found = []
-    while len(found) < count:
-        goal = rng.uniform(*limits(arm, arm.actuated))
-        motors = dict(zip(arm.actuated, goal, strict=True))
-        if abs(math.pi / 2 - motors["joint2"] + motors["joint7"]) < math.radians(75.0):  # theta3's limits
-            found.append(forward(arm, arm.q_home, goal, longest=0.5))
-    return found
-
-
 def test_the_sr400s_parallelogram_obeys_its_closed_form(robot):
     """theta3 = 90 - theta2 + theta7, theta8 = theta2 - theta7, theta9 = 180 - theta2 + theta7: W. Khalil and E. Dombre,
     chapter 7."""
     arm = robot("sr400")
-    for q in sr400_closed(arm, 200, seed=0):
+    for q in closed(arm):
         t = values(arm, q)
         lean = t["joint7"] - t["joint2"]
         for joint, expected in (("joint3", math.pi / 2 + lean), ("joint8", -lean), ("joint9", math.pi + lean)):
@@ -243,10 +229,6 @@ TEXT = document("hybrid")
 PLATE = length(TEXT, link(TEXT, 12).parameters.d)
 
 
-def closed(mechanism) -> list[np.ndarray]:
-    return [mechanism.q_home] + [q for seed in range(20) for q in mechanism.random_closed(5, seed)]
-
-
 def test_the_plate_drifts_as_lee_and_shahs_constraints_say(robot):
     """With u, v the plate's x and y axes: u_y = v_x, p_x = h (u_x - v_y) / 2, p_y = -h u_y."""
     hybrid = robot("hybrid")
@@ -261,106 +243,31 @@ def test_the_plate_drifts_as_lee_and_shahs_constraints_say(robot):
 # --- gough ------------------------------------------------------------------------------------------------------------
 # The six-legged platforms against their inverse kinematics, which is closed form: a leg is as long as the way from its
 # joint on the base to its joint on the platform.
-#
-# All 21 joints follow from the platform's pose too: with w the way of a leg in the frame of its universal joint, before
-# it turns, the last axis is (cos t1 sin t2, sin t1 sin t2, -cos t2), since both turns come behind a Rx(90) each.
 
 
 LEGS = tuple(f"joint{n}" for n in (3, 9, 12, 15, 18, 21))
-NAMES = ("gough", "tssm")
 
 
-@dataclass(frozen=True)
-class Platform:
-    """Joint centres of the six legs, (6, 3) each, m: on the base in the world, on the platform in its frame."""
-
-    base: np.ndarray
-    platform: np.ndarray
-
-    def legs(self, pose: np.ndarray) -> np.ndarray:
-        """(6,) lengths of the legs, the platform at a (4, 4) pose."""
-        return np.linalg.norm(self.platform @ pose[:3, :3].T + pose[:3, 3] - self.base, axis=1)
-
-
-@cache
-def geometry(name: str) -> Platform:
-    """From the parameters of the RAFF file."""
+def leg_ends(name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Joint centres of the six legs, (6, 3) each, m, from the parameters of the RAFF file: on the base in the world, on
+    the platform in its frame."""
     text = document(name)
     robot = text.robot()
     home = placed(text, robot, {})
     first = {6: 1, **{int(leg[5:]): int(leg[5:]) - 2 for leg in LEGS[1:]}}  # where a leg's end and its begin are
     ends = [(6, 6), *((loop.first, loop.second) for loop in robot.loops)]
     centre = np.linalg.inv(home["platform"])
-    return Platform(
-        base=np.array([home[robot.nodes[first[leg]].node][:3, 3] for leg, _ in ends]),
-        platform=np.array([(centre @ home[robot.nodes[on].node])[:3, 3] for _, on in ends]),
-    )
+    base = [home[robot.nodes[first[leg]].node][:3, 3] for leg, _ in ends]
+    return np.array(base), np.array([(centre @ home[robot.nodes[on].node])[:3, 3] for _, on in ends])
 
 
-def spherical(way: np.ndarray) -> tuple[float, float]:
-    """t1 and t2 of Rz(t1) Rx(90) Rz(t2) Rx(90) whose last axis points along `way`; t2 in (0, pi)."""
-    return math.atan2(way[1], way[0]), math.acos(-way[2] / float(np.linalg.norm(way)))
-
-
-def inverse(name: str, pose: np.ndarray) -> dict[str, float]:
-    """All 21 joints from the platform's pose."""
-    text = document(name)
-    robot, shape = text.robot(), geometry(name)
-    feet = placed(text, robot, {f"joint{n}": 0.0 for n in range(1, 22)})
-    found = {}
-    for leg, foot, end in zip(LEGS, shape.base, shape.platform, strict=True):
-        n = int(leg[5:])
-        way = pose[:3, :3] @ end + pose[:3, 3] - foot
-        t1, t2 = spherical(feet[f"link{n - 2}"][:3, :3].T @ way)
-        found |= {f"joint{n - 2}": t1, f"joint{n - 1}": t2, leg: float(np.linalg.norm(way))}
-    top = placed(text, robot, found)
-    wanted = pose @ np.linalg.inv(local(text, link(text, 30)))  # link 6
-    turned = top["link3"][:3, :3].T @ wanted[:3, :3]
-    turned = local(text, link(text, 4), 0.0)[:3, :3].T @ turned
-    t4, t5 = spherical(turned[:, 2])
-    rest = np.linalg.inv(turn("z", t4) @ turn("x", math.pi / 2) @ turn("z", t5) @ turn("x", math.pi / 2))[:3, :3]
-    last = rest @ turned
-    return found | {"joint4": t4, "joint5": t5, "joint6": math.atan2(last[1, 0], last[0, 0])}
-
-
-def random_pose(name: str, rng: np.random.Generator, far: float, turned: float) -> np.ndarray:
-    home = placed(document(name), document(name).robot(), {})["platform"]
-    pose = home.copy()
-    pose[:3, 3] += rng.uniform(-far, far, 3)
-    pose[:3, :3] = Rotation.from_rotvec(rng.uniform(-turned, turned, 3)).as_matrix() @ pose[:3, :3]
-    return pose
-
-
-REACH = {"gough": 0.25, "tssm": 0.005}  # m
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_the_closed_form_of_all_joints_closes_every_loop_at_random_poses(robot, name):
-    mechanism, rng = robot(name), np.random.default_rng(1)
-    for _ in range(80):
-        pose = random_pose(name, rng, REACH[name], 0.6)
-        q = mechanism.configuration(inverse(name, pose))
-        assert mechanism.closure(q) <= 1e-12
-        assert mechanism.placement(q, "platform").homogeneous == pytest.approx(pose, abs=1e-12)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_dragged_to_random_poses_all_joints_are_where_the_closed_form_says(robot, name):
-    mechanism, rng, arrived = robot(name), np.random.default_rng(2), 0
-    low, high = mechanism.model.lowerPositionLimit, mechanism.model.upperPositionLimit
-    while arrived < 15:
-        pose = random_pose(name, rng, 0.6 * REACH[name], 0.25)
-        goal = mechanism.configuration(inverse(name, pose))
-        if not ((goal > low + 0.01 * mechanism.scale).all() and (goal < high - 0.01 * mechanism.scale).all()):
-            continue
-        solver = cinegen.Solver(mechanism, dt=0.2)
-        solver.add_task("platform", pin.SE3(pose))
-        for _ in range(200):
-            step = solver.step()
-            if max(step.errors[0][0] / mechanism.length, step.errors[0][1]) <= 1e-10:
-                break
-        assert np.abs(wrapped((step.q - goal) / mechanism.scale)).max() <= 1e-8, step.status
-        arrived += 1
+@pytest.mark.parametrize("name", ["gough", "tssm"])
+def test_legs_are_as_long_as_the_closed_form_says(robot, name):
+    hexapod, (base, platform) = robot(name), leg_ends(name)
+    for q in closed(hexapod):
+        pose = hexapod.placement(q, "platform")
+        lengths = np.linalg.norm(platform @ pose.rotation.T + pose.translation - base, axis=1)
+        assert at(hexapod, q, LEGS) == pytest.approx(lengths, abs=1e-11)
 
 
 # --- delta4 -----------------------------------------------------------------------------------------------------------
@@ -372,79 +279,16 @@ def test_dragged_to_random_poses_all_joints_are_where_the_closed_form_says(robot
 # forearm is the distance between them.
 
 
-SHOULDERS = ("joint1", "joint6", "joint12")
-FIRST = (1, 6, 12)
-
-
-@dataclass(frozen=True)
-class Delta:
-    """A delta's lengths (m): of base and platform radius, upper arm and forearm; the arms' angles."""
-
-    base: float
-    platform: float
-    upper: float
-    forearm: float
-    gammas: tuple[float, ...]
-
-    @classmethod
-    def of(cls, name: str) -> Delta:
-        """The lengths that robots/<name>.raff gives, the same in all three arms."""
-        text = document(name)
-
-        def all_three(numbers, parameter):
-            (value,) = {getattr(link(text, n).parameters, parameter) for n in numbers}
-            return length(text, value)
-
-        return cls(
-            base=all_three(FIRST, "d"),
-            platform=length(text, link(text, 20).parameters.d),
-            upper=all_three([n + 1 for n in FIRST], "d"),
-            forearm=all_three([n + 3 for n in FIRST], "d"),
-            gammas=tuple(math.radians(link(text, n).parameters.gamma) for n in FIRST),
-        )
-
-    def inverse(self, position: np.ndarray) -> np.ndarray | None:
-        """Motors (rad) that bring the platform there, elbows outside; None: out of reach.
-
-        |wrist - elbow| = forearm is w_x cos + w_z sin = k.
-        """
-        motors = []
-        for gamma in self.gammas:  # the wrist, seen from its arm, the shoulder's axis at the origin
-            w = turn("z", -gamma)[:3, :3] @ position + [self.platform - self.base, 0.0, 0.0]
-            k = (w @ w + self.upper**2 - self.forearm**2) / (2.0 * self.upper)
-            h = math.hypot(w[0], w[2])
-            if abs(k) >= h:
-                return None
-            angle = math.atan2(w[2], w[0]) + math.acos(k / h)
-            motors.append((angle + math.pi) % (2.0 * math.pi) - math.pi)
-        return np.array(motors)
-
-
-REGION = (-2.5, -2.5, -5.0), (2.5, 2.5, -0.5)  # m, where positions are drawn from
-STEP = 0.5  # rad between two forward solutions on the way
-
-
-def reachable(count: int, seed: int) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Random positions within the motors' limits, with the motors' values."""
-    delta, rng = Delta.of("delta4"), np.random.default_rng(seed)
-    low, high = np.radians(link(document("delta4"), 1).limits)
-    found = []
-    while len(found) < count:
-        position = rng.uniform(*REGION)
-        motors = delta.inverse(position)
-        if motors is not None and (motors >= low).all() and (motors <= high).all():
-            found.append((position, motors))
-    return found
-
-
-def test_motors_set_by_the_closed_form_bring_the_platform_there_with_its_orientation_kept(robot):
-    """The way there leads from home through closed configurations."""
-    mechanism = robot("delta4")
-    upright = mechanism.placement(mechanism.q_home, "platform").rotation
-    assert upright == pytest.approx(np.eye(3), abs=1e-9)
-    for position, motors in reachable(150, seed=0):
-        q = forward(mechanism, mechanism.q_home, motors, STEP)
-        there = mechanism.placement(q, "platform")
-        assert there.translation == pytest.approx(position, abs=1e-9)
-        assert angle_between(upright, there.rotation) <= 1e-9
-        assert np.array_equal(at(mechanism, q, SHOULDERS), motors)
+def test_each_arm_of_the_delta_is_a_triangle_and_the_platform_keeps_its_orientation(robot):
+    delta, text = robot("delta4"), document("delta4")
+    radius = of("delta4", 20, "d")
+    for q in closed(delta):
+        platform = delta.placement(q, "platform")
+        assert platform.rotation == pytest.approx(np.eye(3), abs=1e-9)
+        for number in (1, 6, 12):
+            away = turn("z", -math.radians(link(text, number).parameters.gamma))[:3, :3] @ platform.translation
+            shoulder = q[delta.q_index(f"joint{number}")]
+            upper, forearm = of("delta4", number + 1, "d"), of("delta4", number + 3, "d")
+            elbow = upper * np.array([math.cos(shoulder), 0.0, math.sin(shoulder)])
+            elbow[0] += of("delta4", number, "d") - radius
+            assert np.linalg.norm(away - elbow) == pytest.approx(forearm, abs=1e-9)

@@ -146,9 +146,8 @@ def test_a_robot(tmp_path, name, text, wanted):
     assert_told(wanted, lines_of(RaffError, raff2urdf.to_raff, tmp_path / name, tmp_path / "a.raff"))
 
 
-def test_a_scene(tmp_path):
-    path = tmp_path / "a.toml"
-    path.write_text(SCENE, encoding="utf-8")
+def test_a_scene(text_file):
+    path = text_file("a.toml", SCENE)
     with pytest.raises(SceneError) as caught:
         load_scene(path)
     wanted = (
@@ -176,16 +175,14 @@ def test_a_scene(tmp_path):
          ("start: joints: 'a'", "goal: joints: 'b'", "goal: joints: joint1")),
     ],
 )  # fmt: skip
-def test_other_scenes(tmp_path, changed, wanted):
-    path = tmp_path / "a.toml"
-    path.write_text(changed, encoding="utf-8")
+def test_other_scenes(text_file, changed, wanted):
+    path = text_file("a.toml", changed)
     assert_told(wanted, lines_of(SceneError, load_scene, path))
 
 
-def test_an_mjcf(tmp_path):
+def test_an_mjcf(tmp_path, text_file):
     """MuJoCo itself stops at the first: what it names is left out, and only then it reads on."""
-    path = tmp_path / "a.xml"
-    path.write_text(MJCF, encoding="utf-8")
+    path = text_file("a.xml", MJCF)
     wanted = (
         (3, "'pox'"), (5, "'revolute' .*: did you mean 'hinge'"), (7, "zero quaternion"), (8, "axis too small"),
         (9, r"range\[0\].*: swap them"), (10, "repeated name 'one'"), (10, "bad format in attribute 'axis'"),
@@ -285,9 +282,8 @@ def test_measurements():
     assert_told(("line 3, column tool.x", "line 5, column tool.y"), said)  # of each column the first
 
 
-def test_a_seam(tmp_path):
-    path = tmp_path / "a.csv"
-    path.write_text("x [mm], y, z, nx, ny, nz\n1,2,3,0,0,1\na,2,b,0,0,1\n1,2,3\n\n4,5,6,0,0,u", encoding="utf-8")
+def test_a_seam(text_file):
+    path = text_file("a.csv", "x [mm], y, z, nx, ny, nz\n1,2,3,0,0,1\na,2,b,0,0,1\n1,2,3\n\n4,5,6,0,0,u")
     assert_told((":3: x:", ":3: z:", ":4: 3 values", ":6: nz:"), lines_of(SensorError, read_points, path))
     path.write_text("x, y, z, nx\n1,2,3,0", encoding="utf-8")
     assert_told((":1: no column 'ny';", ":1: no column 'nz';"), lines_of(SensorError, read_points, path))
@@ -328,9 +324,8 @@ def test_a_mission(tmp_path):
     assert [sum(part in line for line in said) for part in wanted] == [1] * len(wanted), said
 
 
-def test_a_task_of_a_synthesis(tmp_path):
-    path = tmp_path / "a.toml"
-    path.write_text(TASK, encoding="utf-8")
+def test_a_task_of_a_synthesis(text_file):
+    path = text_file("a.toml", TASK)
     wanted = (
         "parameters: link2.d must be a string", "ties must be", "x is wrong", "y is wrong", "'sigma' is none of",
         "write maximise", "starts must be", "joint_limits must be", "mass must be above 0", "unknown key 'mas'",

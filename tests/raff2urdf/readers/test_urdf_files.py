@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from loop_like_names import names
+from urdf_text import BARS, joint_at, joint_text, links, robot
 
 import cinegen
 from raff2urdf import readers
@@ -119,18 +120,13 @@ def test_commas_may_be_decimal_ones():
 # Elements that are not read are listed; none that could remove degrees of freedom is among them.
 
 
-HEAD = """<robot name="bars">
-  <link name="ground"/> <link name="crank"/> <link name="rocker"/>
-  <joint name="drive" type="continuous"> <parent link="ground"/> <child link="crank"/> </joint>
-  <joint name="swing" type="continuous"> <parent link="ground"/> <child link="rocker"/> </joint>
-"""
 FIXED = "<joint name='j' type='fixed'><parent link='crank'/>"
 ENDS = '<a link="crank"/><b link="rocker"/>'
 
 
 def write(folder: Path, added: str) -> Path:
     path = folder / "bars.urdf"
-    path.write_text(f"{HEAD}{added}\n</robot>")
+    path.write_text(f"{BARS}{added}\n</robot>")
     return path
 
 
@@ -148,7 +144,7 @@ def write(folder: Path, added: str) -> Path:
 def test_elements_that_are_not_read_are_listed(added, element, tmp_path):
     path = write(tmp_path, added)
     readers.read(path)
-    assert ignored(path) == [(element, 1, (5,))]
+    assert ignored(path) == [(element, 1, (6,))]
 
 
 def test_loops_and_couplings_that_are_read_are_not_listed(tmp_path):
@@ -156,7 +152,7 @@ def test_loops_and_couplings_that_are_read_are_not_listed(tmp_path):
     frames = '<frame name="closing_a_1" link="crank"/><frame name="closing_a_2" link="rocker"/>'
     param = '<param name="mimic">drive</param>'
     control = f'<ros2_control name="r" type="system"><joint name="swing">{param}</joint><hardware/></ros2_control>'
-    assert ignored(write(tmp_path, loop + frames + control)) == [("ros2_control/hardware", 1, (5,))]
+    assert ignored(write(tmp_path, loop + frames + control)) == [("ros2_control/hardware", 1, (6,))]
 
 
 def test_what_drives_joints_is_not_listed(tmp_path):
@@ -166,17 +162,13 @@ def test_what_drives_joints_is_not_listed(tmp_path):
     assert ignored(write(tmp_path, transmission + plugin + control)) == []
 
 
-def test_other_formats(root, tmp_path):
-    path = tmp_path / "arm.sdf"
-    path.write_text(
-        '<sdf version="1.9"><model name="m"><link name="l"><collision name="c"/><visual name="v"/></link>\n'
-        '<plugin name="p" filename="f"/></model></sdf>'
-    )
+def test_other_formats(root, text_file):
+    shapes = '<link name="l"><collision name="c"/><visual name="v"/></link>'
+    model = f'<model name="m">{shapes}\n<plugin name="p" filename="f"/></model>'
+    path = text_file("arm.sdf", f'<sdf version="1.9">{model}</sdf>')
     assert ignored(path) == [("link/collision", 1, (1,)), ("model/plugin", 1, (2,))]
-    path = tmp_path / "arm.xml"
-    path.write_text(
-        '<mujoco><worldbody><light pos="0 0 1"/><body><geom size="1"/></body></worldbody><sensor/></mujoco>'
-    )
+    world = '<worldbody><light pos="0 0 1"/><body><geom size="1"/></body></worldbody>'
+    path = text_file("arm.xml", f"<mujoco>{world}<sensor/></mujoco>")
     assert ignored(path) == [("worldbody/light", 1, (1,)), ("mujoco/sensor", 1, (1,))]
     for name in ("five_bar", "delta4"):
         assert ignored(root / "generated" / f"{name}.urdf") == []
@@ -185,9 +177,9 @@ def test_other_formats(root, tmp_path):
 def test_the_command_lists_them(tmp_path, typed):
 
     path = write(tmp_path, 2 * "<sensor name='s'/>\n")
-    assert typed("info", path, "--ignored").out.endswith("  not read:\n    2 <sensor> in <robot>, lines 5, 6\n")
+    assert typed("info", path, "--ignored").out.endswith("  not read:\n    2 <sensor> in <robot>, lines 6, 7\n")
     assert json.loads(typed("info", path, "--ignored", "--json").out)[0]["ignored"] == [
-        {"element": "robot/sensor", "number": 2, "lines": [5, 6]}
+        {"element": "robot/sensor", "number": 2, "lines": [6, 7]}
     ]
     assert typed("info", "four_bar", "--ignored").out.endswith("  everything is read\n")
 
@@ -215,7 +207,7 @@ def test_no_loop_like_element_is_dropped_in_silence(name, form, prefix, tmp_path
             found = readers.read(path)
         told = bool(found.constraints and (found.constraints["loops"] or found.constraints.get("couplings")))
     except RaffError as error:
-        told = f"bars.urdf:5: <{prefix}{name}> 'e'" in str(error)
+        told = f"bars.urdf:6: <{prefix}{name}> 'e'" in str(error)
     except UserWarning:
         told = True
     assert told, added
@@ -226,52 +218,34 @@ def test_no_loop_like_element_is_dropped_in_silence(name, form, prefix, tmp_path
 # URDFs whose root is not declared, whose trees are joined by loops only, or whose limits are reversed.
 
 
-TURN = """<joint name="{0}" type="continuous">
-  <parent link="{1}"/><child link="{2}"/><origin xyz="{3}"/><axis xyz="0 0 1"/>
-</joint>"""
 PIN = """<loop_joint name="{0}" type="continuous">
   <link1 link="{1}" xyz="{3}"/><link2 link="{2}" xyz="{4}"/><axis xyz="0 0 1"/>
 </loop_joint>"""
-LIMITED = """<joint name="j" type="revolute">
-  <parent link="a"/><child link="b"/><axis xyz="0 0 1"/><limit {} velocity="1" effort="1"/>
-</joint>"""
-
-
-def links(*names):
-    return "".join(f'<link name="{name}"/>' for name in names)
-
-
-def robot(*elements):
-    return f'<robot name="r">{"".join(elements)}</robot>'
+LIMITED = joint_text("j", "a", "b", '<axis xyz="0 0 1"/><limit {} velocity="1" effort="1"/>', "revolute")
 
 
 @pytest.fixture
-def load(tmp_path):
-    def load(*elements, **options):
-        path = tmp_path / "r.urdf"
-        path.write_text(robot(*elements))
-        return cinegen.load(path, **options)
-
-    return load
+def load(text_file):
+    return lambda *elements, **options: cinegen.load(text_file("r.urdf", robot(*elements)), **options)
 
 
 @pytest.mark.parametrize(("kind", "floating"), [("fixed", False), ("floating", True)])
 def test_a_world_that_is_not_declared_is_the_base(load, kind, floating):
-    joint = f'<joint name="at" type="{kind}"><parent link="world"/><child link="a"/><origin xyz="0 0 1"/></joint>'
-    arm = load(links("a", "b"), joint, TURN.format("j", "a", "b", "1 0 0"))
+    at = joint_text("at", "world", "a", '<origin xyz="0 0 1"/>', kind)
+    arm = load(links("a", "b"), at, joint_at("j", "a", "b", "1 0 0"))
     assert arm.nodes == ("world", "a", "b")
     assert arm.floating == floating
     np.testing.assert_allclose(arm.placement(arm.q_home, "b").translation, [1.0, 0.0, 1.0])
     assert "link 'world' is the parent of a joint, and not declared: it is the base" in arm.source.notes
-    declared = load(links("world", "a", "b"), joint, TURN.format("j", "a", "b", "1 0 0"))
+    declared = load(links("world", "a", "b"), at, joint_at("j", "a", "b", "1 0 0"))
     assert declared.nodes == arm.nodes
     assert declared.source.notes == ()
 
 
 FOUR_BAR = (
     links("ground", "crank", "rocker", "coupler"),
-    TURN.format("drive", "ground", "crank", "0 0 0"),
-    TURN.format("swing", "ground", "rocker", "0.4 0 0"),
+    joint_at("drive", "ground", "crank"),
+    joint_at("swing", "ground", "rocker", "0.4 0 0"),
 )
 
 
@@ -287,7 +261,7 @@ def test_a_tree_that_only_loops_join_to_the_base_is_held_by_them(load, first):
     else:
         elements = [*FOUR_BAR, *elements]
     found = load(*elements)
-    usual = load(*FOUR_BAR, TURN.format("a", "crank", "coupler", "0 0.1 0"), elements[-1])
+    usual = load(*FOUR_BAR, joint_at("a", "crank", "coupler", "0 0.1 0"), elements[-1])
     assert (found.mobility, usual.mobility) == (1, 1)
     assert found.nodes[0] == "ground"
     assert set(found.nodes) == {"ground", "crank", "rocker", "coupler"}
@@ -303,10 +277,8 @@ def test_a_tree_that_only_loops_join_to_the_base_is_held_by_them(load, first):
 @pytest.mark.parametrize("motors", ["name_mot: [drive]", ""])
 def test_files_next_to_a_urdf_join_trees_too(load, tmp_path, motors):
     ends = links("at_crank", "at_rocker", "end")
-    fixed = '<joint name="{0}" type="fixed"><parent link="{1}"/><child link="{0}"/><origin xyz="{2}"/></joint>'
-    fixed = "".join(fixed.format(*one) for one in (
-        ("at_crank", "crank", "0 0.1 0"), ("at_rocker", "rocker", "0 0.3 0"), ("end", "coupler", "0.5 0 0"),
-    ))  # fmt: skip
+    frames = (("at_crank", "crank", "0 0.1 0"), ("at_rocker", "rocker", "0 0.3 0"), ("end", "coupler", "0.5 0 0"))
+    fixed = "".join(joint_at(name, parent, name, xyz, kind="fixed") for name, parent, xyz in frames)
     pairs = "closed_loop: [[at_crank, coupler], [at_rocker, end]]\ntype: [3d, 3d]"
     (tmp_path / "r.yaml").write_text(f"{pairs}\n{motors}\n")
     found = load(*FOUR_BAR, ends, fixed)
@@ -321,11 +293,11 @@ def test_files_next_to_a_urdf_join_trees_too(load, tmp_path, motors):
 
 def test_two_trees_meet_in_a_link_with_two_parents(load):
     """Both trees are open chains of one arm of three joints: the mobility is that of the arm."""
-    meeting = [TURN.format(name, parent, "tool", "0.5 0 0") for name, parent in (("j1", "a1"), ("j2", "b1"))]
+    meeting = [joint_at(name, parent, "tool", "0.5 0 0") for name, parent in (("j1", "a1"), ("j2", "b1"))]
     trees = [
         links("a", "a1", "b", "b1", "tool"),
-        TURN.format("ja", "a", "a1", "0 0 0"),
-        TURN.format("jb", "b", "b1", "0 0 0"),
+        joint_at("ja", "a", "a1", "0 0 0"),
+        joint_at("jb", "b", "b1", "0 0 0"),
     ]
     assert load(*trees, *meeting).mobility == 4
 
@@ -333,15 +305,15 @@ def test_two_trees_meet_in_a_link_with_two_parents(load):
 def test_trees_that_nothing_joins_are_refused_with_a_joint_that_joins_them(load, tmp_path, capsys):
     elements = [*FOUR_BAR, PIN.format("a", "crank", "rocker", "0 0.1 0", "0.4 0.1 0")]
     with pytest.raises(
-        cinegen.CinegenError, match=r"r.urdf:1: 2 links have no parent, .*: 'ground' .*, 'coupler' "
+        cinegen.CinegenError, match=r"r.urdf:2: 2 links have no parent, .*: 'ground' .*, 'coupler' "
     ) as refused:
         load(*elements)
-    joint = re.search("<joint .*</joint>", str(refused.value))[0]
-    assert load(*elements, joint).nodes[0] == "ground"
+    joining = re.search("<joint .*</joint>", str(refused.value))[0]
+    assert load(*elements, joining).nodes[0] == "ground"
     pinned = [*FOUR_BAR, PIN.format("a", "crank", "coupler", "0 0.1 0", "0 0 0")]
     with pytest.raises(cinegen.CinegenError, match="2 links have no parent"):
         load(*pinned, ignore_loops=True)
-    assert load(*pinned, joint, ignore_loops=True).mobility == 2
+    assert load(*pinned, joining, ignore_loops=True).mobility == 2
 
 
 @pytest.mark.parametrize(("limits", "edit"), [
@@ -349,9 +321,8 @@ def test_trees_that_nothing_joins_are_refused_with_a_joint_that_joins_them(load,
     ('upper="-1"', 'lower="-1" upper="0"'),
     ('lower="0.5"', 'lower="0" upper="0.5"'),
 ])  # fmt: skip
-def test_reversed_limits_are_refused_and_exchanged_on_request(tmp_path, limits, edit, typed):
-    path = tmp_path / "r.urdf"
-    path.write_text(robot(links("a", "b"), LIMITED.format(limits)))
+def test_reversed_limits_are_refused_and_exchanged_on_request(tmp_path, text_file, limits, edit, typed):
+    path = text_file("r.urdf", robot(links("a", "b"), LIMITED.format(limits)))
     said = typed("info", path, code=1).err
     assert f"swap them ({edit}), or add --swap-limits (in Python swap_limits=True)" in said
     option = re.search(r"add (--\S+)", said)[1]

@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+from urdf_text import joint_text, links, robot
 
 import cinegen
 import raff2urdf
@@ -36,17 +37,10 @@ BAR = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro">
 
 
 @pytest.fixture
-def bars(tmp_path):
+def bars(text_file):
     pytest.importorskip("xacro")
-    (tmp_path / "bar.xacro").write_text(BAR)
-
-    def write(name, text=BARS):
-        path = tmp_path / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text)
-        return path
-
-    return write
+    text_file("bar.xacro", BAR)
+    return lambda name, text=BARS: text_file(name, text)
 
 
 @pytest.mark.parametrize("name", ["bars.urdf.xacro", "bars.xacro", "bars.urdf"])
@@ -64,13 +58,6 @@ def test_a_sidecar_file_is_named_without_xacro(bars, tmp_path):
         cinegen.load(path)
     (tmp_path / "bars.yaml").unlink()
     assert cinegen.load(path).mobility == 2
-
-
-def test_commands_and_conversion_take_xacro(bars, tmp_path, typed):
-    path = bars("bars.urdf.xacro", BARS.replace("loop_joint", "frame"))
-    assert "bars: robot 'bars', mobility 2" in typed("info", path).out
-    assert urdf2raff([str(path), "-o", f"{tmp_path}/"]) == 0
-    assert len(raff2urdf.load(tmp_path / "bars.raff").robot().links) == 2
 
 
 @pytest.mark.parametrize(("element", "says"), [
@@ -158,7 +145,7 @@ def test_an_argument_is_a_name_and_a_value(given, bars, typed):
     assert ("write NAME=VALUE" in said.err) != given.startswith("side=")
 
 
-def test_a_file_of_macros_names_those_that_call_them(tmp_path, typed):
+def test_a_file_of_macros_names_those_that_call_them(tmp_path, text_file, typed):
     xacro, include = (
         '<robot {0} xmlns:xacro="http://www.ros.org/wiki/xacro">{1}</robot>',
         '<xacro:include filename="{}"/>',
@@ -174,8 +161,7 @@ def test_a_file_of_macros_names_those_that_call_them(tmp_path, typed):
     lines = re.search(r"by (<.*>)", said)[1].replace('filename="bar', f'filename="{tmp_path}/macros/bar')
     for word, value in (("name", "tip"), ("parent", "base")):
         lines = lines.replace(f'{word}="..."', f'{word}="{value}"')
-    written = tmp_path / "written.xacro"
-    written.write_text(xacro.format('name="it"', f'<link name="base"/>{lines}'))
+    written = text_file("written.xacro", xacro.format('name="it"', f'<link name="base"/>{lines}'))
     assert cinegen.load(written).joints == ("tip_joint",)
     written.write_text(xacro.format('name="it"', include.format(own)))
     said = typed("info", written, code=1)
@@ -193,21 +179,17 @@ def test_a_file_of_macros_names_those_that_call_them(tmp_path, typed):
     typed("info", named)
 
 
-def test_without_xacro_the_error_names_the_command_that_installs_it(tmp_path, monkeypatch):
+def test_without_xacro_the_error_names_the_command_that_installs_it(text_file, monkeypatch):
     monkeypatch.setitem(sys.modules, "xacro", None)
-    path = tmp_path / "bars.xacro"
-    path.write_text("<robot/>")
+    path = text_file("bars.xacro", "<robot/>")
     with pytest.raises(RaffError, match=r'bars\.xacro: files in xacro need the package xacro: .*"cinegen\[xacro\]"'):
         readers.read(path)
 
 
-def test_a_urdf_may_name_variables_of_the_environment(tmp_path, monkeypatch):
+def test_a_urdf_may_name_variables_of_the_environment(text_file, monkeypatch):
     pytest.importorskip("xacro")
-    path = tmp_path / "rover.urdf"
-    path.write_text(
-        '<robot name="rover"><link name="base"/><link name="imu"/><joint name="mount" type="fixed">'
-        '<parent link="base"/><child link="imu"/><origin xyz="$(optenv IMU_XYZ 0.1 0 0.2)"/></joint></robot>'
-    )
+    mount = joint_text("mount", "base", "imu", '<origin xyz="$(optenv IMU_XYZ 0.1 0 0.2)"/>', "fixed")
+    path = text_file("rover.urdf", robot(links("base", "imu"), mount))
     monkeypatch.delenv("IMU_XYZ", raising=False)
     rover = cinegen.load(path)
     assert rover.placement(rover.q_home, "imu").translation.tolist() == [0.1, 0.0, 0.2]

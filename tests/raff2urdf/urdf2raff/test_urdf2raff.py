@@ -9,17 +9,18 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
+import yourdfpy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
+from urdf_text import joint_at, joint_text, links, robot
 
 import raff2urdf
 from raff2urdf import tree as raff_tree
 from raff2urdf.conversion import convert, translate
 from raff2urdf.coupling import Coupling, coupling_entry
-from raff2urdf.placement import from_origin
 from raff2urdf.raff.reader import parse as parse_raff
-from raff2urdf.readers.urdf import joints, numbers
+from raff2urdf.readers.urdf import joints
 from raff2urdf.readers.urdf_file import parse
 from raff2urdf.urdf2raff.cli import main
 from raff2urdf.urdf2raff.frames import tidy
@@ -33,7 +34,7 @@ AXES = st.sampled_from(["0 0 1", "0 1 0", "1 0 0", "0 0 -1", "1 1 0", "0.3 -0.2 
 def trees(draw, most=8):
     """URDFs: any tree of joints, with all the special positions of axes that people and CAD programs make."""
     count = draw(st.integers(1, most))
-    rows = ['<robot name="r">', '<link name="l0"/>']
+    rows = [links("l0")]
     for i in range(1, count + 1):
         father = draw(st.integers(max(0, i - 3), i - 1))
         kind = draw(st.sampled_from(["revolute", "revolute", "continuous", "prismatic", "fixed"]))
@@ -41,12 +42,9 @@ def trees(draw, most=8):
         xyz = " ".join(repr(draw(lengths)) for _ in range(3))
         rpy = " ".join(repr(draw(SPECIAL)) for _ in range(3))
         limit = '<limit lower="-1" upper="2" effort="1" velocity="3"/>'
-        rows += [
-            f'<link name="l{i}"/>',
-            f'<joint name="j{i}" type="{kind}"><parent link="l{father}"/><child link="l{i}"/>',
-            f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{draw(AXES)}"/>{limit}</joint>',
-        ]
-    return "\n".join([*rows, "</robot>"])
+        inside = f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{draw(AXES)}"/>{limit}'
+        rows += [links(f"l{i}"), joint_text(f"j{i}", f"l{father}", f"l{i}", inside, kind)]
+    return robot(*rows)
 
 
 def model_of(text):
@@ -299,13 +297,8 @@ def test_a_tidy_number_is_short_and_stays_as_it_is(value, decimals):
 
 
 def chain(count):
-    links = "".join(f'<link name="l{i}"/>' for i in range(count))
-    turns = (
-        f'<joint name="j{i}" type="continuous"><parent link="l{i - 1}"/><child link="l{i}"/>'
-        f'<origin xyz="0.1 0 0" rpy="0 {0.3 * (i % 2)} 0.1"/><axis xyz="0 0 1"/></joint>'
-        for i in range(1, count)
-    )
-    return f'<robot name="r">{links}{"".join(turns)}</robot>'
+    turns = [joint_at(f"j{i}", f"l{i - 1}", f"l{i}", f'0.1 0 0" rpy="0 {0.3 * (i % 2)} 0.1') for i in range(1, count)]
+    return robot(links(*(f"l{i}" for i in range(count))), *turns)
 
 
 def test_a_chain_of_more_links_than_python_recurses_is_turned():
@@ -356,29 +349,20 @@ def write(folder, base="", upper=""):
 
 def shown(urdf: Path):
     """Of each link: area, centre and colour of every surface it shows, in its own frame, m."""
-    tree = etree.parse(str(urdf)).getroot()
-    colours = {m.get("name"): m.find("color") for m in tree.findall("material")}
-    found = {}
-    for link in tree.findall("link"):
-        for visual in link.findall("visual"):
-            origin = visual.find("origin")
-            xyz, rpy = (
-                ("0 0 0", "0 0 0") if origin is None else (origin.get("xyz", "0 0 0"), origin.get("rpy", "0 0 0"))
-            )
-            geometry = visual.find("geometry")[0]
-            if geometry.tag == "mesh":
-                mesh = trimesh.load(urdf.parent / geometry.get("filename").removeprefix("file://"), force="mesh")
-                mesh.apply_transform(np.diag([*numbers(geometry.get("scale", "1 1 1")), 1.0]))
+    model, found = yourdfpy.URDF.load(str(urdf), build_scene_graph=False, load_meshes=False).robot, {}
+    colours = {material.name: material.color for material in model.materials}
+    for link in model.links:
+        for visual in link.visuals:
+            shape, material = visual.geometry, visual.material
+            if shape.mesh is None:
+                surface = trimesh.creation.box(extents=shape.box.size)
             else:
-                mesh = trimesh.creation.box(extents=numbers(geometry.get("size")))
-            mesh.apply_transform(from_origin(numbers(xyz), numbers(rpy)))
-            material = visual.find("material")
-            colour = None
-            if material is not None:
-                named = material.find("color")
-                colour = (colours[material.get("name")] if named is None else named).get("rgba")
-                colour = tuple(round(255 * value) for value in numbers(colour))
-            found.setdefault(link.get("name"), []).append((mesh.area, tuple(mesh.centroid), colour))
+                surface = trimesh.load(urdf.parent / shape.mesh.filename.removeprefix("file://"), force="mesh")
+                surface.apply_scale(1.0 if shape.mesh.scale is None else shape.mesh.scale)
+            surface.apply_transform(np.eye(4) if visual.origin is None else visual.origin)
+            colour = None if material is None else material.color or colours[material.name]
+            colour = None if colour is None else tuple(round(255 * value) for value in colour.rgba)
+            found.setdefault(link.name, []).append((surface.area, tuple(surface.centroid), colour))
     return found
 
 
