@@ -217,24 +217,40 @@ class LinkageBodies:
 
     @cached_property
     def features(self) -> list[Feature]:
-        """Points and directions that determine the placements of all groups: of each group but the base those of its
-        joints, which it shares with other groups."""
-        base, by_group = int(self.group[0]), defaultdict[int, list[Feature]](list)
-        directions = [j for j in self.passive if j.kind is LoopKind.PRISMATIC]
-        for groups, features in (*map(self._of_centre, self.centres), *map(self._of_direction, directions)):
-            for group in groups - {base}:
-                by_group[group] += features
-        end = int(self.group[self._end])
-        rods = {group for group in by_group if self._is_rod(group)}
+        """Points and directions that determine the placements of all groups but the rotations of `unturned`: of each
+        group but the base those of its joints, which it shares with other groups."""
+        end, by_group = int(self.group[self._end]), self._by_group
         for group, features in by_group.items():
             member = self._end if group == end else int(np.flatnonzero(self.group == group)[0])
             placement = self.placements[member]
             if all(feature.is_direction for feature in features):
                 features.append(Feature(member, False, np.zeros(3), placement.translation, False))
-            if not _determine(features) and (group not in rods or (group == end and len(rods) == len(by_group))):
+            if not _determine(features) and group not in self.unturned:
                 features += [Feature(member, True, axis, placement.rotation @ axis, False) for axis in np.eye(3)]
         distinct = {id(feature): feature for features in by_group.values() for feature in features}
         return [feature for feature in distinct.values() if not feature.fixed]
+
+    @cached_property
+    def _by_group(self) -> dict[int, list[Feature]]:
+        base, by_group = int(self.group[0]), defaultdict[int, list[Feature]](list)
+        directions = [j for j in self.passive if j.kind is LoopKind.PRISMATIC]
+        for groups, features in (*map(self._of_centre, self.centres), *map(self._of_direction, directions)):
+            for group in groups - {base}:
+                by_group[group] += features
+        return by_group
+
+    @cached_property
+    def unturned(self) -> frozenset[int]:
+        """The groups whose rotation about themselves distinguishes no modes: all rods, but for the end if there is
+        nothing else."""
+        rods = frozenset(group for group in self._by_group if self._is_rod(group))
+        return rods - {int(self.group[self._end])} if len(rods) == len(self._by_group) else rods
+
+    @property
+    def ignores_end(self) -> bool:
+        """Whether modes may differ in the end's rotation about itself without being counted apart."""
+        end = int(self.group[self._end])
+        return end in self.unturned and not _determine(self._by_group[end])
 
     def _is_rod(self, group: int) -> bool:
         """Return whether a group has two centres, of more than one DoF each, and nothing else, or is a half of such a

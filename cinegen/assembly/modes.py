@@ -121,6 +121,9 @@ class ModesSolver:
             modes = self._rods.modes(asked) if self._rods is not None else self._homotopy.modes(asked, report, effort)
         if self._linkage.redundant:
             modes = _matching(self._linkage, modes, asked, self._virtual)
+        if self._linkage.bodies.ignores_end and not self._virtual:
+            turns = f"rotations of '{mechanism.end}' about the line between its two joints are not counted"
+            modes = replace(modes, method=f"{modes.method}; {turns}")
         home = self.features(mechanism.q_home)
         far = [round(float(np.abs(self.features(q) - home).sum()), 9) for q in modes]
         passive = tuple(name for name in mechanism.joints if name not in mechanism.actuated)

@@ -9,7 +9,7 @@ from dataclasses import replace
 import making
 import numpy as np
 import pytest
-from assembled import alike, home, nothing_beside, places, sound, traced
+from assembled import alike, closings, home, nothing_beside, places, sound, traced
 from linkages import five_bar, hexapod, hinge, legged, points, ring, three_legs, together, tripod
 from numpy.random import default_rng as rng
 from variants import slow
@@ -72,8 +72,7 @@ def test_loops_that_have_nothing_to_do_with_each_other_have_each_mode_with_each(
     traced(modes)
 
 
-@pytest.mark.parametrize(("seed", "words"), [(0, "PPS RPS"), *slow((34, "UPS RUS"))])
-def test_random_closings_find_nothing_beside_what_the_trace_test_passed(built, seed, words):
+def random_legs(built, seed, words):
     """Legs of random geometry, motors wherever they suffice."""
     r = rng(seed)
     mechanism = making.platform(r, words.split(), "joint")
@@ -82,11 +81,24 @@ def test_random_closings_find_nothing_beside_what_the_trace_test_passed(built, s
     unmotored = passive(bare.structure.system.evaluate(bare.structure.samples[-1])[1], order.tolist())
     driven = {name for name in bare.joints if bare.v_index(name) not in unmotored}
     bodies = tuple(replace(b, more="actuated 1") if f"joint{b.number}" in driven else b for b in mechanism.bodies)
-    m = built(replace(mechanism, bodies=bodies))
-    modes = assembly_modes(m)
+    return built(replace(mechanism, bodies=bodies))
+
+
+@pytest.mark.parametrize(("seed", "words"), [(0, "PPS RPS"), *slow((34, "UPS RUS"))])
+def test_random_closings_find_nothing_beside_what_the_trace_test_passed(built, seed, words):
+    modes = assembly_modes(random_legs(built, seed, words))
     sound(modes)
     traced(modes)
+    assert "not counted" not in modes.method
     nothing_beside(modes, ["tool"], 10, seed)
+
+
+def test_rotations_of_an_end_that_is_a_rod_are_not_counted_and_that_is_said(built):
+    """The platform hangs on a universal and a ball joint: the former turns it by either of two angles."""
+    modes = assembly_modes(random_legs(built, 3, "PPS RPS"))
+    sound(modes, ["tool"], 2)
+    assert modes.method.endswith("rotations of 'tool' about the line between its two joints are not counted")
+    assert len({round(places(modes.mechanism, q, ["tool"])[0, 0, 3], 6) for q in closings(modes, 40)}) == 4
 
 
 def test_a_base_that_can_move_changes_no_mode(built, raff):
