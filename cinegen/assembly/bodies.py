@@ -248,7 +248,7 @@ class LinkageBodies:
 
     @property
     def ignores_end(self) -> bool:
-        """Whether modes may differ in the end's rotation about itself without being counted apart."""
+        """True if modes that differ only in the end's rotation about itself are one mode."""
         end = int(self.group[self._end])
         return end in self.unturned and not _determine(self._by_group[end])
 
