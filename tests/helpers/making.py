@@ -6,7 +6,7 @@ A mechanism is assembled before it is described: whatever the axes, its loops cl
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -335,7 +335,11 @@ def leg(word: str, rng: np.random.Generator, foot: np.ndarray, head: np.ndarray)
     return joints
 
 
-def legged(legs: Sequence[Sequence[Joint]], cut: str | Sequence[str] = "rigid") -> Mechanism:
+def legged(
+    legs: Sequence[Sequence[Joint]],
+    cut: str | Sequence[str] = "rigid",
+    place: Callable[[], np.ndarray] = lambda: axis((0.1, -0.2, 0.3), (0.2, 0.5, 1.0)),
+) -> Mechanism:
     """A platform on legs, joints from the base to the platform; all legs but the first are cut at the platform. `TOOL`
     is a frame on it.
 
@@ -343,6 +347,7 @@ def legged(legs: Sequence[Sequence[Joint]], cut: str | Sequence[str] = "rigid") 
         legs: joints of each.
         cut: of each leg, or of all: "rigid": at a place on the platform; "joint": at the last joint, as what it is;
             "ball": at the last three, as a ball.
+        place: returns where a rigid end is, and the tool.
     """
     cuts = [cut] * len(legs) if isinstance(cut, str) else cut
     parts, loops, platform = list[Body](), list[tuple[int, int, int]](), 0
@@ -359,10 +364,10 @@ def legged(legs: Sequence[Sequence[Joint]], cut: str | Sequence[str] = "rigid") 
         if i == 0:
             platform = pred
             continue
-        end = joints[kept] if kept < len(joints) else Joint(axis((0.1, -0.2, 0.3), (0.2, 0.5, 1.0)), RIGID)
+        end = joints[kept] if kept < len(joints) else Joint(place(), RIGID)
         end = Joint(end.place, BALL if how == "ball" else end.kind)
         loops.append((add(pred, end, None), add(platform, end, None), end.kind))
-    parts.append(Body(TOOL, platform, axis((0.2, 0.1, 0.9), (0.3, -0.2, 1.0)), None, 'name "tool"'))
+    parts.append(Body(TOOL, platform, place(), None, 'name "tool"'))
     return Mechanism(tuple(parts), tuple(loops))
 
 
@@ -380,4 +385,5 @@ def platform(rng: np.random.Generator, words: Sequence[str], cut: str = "rigid")
         foot = np.array([math.cos(around), math.sin(around), 0.0]) + 0.2 * rng.normal(size=3)
         head = np.array([0.4 * math.cos(around + 0.4), 0.4 * math.sin(around + 0.4), 1.0]) + 0.1 * rng.normal(size=3)
         legs.append(leg(word, rng, foot, head))
-    return legged(legs, ["ball" if cut == "joint" and word[-1] == "S" else cut for word in words])
+    cuts, other = ["ball" if cut == "joint" and word[-1] == "S" else cut for word in words], rng.spawn(1)[0]
+    return legged(legs, cuts, lambda: somewhere(other))

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from test_hexapod import pose, reach
+from test_hexapod import assert_modes, pose, reach
 
 from cinegen.hexapod import Hexapod
 
@@ -63,6 +63,20 @@ def test_table_1_and_its_mirror_images_are_all_modes():
         assert apart.min() <= 3e-4
         left.remove(near[int(apart.argmin())])
     assert not left
+
+
+@given(seeds)
+def test_every_mode_is_a_placement_with_these_lengths_and_the_pose_that_they_come_from_is_one(rng):
+    height = rng.choice([0.0, 0.5])
+    base, corners = rng.normal(size=(6, 3)) * [1.0, 1.0, height], rng.normal(size=(3, 3))
+    platform, start = corners[rng.permutation(PAIRS)], pose(rng, rng.choice([0.1, 1.0, 5.0]))
+    lengths = np.array(reach(base, platform, start))
+    modes = Hexapod(base, platform).modes(lengths)
+    assert modes.complete, modes.method
+    assert (modes.counts.total, modes.counts.lost) == (16, 0)
+    near = np.abs(modes.placements - start).max(axis=(1, 2)).argmin()
+    assert np.abs(modes.placements[near] - start).max() <= (1e-5 if modes.coincident[near] == 1 else 1e-3)
+    assert_modes(base, platform, lengths, modes)
 
 
 # --- multiple ones --------------------------------------------------------------------------------------------------

@@ -272,6 +272,23 @@ def test_a_mapping_replaces_all_limits_and_an_entry_one(robot):
     assert set(solver.velocity_limits.values()) == {0.3}
 
 
+def test_accelerations_are_limited_from_the_next_tick_on(robot):
+    mechanism = robot("arm7")
+    solver = dragged(mechanism, 0.3)
+    solver.acceleration_limits = dict.fromkeys(mechanism.joints, 2.0)
+    v = np.zeros(7)
+    for _ in range(40):
+        step = solver.step()
+        assert np.abs(step.v - v).max() <= 2.0 * DT * ROUNDING
+        v = step.v
+    assert solver.acceleration_limits["joint1"] == 2.0
+    other = dragged(mechanism, 0.3, acceleration=2.0)
+    expected = ticked(other, 40)
+    assert (step.q == expected.q).all()
+    solver.acceleration_limits = None
+    assert np.abs(solver.step().v - v).max() > 2.0 * DT
+
+
 def test_a_robot_that_is_put_elsewhere_begins_at_rest(robot):
     mechanism = robot("arm7")
     solver = dragged(mechanism, 0.3)

@@ -35,6 +35,14 @@ def test_a_target_within_reach_is_reached_exactly(robot, name):
         assert step.closure <= 1e-12
 
 
+def test_a_stretched_arm_comes_to_rest_without_jitter(robot):
+    arm = robot("planar_3r")
+    solver = Solver(arm, DT)
+    solver.add_task("tool", pin.SE3(np.eye(3), np.array([20.0, 3.0, 0.0])), rotation=0)
+    assert {len(solver.step().singular_values) for _ in range(3000)} == {2}
+    assert max(np.abs(solver.step().v).max() for _ in range(50)) < 1e-4
+
+
 # --- attributes -------------------------------------------------------------------------------------------------------
 # Attributes that are set between two ticks: they take effect at the next one, and misspelt ones are errors.
 

@@ -43,6 +43,7 @@ def ours(answer, folder):
 def test_every_problem_is_answered():
     assert [(a["urdf"], a["node"], a["rotation"]) for a in ANSWERS if "second" not in a] == list(PROBLEMS)
     assert [(a["urdf"], a["node"], a["second"]) for a in ANSWERS if "second" in a] == list(LEVELS)
+    assert all("placo" in a and ("pink" in a or "second" in a) for a in ANSWERS)
 
 
 @pytest.mark.parametrize(("answer", "peer"), CASES, ids=[f"{answer['urdf']}:{answer['node']}" for answer, _ in CASES])

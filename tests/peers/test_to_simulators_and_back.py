@@ -45,6 +45,7 @@ def test_what_comes_back_is_the_same_mechanism(original, format, tmp_path, recwa
     assert set(there.joints) <= set(back.joints)
     assert set(there.nodes) <= set(back.nodes)
     added = set(back.joints) - set(there.joints)
+    assert added or back.length == pytest.approx(there.length, rel=1e-9)
     assert len(added) == (format == "mjcf") * sum(loop.kind.name == "PRISMATIC" for loop in there.loops)
     for joint in there.joints:
         assert back.q_home[back.q_index(joint)] == pytest.approx(there.q_home[there.q_index(joint)], abs=1e-9)

@@ -12,11 +12,14 @@ from making import (
     Body,
     Mechanism,
     axis,
+    bennett,
     direction,
     graph,
     parallelograms,
+    planar,
     platform,
     ring,
+    sarrus,
     somewhere,
 )
 from ticking import ticked
@@ -80,7 +83,9 @@ def test_platforms_on_legs_have_the_mobility_of_gruebler_and_kutzbach(seed):
     legs = [str(rng.choice(words)) for _ in range(int(rng.integers(2, 7)))]
     expected = sum({"R": 1, "P": 1, "U": 2, "S": 3}[letter] for word in legs for letter in word) - 6 * (len(legs) - 1)
     mechanism = platform(rng, legs, str(rng.choice(["rigid", "joint"])))
-    assume(mechanism.mobility() == max(0, expected))  # not near a singularity
+    sigma = mechanism.singular_values()
+    assume(mechanism.mobility() == max(0, expected))
+    assume(not ((sigma > 1e-9) & (sigma < 0.02)).any())  # well away from singularities
     one = loaded(mechanism, digits=5)
     assert one.closure(one.q_home) <= 1e-12
     assert one.mobility == max(0, expected)
@@ -135,6 +140,46 @@ def test_robots_without_joints_stand_still(body):
     solver.add_task(mechanism.nodes[-1]).target.translation += 1.0
     assert mechanism.mobility == len(solver.step().q) == 0
     assert mechanism.jacobian(mechanism.q_home, mechanism.nodes[-1]).shape == (6, 0)
+
+
+# --- what does not matter ----------------------------------------------------------------------------------------
+
+
+def any_closed(rng: np.random.Generator) -> Mechanism:
+    """A mechanism with loops and a tool."""
+    makers = [
+        lambda: platform(rng, ["UPS", "RUS", "PUS"], str(rng.choice(["rigid", "joint"]))),
+        lambda: platform(rng, ["RPS", "RRS", "PRS"], "joint"),
+        lambda: platform(rng, ["UPU"] * 3),
+        lambda: parallelograms(rng, 3, 3),
+        lambda: ring([somewhere(rng) for _ in range(8)], None, int(rng.integers(8))),
+        lambda: ring(sarrus(rng), None, int(rng.integers(6))),
+        lambda: ring(bennett(rng), None, int(rng.integers(4))),
+        lambda: ring(planar(rng.normal(size=(6, 2)))),
+    ]
+    return makers[int(rng.integers(len(makers)))]()
+
+
+@settings(max_examples=15)
+@given(SEEDS, st.sampled_from([1e-9, 1e-6, 1e-3, 1e3, 1e6]))
+def test_a_robot_of_micrometres_moves_like_its_twin_of_metres(seed, factor):
+    mechanism = any_closed(np.random.default_rng(seed))
+    sigma = mechanism.singular_values()
+    assume(not ((sigma > 1e-9) & (sigma < 0.05)).any())  # well away from singularities
+    one = load(mechanism.text(joint_digits=None))
+    other = load(mechanism.scaled(factor).text(joint_digits=None, units="um" if factor < 1.0 else "m"))
+    assert other.length == pytest.approx(factor * one.length, rel=1e-12)
+    solvers = [cinegen.Solver(each, DT) for each in (one, other)]
+    tasks = [solver.add_task("tool", rotation=0) for solver in solvers]
+    rng = np.random.default_rng(seed)
+    for tick in range(40):
+        if tick % 20 == 0:
+            away = rng.normal(size=3)
+            for task, each in zip(tasks, (one, other), strict=True):
+                task.target.translation = each.placement(each.q_home, "tool").translation + 0.3 * each.length * away
+        steps = [solver.step() for solver in solvers]
+        assert steps[0].status is steps[1].status
+        assert steps[1].q / other.scale == pytest.approx(steps[0].q / one.scale, abs=1e-5)
 
 
 # --- driving them ------------------------------------------------------------------------------------------------
