@@ -1,11 +1,11 @@
 """One chromium, tabs and cockpits for each test."""
 
-import importlib.util
 from functools import cache
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import sync_playwright
+from repository import module_of
 from tabs import CHROMIUM, FLAGS, IN_BROWSER, PICTURES, READY, SIZE, UNDRAWN, becomes
 
 from cinegen.page import build_page
@@ -115,12 +115,9 @@ def tab(browser, spare):
 
 
 @pytest.fixture(scope="session")
-def site_builder(root):
+def site_builder():
     """The module that builds the site."""
-    spec = importlib.util.spec_from_file_location("build_site", root / "docs/site/build.py")
-    builder = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(builder)
-    return builder
+    return module_of("docs/site/build.py")
 
 
 @pytest.fixture(scope="session")

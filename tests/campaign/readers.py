@@ -300,10 +300,9 @@ READERS = {
             _wrong_with_recording,
         ),
         Reader("seam", _none, _read_seam, m.PLAIN, ("x", "nz", "mm", "deg"), _wrong_with_seam),
-        *(
-            Reader(name, _graphics(name), _read_graphics, m.PLAIN, (), _wrong_with_drawings)
-            for name in ("nff", "dxf", "mesh")
-        ),
+        Reader("nff", _graphics("nff"), _read_graphics, m.PLAIN, (), _wrong_with_drawings),
+        Reader("dxf", _graphics("dxf"), _read_graphics, m.PLAIN, (), _wrong_with_drawings),
+        Reader("mesh", _none, _read_graphics, m.PLAIN, (), _wrong_with_drawings),
         Reader("map", _zarr, lambda path: open_map(path).load(), m.JSON, ("shape", "chunks", "codecs", "attributes")),
     )
 }

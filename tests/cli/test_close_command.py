@@ -45,7 +45,8 @@ def test_each_line_is_answered_by_all_joints_loops_closed(robot, filtered):
 
 def test_whoever_writes_a_line_and_waits_is_answered(robot):
     """As a driver does: nothing else is written meanwhile."""
-    bar, command = robot("four_bar"), [sys.executable, "-m", "cinegen", "close", "four_bar"]
+    bar = robot("four_bar")
+    command = [sys.executable, "-m", "cinegen", "close", "four_bar"]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
 
         def is_answered(text: str, seconds: float = 60.0) -> bool:

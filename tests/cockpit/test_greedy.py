@@ -39,9 +39,11 @@ def greedy():
         while not over.is_set():
             with suppress(Exception):
                 browser = Browser(url, path="page")
-                assert becomes(lambda browser=browser: browser.told)
-                drawn.append(url)
-                browser.leave()
+                try:
+                    if becomes(lambda browser=browser: browser.told or over.is_set()):
+                        drawn.append(url)
+                finally:
+                    browser.leave()
 
     def begin(url):
         for _ in range(GREEDY):

@@ -78,9 +78,11 @@ def step(mechanism):
     ],
 )
 def test_each_format_is_read_again_and_its_errors_are_returned(tmp_path, name, text, old, new, bad):
-    path, over = tmp_path / name, threading.Event()
+    path = tmp_path / name
+    over = threading.Event()
     path.write_text(text)
-    files, before = watched(path), cinegen.load(path)
+    files = watched(path)
+    before = cinegen.load(path)
     path.write_text(text.replace(old, bad))
     wrong = files.wait(over)
     assert wrong.made is None

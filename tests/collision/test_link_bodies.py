@@ -165,7 +165,7 @@ def test_sticks_collide_for_a_missing_collision_mesh_though_the_visual_one_is_th
     shapes = element("visual", '<sphere radius="0.1"/>') + element("collision", '<mesh filename="x.stl"/>')
     mechanism = arm(upper=shapes)
     assert len(mechanism.visual.geometryObjects) == 1
-    with pytest.warns(cinegen.CinegenWarning, match=r"arm.urdf:1: .*mesh 'x.stl' is not found"):
+    with pytest.warns(cinegen.CinegenWarning, match=r"arm.urdf:3: .*mesh 'x.stl' is not found"):
         bodies = {body.name: body.shape for body in bodies_of(mechanism)}
     assert isinstance(bodies["upper"], coal.Capsule)  # its bar
     assert list(mechanism.unchecked_links) == ["upper"]

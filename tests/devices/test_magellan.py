@@ -61,10 +61,14 @@ def damaged(draw) -> tuple[bytes, bytes]:
     """A packet, and the same with one byte damaged, left out or put in."""
     packet = draw(packets)
     at = draw(st.integers(0, len(packet) - 1))
-    bits = draw(st.sampled_from([1 << i for i in range(8)] + [0b111, 0b10101, 0b1110000]))
-    flipped, dropped = packet[:at] + bytes([packet[at] ^ bits]) + packet[at + 1 :], packet[:at] + packet[at + 1 :]
-    inserted = packet[:at] + draw(st.binary(min_size=1, max_size=1)) + packet[at:]
-    return packet, draw(st.sampled_from([flipped, dropped, inserted, packet[: max(at, 1)]]))
+    bits = st.sampled_from([1 << i for i in range(8)] + [0b111, 0b10101, 0b1110000])
+    kinds = {
+        "flip": lambda: packet[:at] + bytes([packet[at] ^ draw(bits)]) + packet[at + 1 :],
+        "drop": lambda: packet[:at] + packet[at + 1 :],
+        "insert": lambda: packet[:at] + draw(st.binary(min_size=1, max_size=1)) + packet[at:],
+        "cut": lambda: packet[: max(at, 1)],
+    }
+    return packet, kinds[draw(st.sampled_from(list(kinds)))]()
 
 
 @settings(max_examples=500)

@@ -114,6 +114,18 @@ def test_a_single_wild_packet_is_left_out():
     assert decoder.damaged == 2
 
 
+def damage(chance: random.Random, packet: bytes) -> bytes:
+    """A packet of which one byte is left out, comes behind another one, is flipped or replaced."""
+    at = chance.randrange(len(packet))
+    kinds = {
+        "drop": lambda: b"",
+        "insert": lambda: bytes([chance.randrange(256), packet[at]]),
+        "flip": lambda: bytes([packet[at] ^ 1 << chance.randrange(8)]),
+        "replace": lambda: bytes([chance.randrange(256)]),
+    }
+    return packet[:at] + kinds[chance.choice(list(kinds))]() + packet[at + 1 :]
+
+
 def false_accepts(seed: int, packets: int, share: float) -> tuple[float, float, float]:
     """What a hand's motion does through a line that damages packets: the shares of damaged packets that get through
     with another value, and with one that is wrong by more than JUMP; and of whole packets that are used."""
@@ -125,10 +137,7 @@ def false_accepts(seed: int, packets: int, share: float) -> tuple[float, float, 
         packet = spaceball_motion(values)
         hurt = chance.random() < share
         if hurt:
-            at = chance.randrange(len(packet))
-            other, flipped = bytes([chance.randrange(256)]), bytes([packet[at] ^ 1 << chance.randrange(8)])
-            there = chance.choice([b"", other + packet[at : at + 1], flipped, other])
-            packet = packet[:at] + there + packet[at + 1 :]
+            packet = damage(chance, packet)
         damaged += hurt
         truth = spaceball_twist(values)
         for event in decoder.feed(packet):

@@ -1,7 +1,6 @@
-"""Many ticks of a solver in one line, and targets for it; and what becomes true in other threads and processes."""
+"""Many ticks of a solver in one line, and targets for it."""
 
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -34,11 +33,3 @@ def away(mechanism: cinegen.Mechanism, node: str, rng: np.random.Generator, leng
     way = rng.normal(size=3)
     home = mechanism.placement(mechanism.q_home, node)
     return beside(home, lengths * mechanism.length * way / np.linalg.norm(way))
-
-
-def until(condition: Callable[[], object], seconds: float = 60.0) -> None:
-    """Wait for a condition; fail if it does not come true in time."""
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it took too long"
-        time.sleep(0.002)

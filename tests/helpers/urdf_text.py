@@ -4,9 +4,14 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 
+def link(name: str, inside: str = "") -> str:
+    """A link, which has more elements inside."""
+    return f'<link name="{name}">{inside}</link>' if inside else f'<link name="{name}"/>'
+
+
 def links(*names: str) -> str:
     """Links without masses and shapes."""
-    return "".join(f'<link name="{name}"/>' for name in names)
+    return "".join(map(link, names))
 
 
 def joint_text(name: str, parent: str, child: str, inside: str = "", kind: str = "continuous") -> str:
@@ -19,9 +24,9 @@ def joint_at(name: str, parent: str, child: str, xyz: str = "0 0 0", inside: str
     return joint_text(name, parent, child, f'<origin xyz="{xyz}"/><axis xyz="0 0 1"/>{inside}', kind)
 
 
-def limit(lower: float, upper: float) -> str:
-    """Limits of a joint; those of velocity and effort are 1."""
-    return f'<limit lower="{lower}" upper="{upper}" velocity="1" effort="1"/>'
+def limit(lower: float, upper: float, velocity: float = 1, effort: float = 1) -> str:
+    """Limits of a joint."""
+    return f'<limit lower="{lower}" upper="{upper}" velocity="{velocity}" effort="{effort}"/>'
 
 
 def robot(*parts: str, name: str = "r") -> str:
@@ -62,14 +67,13 @@ def urdf_text(joints: Sequence[UrdfJoint], links: Mapping[str, str] | None = Non
         links: elements of links by name, none unless said.
         name: of the robot.
     """
-    names = dict.fromkeys(link for joint in joints for link in (joint.parent, joint.child))
-    text = "".join(f'<link name="{link}">{(links or {}).get(link, "")}</link>' for link in names)
+    names = dict.fromkeys(end for joint in joints for end in (joint.parent, joint.child))
+    parts = [link(name, (links or {}).get(name, "")) for name in names]
     for joint in joints:
         inside = f'<origin xyz="{joint.xyz}" rpy="{joint.rpy}"/>{joint.more}'
         if joint.kind not in ("fixed", "floating"):
             inside += f'<axis xyz="{joint.axis}"/>'
         if joint.kind in ("revolute", "prismatic"):
-            inside += f'<limit lower="{joint.limit[0]}" upper="{joint.limit[1]}" effort="{joint.effort}" '
-            inside += f'velocity="{joint.velocity}"/>'
-        text += joint_text(joint.name, joint.parent, joint.child, inside, joint.kind)
-    return f'<robot name="{name}">{text}</robot>'
+            inside += limit(*joint.limit, joint.velocity, joint.effort)
+        parts.append(joint_text(joint.name, joint.parent, joint.child, inside, joint.kind))
+    return robot(*parts, name=name)

@@ -385,8 +385,10 @@ def test_what_is_called_complete_has_the_pose_of_the_lengths_and_all_that_newton
     except HexapodError:
         return
     pose = special_pose(rng)
-    lengths, is_equal = reach(base, platform, pose), rng.random() < 0.2
-    lengths = np.full(6, 1.5) if is_equal else lengths
+    lengths = reach(base, platform, pose)
+    is_equal = rng.random() < 0.2
+    if is_equal:
+        lengths = np.full(6, 1.5)
     if lengths.min() > 1e-6:
         modes = hexapod.modes(lengths)
         if modes.complete:

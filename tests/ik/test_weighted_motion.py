@@ -73,7 +73,8 @@ WITHOUT_REDUNDANCY = [(name, 1e4, 1) for name in ("delta4", "five_bar", "scara")
 
 @pytest.mark.parametrize(("name", "weight", "count"), [*UNIFORM, *WITHOUT_REDUNDANCY])
 def test_uniform_weights_and_those_of_a_mechanism_without_redundancy_change_nothing(robot, name, weight, count):
-    mechanism, rotation = robot(name), 3 if name == "scara" else 0
+    mechanism = robot(name)
+    rotation = 3 if name == "scara" else 0
     solver, other = aimed(mechanism, 0.1, rotation=rotation), aimed(mechanism, 0.1, rotation=rotation)
     solver.joint_weights = dict.fromkeys(mechanism.actuated[:count], weight)
     for _ in range(30):

@@ -1,11 +1,10 @@
 """Clusters of loops that share no joint: found, closed and solved each by itself; a hundred on a thousand joints."""
 
-import importlib.util
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
+from repository import module_of
 
 import cinegen
 from cinegen.errors import ClosureError
@@ -13,12 +12,7 @@ from cinegen.loops.clusters import clusters, subsystems
 from cinegen.loops.motions import free_motions
 from cinegen.loops.setup import null_space
 
-_SPEC = importlib.util.spec_from_file_location(
-    "large_mechanisms", Path(__file__).resolve().parents[2] / "benchmarks/large.py"
-)
-large = importlib.util.module_from_spec(_SPEC)
-_SPEC.loader.exec_module(large)
-
+large = module_of("benchmarks/large.py")
 FAMILIES = ("chain", "snake", "star", "train", "girder")
 
 

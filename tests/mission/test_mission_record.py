@@ -13,11 +13,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
+from browsers import becomes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 from recorded import record, swung
-from ticking import until
 
 import cinegen
 import cinegen.mission.recorder as module
@@ -165,7 +165,7 @@ for i in itertools.count():
 """
     with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as process:
         said = [process.stdout.readline() for _ in range(100)]
-        until(lambda: path.read_bytes().count(b"\n") > 101)
+        assert becomes(lambda: path.read_bytes().count(b"\n") > 101, 60.0)
         process.send_signal(signal.SIGKILL)
     assert said[-1] == "99\n"
     recording = Recording.load(path)
@@ -200,7 +200,7 @@ def test_a_full_disk_is_said_and_ends_nothing(robot, tmp_path, monkeypatch):
     monkeypatch.setattr(os, "write", nearly_full)
     for i in range(100):
         recorder.write(i / 10, {"arm": RobotSample(np.full(3, float(i)), "IDLE")})
-    until(lambda: recorder.error)
+    assert becomes(lambda: recorder.error, 60.0)
     assert recorder.error == "the disk is full"
     recorder.write(100.0, {"arm": RobotSample(np.zeros(3), "IDLE")})
     recorder.close()
@@ -244,7 +244,7 @@ def test_a_disk_that_is_stuck_does_not_eat_memory(robot, tmp_path, monkeypatch):
     recorder.close()
     assert recorder.error == "the disk does not answer"
     stuck[0] = False
-    until(lambda: not recorder._thread.is_alive())
+    assert becomes(lambda: not recorder._thread.is_alive(), 60.0)
     assert len(Recording.load(path).times) == taken
 
 
@@ -268,7 +268,7 @@ def test_what_makes_no_sense_is_left_out(robot, tmp_path):
         ):
             lost = recorder.lost
             recorder.write(2.0 + lost, robots)
-            until(lambda lost=lost: recorder.lost > lost)
+            assert becomes(lambda lost=lost: recorder.lost > lost, 60.0)
         recorder.write(0.5, {"arm": RobotSample(good, "IDLE")})  # earlier
         recorder.write(float("nan"), {"arm": RobotSample(good, "IDLE")})
         task = replace(_task(), target="somewhere")

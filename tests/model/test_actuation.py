@@ -3,6 +3,7 @@
 The tip spins, so its mobility is 3. Ranks are those of numpy's singular values.
 """
 
+import re
 import warnings
 from pathlib import Path
 
@@ -63,6 +64,9 @@ def declared(folder: Path, kind: str, joints: str) -> tuple[cinegen.Mechanism, l
         if kind in ("json", "sdf", "mjcf"):
             (made,) = raff2urdf.convert(path, folder, format="urdf" if kind == "json" else kind)
             path = made.file
+            if kind == "sdf" and not joints:  # the reader chooses, not the converter
+                text = re.sub("<raff:robot.*</raff:robot>", "", path.read_text(), flags=re.DOTALL)
+                path.write_text(text)
         elif kind == "urdf":
             path = folder / "p.urdf"
             path.write_text(by_hand(), encoding="utf-8")

@@ -78,7 +78,8 @@ def qpos(at):
 def test_every_body_stands_where_mujoco_has_it(write):
     mechanism = cinegen.load(write())
     model = mujoco.MjModel.from_xml_string(without_mesh(MODEL.replace("{more}", "")))
-    data, successive = mujoco.MjData(model), mechanism.successive
+    data = mujoco.MjData(model)
+    successive = mechanism.successive
     rng = np.random.default_rng(0)
     for _ in range(20):
         values = dict(zip(successive.joints, rng.uniform(-1.5, 1.5, size=len(successive.joints)), strict=True))

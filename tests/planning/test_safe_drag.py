@@ -403,7 +403,8 @@ def test_a_manoeuvre_is_what_its_ticks_add_up_to(seed):
 @pytest.mark.parametrize("where", [0.15, 0.45, 0.75])
 def test_a_thin_obstacle_anywhere_along_a_manoeuvre_is_met(where):
     """A rod of 2 mm, which few instants would miss, somewhere in the arc of the tool."""
-    mechanism, (_, joints) = load("planar_3r"), reacting("planar_3r", DT)
+    mechanism = load("planar_3r")
+    _, joints = reacting("planar_3r", DT)
     q, v = mechanism.q_home, np.zeros(3)
     turning = Manoeuvre(joints.limits * [1.0, 0.0, 0.0], np.array([0.4, 0.0, 0.0]))
     end = joints.duration(v, turning)

@@ -151,7 +151,8 @@ def test_random_poses_of_proved_regions(robot, name):
         return np.array([q[mechanism.q_index(name)] for name in names]) / equations.units
 
     for pose in poses_in(over, 20, rng):
-        q, values = coordinates.from_home(pose, steps=4), np.array(list(pose.values()))
+        q = coordinates.from_home(pose, steps=4)
+        values = np.array(list(pose.values()))
         assert q is not None
         residual = equations.at(unknown(q)[None], values[None]).residual[0, 0, document["rows"]]
         assert np.abs(residual).max() < 1e-9  # the equations of the certificate are those of the solver

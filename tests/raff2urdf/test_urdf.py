@@ -264,18 +264,18 @@ MIRRORED = np.diag((1.0, 1.0, -1.0, 1.0))
 LOPSIDED = Inertial(np.eye(4), 1.0, np.array([[1.0, 0.1, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]))
 
 
-@pytest.mark.parametrize(("robot", "message"), [
-    (two_links(replace(FIXED, parent=None)), "joint 'j' .*: its parent must be a string, not None"),
-    (two_links(replace(FIXED, type=3)), "joint 'j' .*: its type must be a string, not 3"),
-    (two_links(replace(FIXED, origin=np.ones(3))), "joint 'j' .*: its origin must be a .4, 4. matrix of a rotation"),
-    (two_links(replace(FIXED, origin=MIRRORED)), "joint 'j' .*: its origin must be a .4, 4. matrix"),
-    (two_links(replace(FIXED, name="a\0b")), "joint 'a\0b' .*: .*XML compatible"),
-    (two_links(FIXED, Visual(geometry=geometry("mesh", (1.0, 1.0, 1.0), None))), "link 'b' .*: Argument must be bytes"),
-    (two_links(FIXED, Visual()), "link 'b' .*: One of <sphere>, <cylinder>, <box>, <mesh> needs to be defined"),
-    (two_links(FIXED, inertial=LOPSIDED), "link 'b' .*: its inertia must be a symmetric"),
+@pytest.mark.parametrize(("robot", "part", "reason"), [
+    (two_links(replace(FIXED, parent=None)), "joint 'j'", "its parent must be a string, not None"),
+    (two_links(replace(FIXED, type=3)), "joint 'j'", "its type must be a string, not 3"),
+    (two_links(replace(FIXED, origin=np.ones(3))), "joint 'j'", "its origin must be a .4, 4. matrix of a rotation"),
+    (two_links(replace(FIXED, origin=MIRRORED)), "joint 'j'", "its origin must be a .4, 4. matrix"),
+    (two_links(replace(FIXED, name="a\0b")), "joint 'a\0b'", ".*XML compatible"),
+    (two_links(FIXED, Visual(geometry=geometry("mesh", (1.0, 1.0, 1.0), None))), "link 'b'", "Argument must be bytes"),
+    (two_links(FIXED, Visual()), "link 'b'", "One of <sphere>, <cylinder>, <box>, <mesh> needs to be defined"),
+    (two_links(FIXED, inertial=LOPSIDED), "link 'b'", "its inertia must be a symmetric"),
 ])  # fmt: skip
-def test_what_can_not_be_written_is_named(robot: Robot, message: str) -> None:
-    with pytest.raises(RaffError, match=message.replace(".*:", "of robot 'r' can't be written as URDF:", 1)):
+def test_what_can_not_be_written_is_named(robot: Robot, part: str, reason: str) -> None:
+    with pytest.raises(RaffError, match=f"{part} of robot 'r' can't be written as URDF: {reason}"):
         ExactUrdf(robot).text()
 
 

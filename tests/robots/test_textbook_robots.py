@@ -263,7 +263,8 @@ def leg_ends(name: str) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("name", ["gough", "tssm"])
 def test_legs_are_as_long_as_the_closed_form_says(robot, name):
-    hexapod, (base, platform) = robot(name), leg_ends(name)
+    hexapod = robot(name)
+    base, platform = leg_ends(name)
     for q in closed(hexapod):
         pose = hexapod.placement(q, "platform")
         lengths = np.linalg.norm(platform @ pose.rotation.T + pose.translation - base, axis=1)

@@ -177,7 +177,8 @@ def test_another_assembly_mode_is_come_to_at_once_and_said(robot):
 
 @pytest.mark.parametrize(("wrong", "words"), [(0.1, "open loops"), (None, "numbers")])
 def test_what_can_not_be_is_said_and_nothing_moves(session, robot, wrong, words):
-    session, delta = session("delta4"), robot("delta4")
+    session = session("delta4")
+    delta = robot("delta4")
     q = delta.q_home + wrong if wrong is not None else delta.q_home[:-1]
     session.obey(MoveTo("delta4", "platform", tuple(q.tolist())))
     for _ in range(20):

@@ -11,9 +11,9 @@ import warnings
 from pathlib import Path
 
 import pytest
+from browsers import becomes
 from distributed import Future
 from folders import digest, files, over_joints
-from ticking import until
 
 from cinegen import cluster
 from cinegen.cluster import ClusterError
@@ -97,7 +97,7 @@ def test_a_process_that_is_killed_is_replaced_and_its_chunks_are_made(spec, whol
     assert killed
     assert digest(tmp_path / "map.zarr") == digest(whole)
     assert capfd.readouterr() == ("", "")
-    until(lambda: len(pids(client)) == 2)
+    assert becomes(lambda: len(pids(client)) == 2, 60.0)
     assert len(pids(client) & before) == 1
 
 
@@ -211,7 +211,7 @@ def test_a_script_without_a_guard_that_is_killed_takes_its_processes_along(spec,
     assert len(others) == 2
     process.kill()
     assert process.communicate()[1] == b""
-    until(lambda: not any(map(alive, others)))
+    assert becomes(lambda: not any(map(alive, others)), 60.0)
     assert process.returncode == -signal.SIGKILL
     done = MapStore(path).done
     assert 0 < done < spec.region.size

@@ -235,7 +235,8 @@ def square(half, count, names="xy", shift=0.0):
 @pytest.fixture(scope="module")
 def wrist(tmp_path_factory):
     """planar_3r whose tool looks along x: its wrist, 200 behind, is that of an arm of 400 and 300."""
-    axes, folder = (("x", -0.75, 1.15, 76), ("y", -0.9, 0.9, 60)), tmp_path_factory.mktemp("wrist")
+    axes = (("x", -0.75, 1.15, 76), ("y", -0.9, 0.9, 60))
+    folder = tmp_path_factory.mktemp("wrist")
     return map_of(folder, "planar_3r", *axes, at={"rz": 0.0}, quantities=("manipulability",), limits=False)
 
 

@@ -168,6 +168,21 @@ def test_a_full_disk_costs_no_chunk_that_was_finished(spec, whole, tmp_path, mon
     assert os.listdir(tmp_path) == ["map.zarr"]
 
 
+def test_ctrl_c_between_two_chunks_costs_none_of_them(spec, whole, tmp_path, made):
+    path = tmp_path / "map.zarr"
+
+    def impatient(done, _):
+        if done > 60:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        make_map(spec, path, workers=1, most=MOST, report=impatient)
+    assert made[0] == MapStore(path).complete().sum() > 1
+    again(spec, path)
+    assert made[0] == len(MapStore(path).complete())
+    assert digest(path) == digest(whole)
+
+
 SCRIPT = """
 import sys
 import cinegen
@@ -194,7 +209,8 @@ def test_killed_between_two_chunks_or_in_one_it_goes_on(spec, whole, tmp_path, r
     (path / "status" / "c.1.1.0123.partial").write_bytes(b"half of a chunk")  # as zarr leaves it
     done = MapStore(path).complete().sum()
     assert done >= 2
-    cells, told = MapStore(path).done, []
+    cells = MapStore(path).done
+    told = []
     make_map(spec, path, workers=1, most=MOST, report=lambda *counts: told.append(counts))
     assert [told[0], told[-1]] == [(cells, spec.region.size), (spec.region.size, spec.region.size)]
     assert made[0] == len(MapStore(path).complete()) - done

@@ -13,7 +13,7 @@ import yourdfpy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
-from urdf_text import joint_at, joint_text, links, robot
+from urdf_text import joint_text, links, robot
 
 import raff2urdf
 from raff2urdf import tree as raff_tree
@@ -297,7 +297,8 @@ def test_a_tidy_number_is_short_and_stays_as_it_is(value, decimals):
 
 
 def chain(count):
-    turns = [joint_at(f"j{i}", f"l{i - 1}", f"l{i}", f'0.1 0 0" rpy="0 {0.3 * (i % 2)} 0.1') for i in range(1, count)]
+    place = '<origin xyz="0.1 0 0" rpy="0 {} 0.1"/><axis xyz="0 0 1"/>'
+    turns = [joint_text(f"j{i}", f"l{i - 1}", f"l{i}", place.format(0.3 * (i % 2))) for i in range(1, count)]
     return robot(links(*(f"l{i}" for i in range(count))), *turns)
 
 
