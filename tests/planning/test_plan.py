@@ -13,6 +13,7 @@ from paths import along
 import cinegen
 from cinegen.collision import PlanningError, SceneError, clearance_of, load_scene, scene_for, scene_of
 from cinegen.planning import PlanStatus, plan
+from cinegen.planning.attraction import ConfigurationAttraction
 from cinegen.planning.clear_motion import clear_motion
 from cinegen.planning.sampling.shortcuts import shortened
 
@@ -66,6 +67,17 @@ def test_a_cell_without_a_door_ends_at_the_time_limit():
     assert found.status is PlanStatus.TIME_LIMIT
     assert "RRT-Connect and LBKPIECE found no path in 0.5 s" in found.reason
     assert np.array_equal(found.path, scene.start[None])
+
+
+@pytest.mark.parametrize("name", ["planar_3r", "arm7"])
+def test_steps_to_a_configuration_are_short_and_end_there(name):
+    mechanism = cinegen.load(name)
+    goal = mechanism.close(mechanism.q_home + 0.3)
+    attraction = ConfigurationAttraction(mechanism, goal, "to a goal")
+    path = attraction.rollout(mechanism.q_home, 40)
+    steps = [mechanism.distance(a, b) for a, b in itertools.pairwise([mechanism.q_home, *path])]
+    assert 0.05 < max(steps) <= 0.06 + 1e-6
+    assert attraction.remaining(path[-1]) < 1e-6
 
 
 def test_where_nothing_is_in_between_joints_move_straight():
