@@ -127,6 +127,14 @@ def test_joint_values_are_reached_exactly_around_a_post_and_fingers_do_not_move(
     assert (found.clearances >= found.clearance).all()
 
 
+def test_joint_values_are_reached_exactly_from_a_start_within_their_tolerance():
+    mechanism = cinegen.load("planar_3r")
+    end = mechanism.values(mechanism.q_home + 5e-5)
+    found = plan(scene_of({"goal": {"joints": end}}, mechanism=mechanism), planner="vortex")
+    assert found.status is PlanStatus.REACHED
+    assert mechanism.values(found.path[-1]) == pytest.approx(end, abs=1e-12)
+
+
 def test_joints_that_do_not_move_the_node_are_locked_by_default():
     assert scene_of({"node": "panda_hand", "goal": {"point": [0.5, 0, 0.5]}}, mechanism=load(PANDA)).locked == (
         "panda_finger_joint1", "panda_finger_joint2",
