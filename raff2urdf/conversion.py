@@ -107,7 +107,7 @@ class Conversion:
     loops: int
     analysis: Analysis
     files: tuple[Path, ...]
-    model: ExactUrdf = field(compare=False, repr=False)
+    model: ExactUrdf = field(repr=False)
 
     @property
     def urdf(self) -> Path | None:

@@ -1,4 +1,6 @@
-"""What a user gets back prints as words, never as a dump of arrays."""
+"""What a user gets back prints as words, never as a dump of arrays, and does not change."""
+
+from dataclasses import FrozenInstanceError, fields, is_dataclass
 
 import numpy as np
 import pytest
@@ -44,6 +46,12 @@ def test_results_print_as_words(robot):
         assert " object at 0x" not in text, text
         assert "\n" not in text, text
         assert len(text) < 500, text
+
+
+def test_results_that_are_data_do_not_change(robot):
+    for result in filter(is_dataclass, results(robot)):
+        with pytest.raises(FrozenInstanceError):
+            setattr(result, fields(result)[0].name, None)
 
 
 def test_a_singularity_prints_its_description(robot):

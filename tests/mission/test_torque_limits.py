@@ -15,7 +15,7 @@ from random_masses import free_motions, massive
 from recorded import record, swung
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
-from small_robots import parallelogram
+from small_robots import four_bar, parallelogram
 from urdf_text import UrdfJoint, urdf_text
 
 import cinegen
@@ -243,6 +243,22 @@ def test_torques_stay_finite_and_pinocchio_s_dynamics_follow_them(five_bar, fall
     followed = solve_ivp(rates, times[[0, -1]], np.r_[q[1], v[0]], t_eval=times, rtol=1e-6, max_step=1.0 / rate).y
     worst = np.abs(followed[:4].T - q[1:-1, :4]).max()
     assert worst < 0.03  # rad
+
+
+def test_a_path_all_along_which_no_joint_moves_must_be_divided():
+    """Each joint of a four-bar of three rockers rests somewhere: where two bars are in line, by the cosine rule."""
+
+    def angle(a: float, b: float, opposite: float) -> float:
+        return math.acos((a * a + b * b - opposite * opposite) / (2.0 * a * b))
+
+    bars = cinegen.load(four_bar((60, -40, 100), (300, 500, 400, 350)))
+    crank, last = angle(0.3, 0.5, 0.75), angle(0.5, 0.75, 0.3)
+    path = [[crank, -crank - last, math.pi - last]]
+    crank, last = angle(0.3, 0.15, 0.4), angle(0.15, 0.4, 0.3)
+    path += [[crank, -crank - last, math.pi], [angle(0.5, 0.7, 0.35), 0.0, math.pi - angle(0.5, 0.35, 0.7)]]
+    assert guided(bars, np.array(path[:2])).actuated == ("joint3",)
+    with pytest.raises(CinegenError, match="no 1 joints determine its motion all along this path: divide the path"):
+        guided(bars, np.array(path))
 
 
 def test_the_condition_at_the_singularity(five_bar):

@@ -18,6 +18,7 @@ from cinegen.ik.barrier import Range
 from cinegen.ik.state import State
 from cinegen.ik.tasks.kinds import AxisAlong, PointInPlane
 from cinegen.planning import PlanStatus, plan
+from cinegen.planning.goal_configurations import goal_poses
 
 
 @pytest.fixture(scope="module")
@@ -96,6 +97,8 @@ def test_a_goal_region_is_reached_at_any_of_its_points_and_orientations(arm):
     beyond = np.abs(end.translation - goal["point"]) - goal["tolerance"]
     assert beyond.max() < 1e-4
     assert math.acos(-end.rotation[2, 2]) < 0.3 + 1e-4
+    first = next(goal_poses(given))
+    assert math.acos(-first.rotation[2, 2]) == pytest.approx(0.3), "the nearest orientation to the start comes first"
     again = scene_of(given.document(), mechanism=arm)
     assert again.tolerance.tolist() == goal["tolerance"]
     assert again.cone == pytest.approx(0.3)

@@ -66,6 +66,15 @@ def test_the_modes_are_those_of_the_closed_form(root):
         assert np.sign(determinant(robot, configuration(robot, pose))) == sign
 
 
+def test_the_modes_are_those_of_the_actuated_joints(root):
+    longer = 1.02 * LENGTHS
+    mechanism = (task := scene(root)).mechanism
+    index = [mechanism.q_index(name) for name in LEGS]
+    modes = change_mode(task, longer, seconds=1e-3).modes
+    assert len(modes) > 1
+    assert all(q[index] == pytest.approx(longer) for q in modes)
+
+
 def test_a_mode_is_changed_without_a_singularity_also_with_a_leg_locked(root):
     """As in the sections of joint space that the literature draws."""
     mechanism = (task := scene(root)).mechanism

@@ -13,6 +13,7 @@ from paths import along
 import cinegen
 from cinegen.collision import PlanningError, SceneError, clearance_of, load_scene, scene_for, scene_of
 from cinegen.planning import PlanStatus, plan
+from cinegen.planning.attraction import ConfigurationAttraction
 from cinegen.planning.clear_motion import clear_motion
 from cinegen.planning.sampling.shortcuts import shortened
 
@@ -68,6 +69,17 @@ def test_a_cell_without_a_door_ends_at_the_time_limit():
     assert np.array_equal(found.path, scene.start[None])
 
 
+@pytest.mark.parametrize("name", ["planar_3r", "arm7"])
+def test_steps_to_a_configuration_are_short_and_end_there(name):
+    mechanism = cinegen.load(name)
+    goal = mechanism.close(mechanism.q_home + 0.3)
+    attraction = ConfigurationAttraction(mechanism, goal, "to a goal")
+    path = attraction.rollout(mechanism.q_home, 40)
+    steps = [mechanism.distance(a, b) for a, b in itertools.pairwise([mechanism.q_home, *path])]
+    assert 0.05 < max(steps) <= 0.06 + 1e-6
+    assert attraction.remaining(path[-1]) < 1e-6
+
+
 def test_where_nothing_is_in_between_joints_move_straight():
     values = {"node": "panda_hand", "start": {"joints": PANDA_READY}, "goal": {"joints": AIM}}
     scene = scene_of(values, mechanism=load(PANDA))
@@ -113,6 +125,14 @@ def test_joint_values_are_reached_exactly_around_a_post_and_fingers_do_not_move(
     assert (fingers == 0.02).all()
     assert found.clearance >= around_post.safety
     assert (found.clearances >= found.clearance).all()
+
+
+def test_joint_values_are_reached_exactly_from_a_start_within_their_tolerance():
+    mechanism = cinegen.load("planar_3r")
+    end = mechanism.values(mechanism.q_home + 5e-5)
+    found = plan(scene_of({"goal": {"joints": end}}, mechanism=mechanism), planner="vortex")
+    assert found.status is PlanStatus.REACHED
+    assert mechanism.values(found.path[-1]) == pytest.approx(end, abs=1e-12)
 
 
 def test_joints_that_do_not_move_the_node_are_locked_by_default():

@@ -120,7 +120,8 @@ def test_it_goes_round_a_pole_where_a_damper_alone_is_held():
 
 
 def test_tasks_are_suspended_after_a_tenth_of_a_second_at_rest_and_not_while_it_moves():
-    """Straight into the middle of a wall: the approach takes longer than that, and is not interrupted."""
+    """Straight into the middle of a wall: the approach takes longer than that, and is not interrupted. A target
+    elsewhere ends it."""
     wall = {"name": "wall", "kind": "box", "point": [0.5, 0.0], "size": [0.1, 0.6]}
     solver, _ = hand(
         scene_of(
@@ -128,7 +129,8 @@ def test_tasks_are_suspended_after_a_tenth_of_a_second_at_rest_and_not_while_it_
              "goal": {"point": [2.0, 0.0]}, "obstacle": [wall]}
         )
     )  # fmt: skip
-    moved(solver.add_task("mobile", translation=2, rotation=0, axes="world"), [1.0, 0.0, 0.0])
+    task = solver.add_task("mobile", translation=2, rotation=0, axes="world")
+    moved(task, [1.0, 0.0, 0.0])
     moving = resting = 0
     while (step := solver.step()).status is not Status.DETOUR:
         slow = float(np.abs(step.v / solver.mechanism.scale).max()) < 2e-3
@@ -136,6 +138,8 @@ def test_tasks_are_suspended_after_a_tenth_of_a_second_at_rest_and_not_while_it_
         assert resting <= 101
     assert moving > 110
     assert resting == pytest.approx(100, abs=1)  # ticks of 1 ms
+    moved(task, [-0.5, 0.0, 0.0])
+    assert solver.step().status is Status.FOLLOWING
 
 
 def test_a_pull_that_makes_no_sense_beside_one_that_is_held_off():
@@ -398,6 +402,24 @@ def test_a_manoeuvre_is_what_its_ticks_add_up_to(seed):
     assert rolled.velocity[0] == pytest.approx(v, abs=1e-9)
     assert rolled.moved[0] == pytest.approx(moved, abs=2e-4)  # a phase may end within a tick
     assert (np.max(speeds, axis=0) <= joints.fastest_between(own, whole, 0.0, 120 * DT) + 1e-9).all()
+    end = joints.duration(own, whole)
+    last = np.abs(joints.roll_out(own, whole, np.array([0.99 * end, end])).velocity).max(axis=1)
+    assert last[1] <= 1e-9 < last[0]
+
+
+@pytest.mark.parametrize("name", ["arm7", "five_bar"])
+def test_a_manoeuvre_ends_within_the_limits_of_position(name):
+    mechanism, (_, joints) = load(name), reacting(name, DT)
+    rng, at = np.random.default_rng(0), [mechanism.q_index(name) for name in mechanism.actuated]
+    low, high = mechanism.limits.lower[at], mechanism.limits.upper[at]
+    for _ in range(20):
+        q = mechanism.q_home.copy()
+        q[at] = rng.uniform(low, high)
+        v = np.zeros(mechanism.model.nv)
+        manoeuvre = joints.manoeuvre(q, v, rng.uniform(-1.0, 1.0, len(at)), 9.0)
+        end = joints.roll_out(v, manoeuvre, np.array([joints.duration(v, manoeuvre)])).moved[0]
+        assert (q[at] + end >= low).all()
+        assert (q[at] + end <= high).all()
 
 
 @pytest.mark.parametrize("where", [0.15, 0.45, 0.75])

@@ -141,9 +141,9 @@ def test_a_wrong_value_is_refused_at_its_place(
     assert place in str(caught.value)
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", "null", "5", "RAFF t", 100_000 * "["])
-def test_what_is_no_such_file_is_refused_by_name(text: str) -> None:
-    with pytest.raises(RaffError, match=r"^some\.json:1: "):
+@pytest.mark.parametrize("text", ["", "{", "{\n]", "[]", "null", "5", "RAFF t", 100_000 * "["])
+def test_what_is_no_such_file_is_refused_by_name_and_line(text: str) -> None:
+    with pytest.raises(RaffError, match=rf"^some\.json:{len(text.splitlines()) or 1}: "):
         constraints.loads(text, "some.json")
 
 
@@ -183,6 +183,12 @@ def refused(text: str, says: str, **given: Any) -> None:
         constraints.loads(text, "some.json", **given)
     assert str(caught.value).startswith("some.json:")
     assert says in str(caught.value)
+
+
+def test_a_coupling_names_joints_that_move(values: constraints.Constraints) -> None:
+    screw = {"name": "screw", "terms": [{"joint": "wheel", "coefficients": [1.0]}], "constant": 0.0}
+    says = "at $.couplings[0].terms[0].joint: coupling 'screw' names 'wheel', which is not a joint that moves"
+    refused(json.dumps({**values, "couplings": [screw]}), says)
 
 
 @pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e400", "9" * 400, "-" + "9" * 5000])

@@ -4,6 +4,7 @@ import contextlib
 import gc
 import math
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -322,7 +323,8 @@ def test_the_report_says_how_the_loop_was_scheduled(monkeypatch):
     monkeypatch.setattr("cinegen.realtime.scheduling._RESERVED", f"\0cinegen test {os.getpid()} ")
     monkeypatch.setattr(os, "sched_setscheduler", lambda *arguments: asked.append(arguments))
     assert Clock(priority=7).run(lambda tick: None, 0.001).scheduling == "SCHED_FIFO 7"
-    assert asked[0][1] & os.SCHED_FIFO
+    thread, policy, _ = asked[0]
+    assert (thread, policy & os.SCHED_FIFO) == (0, os.SCHED_FIFO)  # 0 is the calling thread
 
     def refuse(*arguments):
         raise PermissionError(1, "Operation not permitted")
@@ -414,6 +416,10 @@ def test_what_cant_be_sent_is_said():
     with pytest.raises(ClockError, match="a command for another process must be picklable, function is not"):
         channel.command.write(lambda: None, "command")
     assert channel.state.read() is None
+    half = LARGEST // 2
+    largest = bytes(LARGEST + half - len(pickle.dumps(bytes(half), pickle.HIGHEST_PROTOCOL)))
+    channel.state.write(largest, "state")
+    assert channel.state.read() == largest
 
 
 # --- processes -------------------------------------------------------------------------------------------------------

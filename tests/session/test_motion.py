@@ -175,6 +175,17 @@ def test_another_assembly_mode_is_come_to_at_once_and_said(robot):
     assert np.sort(steps(bars, passed))[-2] < LONGEST  # but for that one
 
 
+def test_what_blocks_a_motion_along_a_line_at_its_end_is_said(robot):
+    arm = robot("planar_3r")
+    passed, _ = gone(arm, arm.q_home, arm.q_home + 0.4, "tool")
+    moving, tick = LineMotion(arm, arm.q_home, arm.q_home + 0.4, "tool", LINE_DT), 0
+    while moving.advance(LINE_DT) is not None:
+        tick += 1
+        if tick > len(passed) - 5:
+            moving.block(passed[-5], "the wall")
+    assert moving.problem == "the wall"
+
+
 @pytest.mark.parametrize(("wrong", "words"), [(0.1, "open loops"), (None, "numbers")])
 def test_what_can_not_be_is_said_and_nothing_moves(session, robot, wrong, words):
     session = session("delta4")

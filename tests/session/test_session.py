@@ -89,6 +89,15 @@ def test_undo_goes_the_way_back_and_redo_goes_it_again(session):
     assert state.robots[name].closure < 1e-10
 
 
+def test_undo_takes_back_a_drag_in_progress(session):
+    one = session("planar_3r")
+    home, begin = one.state().robots["planar_3r"].q, place(one.state(), one, "planar_3r", "tool")
+    run(one, 1.0, c.StartDrag("planar_3r", "tool", (0, 0, 0)), c.MoveDrag(tuple(begin - [0.2, 0.0, 0.0])))
+    state = run(one, 2.0, c.Undo())
+    assert np.abs(state.robots["planar_3r"].q - home).max() < 1e-9
+    assert (state.undo, state.redo) == (0, 1)
+
+
 def test_a_motor_goes_where_its_slider_says_and_loops_stay_closed(session):
     name = "gough"
     one = session(name)

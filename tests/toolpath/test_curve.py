@@ -49,6 +49,18 @@ def test_its_speed_is_1_along_its_tangent(seed):
         assert jumps.max() <= curve.length / 399 * (1 + 1e-5)
 
 
+@settings(max_examples=25)
+@given(st.integers(0, 10_000))
+def test_it_is_the_same_curve_from_its_other_end(seed):
+    points = wandering(seed, math.radians(29)) * [1, 1, 0.1]
+    there, back = (smooth_runs(path, flat(path)) for path in (points, points[::-1]))
+    for curve, other in zip(there, back[::-1], strict=True):
+        assert other.length == pytest.approx(curve.length)
+        along = np.linspace(0, curve.length, 50)
+        places, passed = (np.array([run.at(s)[0] for s in along]) for run in (curve, other))
+        assert passed[::-1] == pytest.approx(places, abs=1e-9)
+
+
 def test_long_straight_parts_stay_so_and_short_ones_do_no_harm():
     """A line of 300 mm, a quarter of a circle of 5 mm in steps of 9 degrees, and a line of 300 mm."""
     turn = np.radians(np.arange(0, 91, 9))

@@ -2,6 +2,7 @@
 
 import json
 import math
+import time
 from itertools import pairwise
 
 import numpy as np
@@ -12,11 +13,13 @@ from hypothesis import strategies as st
 from small_maps import map_of
 
 import cinegen.workspace.extent as module
-from cinegen.workspace import CellStatus, GridAxis, MapError, Region, line_region
+from cinegen.workspace import CellStatus, GridAxis, MapError, MapSpecification, Region, line_region
 from cinegen.workspace.chunks import chunk_cells, chunk_counts, chunk_shape
 from cinegen.workspace.default_range import default_range
+from cinegen.workspace.evaluator import estimate
 from cinegen.workspace.extent import Extent, bounds, extent, extent_of
-from cinegen.workspace.reach_bounds import ReachBounds, _prismatic_bounds, _revolute_bounds
+from cinegen.workspace.maps import chunk_size
+from cinegen.workspace.reach_bounds import _SPHERICAL, ReachBounds, _Connection, _prismatic_bounds, _revolute_bounds
 
 HOME = pin.SE3(pin.rpy.rpyToMatrix(0.1, -0.2, 0.3), np.array([0.4, 0.5, 0.6]))
 
@@ -114,6 +117,21 @@ def test_a_line_goes_from_one_point_to_the_other():
     np.testing.assert_allclose(points[:, 2], 1.0)
 
 
+# --- chunks -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("cells", "size"), [(10**6, 2000), (10**9, 10_000), (10**12, 200_000)])
+def test_a_chunk_is_larger_only_in_maps_of_very_many_cells(cells, size):
+    assert chunk_size(cells, 2000) == size
+
+
+def test_a_map_of_no_more_cells_than_an_estimate_tries_takes_no_longer_than_the_estimate(robot):
+    begin = time.perf_counter()
+    cost = estimate(MapSpecification(robot("planar_3r"), line_region((0.1, 0.0, 0.0), (0.3, 0.0, 0.0), 2), ()))
+    assert 0.0 < cost.seconds <= time.perf_counter() - begin
+    assert cost.cells == 2
+
+
 # --- reach bounds -----------------------------------------------------------------------------------------------------
 # ReachBounds: least and largest distances across one joint are bounds, and are attained.
 
@@ -144,6 +162,14 @@ def test_distances_across_a_joint_that_slides(axis, away, between):
     assert (least, most) == pytest.approx((seen.min(), seen.max()), abs=1e-2)
     assert least <= seen.min() + 1e-9
     assert most >= seen.max() - 1e-9
+
+
+@given(AXES, VECTORS, st.floats(0.0, 3.0))
+def test_distances_across_a_ball_joint(along, u, length):
+    """They are attained where one point is in the direction of the other, and opposite to it."""
+    ball = _Connection(0, 1, pin.SE3.Identity(), pin.SE3.Identity(), _SPHERICAL, np.zeros(3), -math.inf, math.inf)
+    size = np.linalg.norm(u)
+    assert ball.bounds(u, length * along) == pytest.approx((abs(size - length), size + length), abs=1e-9)
 
 
 def test_what_has_no_limits_has_no_largest_distance():
