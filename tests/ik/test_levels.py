@@ -118,6 +118,16 @@ def test_priorities_swapped_swap_who_wins_and_any_integers_order_them():
     assert max(settle(solver).errors[0]) < 1e-9
 
 
+def test_a_single_level_has_the_status_and_the_smallest_singular_value_of_the_tick():
+    arm = load("arm7", "arm")
+    solver = Solver(arm, 0.01)
+    solver.add_task("tool")
+    step = solver.step()
+    (level,) = step.levels
+    assert level.status is step.status
+    assert level.smallest_singular_value == pytest.approx(step.singular_values[-1])
+
+
 def test_the_same_task_twice_is_met_once_and_the_second_level_has_no_freedom():
     delta = load("delta4", "r1")
     solver = Solver(delta, 0.01)
