@@ -9,6 +9,7 @@ import two_armed
 from making import graph
 from repository import load
 from scipy.optimize import minimize
+from small_robots import two_bars
 from test_barriers import Objective
 from test_kernel import every_robot, near, steps_agree
 from ticking import beside
@@ -119,12 +120,12 @@ def test_priorities_swapped_swap_who_wins_and_any_integers_order_them():
 
 
 def test_a_single_level_has_the_status_and_the_smallest_singular_value_of_the_tick():
-    arm = load("arm7", "arm")
-    solver = Solver(arm, 0.01)
-    solver.add_task("tool")
+    solver = Solver(cinegen.load(two_bars()), 0.01, [0.5, 1e-6])  # almost stretched
+    solver.add_task("tool", rotation=0)
     step = solver.step()
     (level,) = step.levels
     assert level.status is step.status
+    assert level.smallest_singular_value < 1e-5
     assert level.smallest_singular_value == pytest.approx(step.singular_values[-1])
 
 
