@@ -26,8 +26,8 @@ def check_joints(mechanism: Mechanism) -> None:
     if not mechanism.loops:
         raise ModesError(f"{mechanism.name} has no loops: each value of its joints has one configuration")
     model = mechanism.model
-    for name, joint in zip(model.names, model.joints, strict=True):
-        if joint.nv > 1 and joint.idx_v >= 0 and not (mechanism.floating and joint.nv == 6):
+    for name, joint in list(zip(model.names, model.joints, strict=True))[1:]:
+        if joint.nv > 1 and not (mechanism.floating and joint.nv == 6):
             raise ModesError(
                 f"{mechanism.name}: joint '{name}' has {joint.nv} DoF; assembly modes are computed for revolute and "
                 "prismatic joints, and for ball joints of a RAFF file"

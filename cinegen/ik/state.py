@@ -109,9 +109,7 @@ class State:
         if not model.nv:
             return np.zeros((6, 0))
         placement = pin.updateFramePlacement(model, data, frame)
-        rows: Array = pin.getFrameJacobian(model, data, frame, _ALIGNED)
-        if rows.ndim == 1:  # one column
-            rows = rows.reshape(6, 1)
+        rows: Array = pin.getFrameJacobian(model, data, frame, _ALIGNED).reshape(6, model.nv)  # (6,) if nv is 1
         if point is not None:
             rows[:3] += _CROSS @ (placement.rotation @ point) @ rows[3:]
         return rows

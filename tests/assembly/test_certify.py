@@ -15,6 +15,7 @@ from linkages import delta, five_bar, hexapod, hinge, ring, three_legs, tripod
 from making import bennett, sarrus
 from mpmath import mp
 from numpy.random import default_rng as rng
+from small_robots import two_bars
 
 from cinegen.assembly import assembly_modes
 from cinegen.assembly.certify import EndEquations, LoopEquations, Unknowns
@@ -133,8 +134,20 @@ CLOSED_AS = {
 )
 @pytest.mark.parametrize("kind", list(LoopKind))
 def test_derivatives_are_those_of_the_equations(built, kind, pose):
-    """At open configurations, by differences in balls of 200 bits."""
-    m = built(CLOSED_AS[kind](rng(0)))
+    assert_derivatives(built(CLOSED_AS[kind](rng(0))), pose)
+
+
+def test_derivatives_of_couplings_are_those_of_their_polynomials(raff):
+    arm = (
+        two_bars()
+        .split("\n", 1)[1]
+        .replace("frame 3", "coupling { link 2 link 1 polynomial ( -1 0.1 ) offset 50 } frame 3")
+    )
+    assert_derivatives(raff(arm), EndEquations())
+
+
+def assert_derivatives(m, pose):
+    """At an open configuration, by differences in balls of 200 bits."""
     q = m.q_home + rng(1).normal(size=m.model.nq)
     frame, target = (pin.exp6(rng(k).normal(size=6)) for k in range(2))
     equations = LoopEquations(m, Unknowns(tuple(m.joints), 1, ()), q, pose=(m.end, frame, target, pose))

@@ -21,6 +21,27 @@ def test_a_passive_joint_follows_another_one(root):
     nothing_beside(modes, ["tool", "link4"], 60)
 
 
+FOUR_BAR = """
+  link 11 { parameters { theta 50 } type 2 pred 0 }
+  link 12 { parameters { theta -26 d 120 } type 2 pred 11 }
+  link 13 { parameters { theta 89 d 400 } type 2 actuated 1 pred 0 }
+  frame 14 { parameters { d 360 } pred 12 }
+  frame 15 { parameters { d 240 } pred 13 }
+  constraint { frame 14 frame 15 type 2 }
+"""
+
+
+def test_of_a_mechanism_with_two_clusters_a_motor_of_the_coupled_one_is_redundant(root):
+    """A five-bar with two motors whose elbows mirror each other, and a four-bar with one."""
+    text = (root / "robots/five_bar.raff").read_text(encoding="utf-8")
+    mirrored = "coupling { link 4 link 2 ratio -1 offset 2.481876 }\n" + FOUR_BAR
+    both = cinegen.load(text.replace("constraint { link 5", f"{mirrored} constraint {{ link 5", 1))
+    assert (both.mobility, both.actuated) == (2, ("joint1", "joint3", "joint13"))
+    modes = cinegen.assembly_modes(both)
+    assert "with 'joint1' following the other actuated joints" in modes.method
+    sound(modes, count=4)
+
+
 def declared(text: str, joints: tuple[int, ...]) -> str:
     """A text whose actuated joints are those of these links."""
     text = text.replace("actuated 1", "")

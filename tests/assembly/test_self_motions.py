@@ -106,7 +106,9 @@ def test_a_platform_like_its_base_translates_on_equal_legs_and_has_isolated_mode
     m = built(legged([[hinge(f), slide(f + 0.5 * along, along, True), hinge(f + along)] for f in p]))
     modes = assembly_modes(m)
     assert moves(modes) == [(1, 2)]
-    assert len(modes.self_motions[0].moving) == 6
+    (translation,) = modes.self_motions
+    assert len(translation.moving) == 6
+    assert {translation: 1}[translation] == 1  # a key, as what it holds is not compared
     assert not modes.complete
     kept = [q for q, alone in zip(modes, modes.isolated, strict=True) if alone]
     others = [q for q in unlisted(modes) if apart(places(m, q), [places(m, one) for one in kept]) > 1e-5]

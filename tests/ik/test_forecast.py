@@ -157,6 +157,16 @@ def test_a_joint_that_is_held_by_its_limit_is_said_at_once(raff):
     assert forecast_motion(solver, 1.0).events == ()
 
 
+def test_a_joint_that_leaves_its_limit_meets_it_again(raff):
+    """Along the chord between two points that differ in the angle of the second joint alone."""
+    arm = cinegen.load(two_bars((20, 90), words=("limits { -90 20 }", "")))
+    begin, end = (arm.placement(np.radians([20.0, elbow]), "tool").translation for elbow in (90.0, 20.0))
+    solver = Solver(arm, DT)
+    solver.add_task("tool", rotation=0, axes="world").twist = [*(end - begin), 0.0, 0.0, 0.0]  # there after a second
+    (event,) = forecast_motion(solver, 1.1, 1e-3).events
+    assert (event.kind, event.joint, event.time) == (EventKind.LIMIT, "joint1", pytest.approx(1.0, abs=1e-3))
+
+
 def test_a_limit_that_holds_for_long_is_said_once(robot):
     """While a joint is pressed against its limit, closing the loops moves it off by a hair now and then."""
     bar = robot("five_bar")

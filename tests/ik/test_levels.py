@@ -9,6 +9,7 @@ import two_armed
 from making import graph
 from repository import load
 from scipy.optimize import minimize
+from small_robots import two_bars
 from test_barriers import Objective
 from test_kernel import every_robot, near, steps_agree
 from ticking import beside
@@ -116,6 +117,16 @@ def test_priorities_swapped_swap_who_wins_and_any_integers_order_them():
         assert max(loser) > 1e-3
     mid.priority, tool.priority = 2, 1  # at run time
     assert max(settle(solver).errors[0]) < 1e-9
+
+
+def test_a_single_level_has_the_status_and_the_smallest_singular_value_of_the_tick():
+    solver = Solver(cinegen.load(two_bars()), 0.01, [0.5, 1e-6])  # almost stretched
+    solver.add_task("tool", rotation=0)
+    step = solver.step()
+    (level,) = step.levels
+    assert level.status is step.status
+    assert level.smallest_singular_value < 1e-5
+    assert level.smallest_singular_value == pytest.approx(step.singular_values[-1])
 
 
 def test_the_same_task_twice_is_met_once_and_the_second_level_has_no_freedom():

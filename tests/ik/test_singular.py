@@ -13,7 +13,8 @@ from small_robots import four_bar, two_bars
 from ticking import ticked
 
 import cinegen
-from cinegen import PersistentSolver, Solver, Status
+from cinegen import FrameTask, PersistentSolver, Solver, Status, inverse_kinematics
+from cinegen.ik import persistent
 from cinegen.ik.branch import passes_toggle
 
 DT = 0.01
@@ -369,6 +370,27 @@ def test_a_solver_stays_at_the_limit_and_a_persistent_one_goes_round():
     assert step.status is Status.FOLLOWING
     assert step.q == pytest.approx(THERE, abs=1e-6)
     assert Status.DETOUR in seen
+
+
+def test_a_persistent_solver_searches_once_for_what_is_out_of_reach(monkeypatch):
+    searched = []
+    monkeypatch.setattr(persistent, "inverse_kinematics", lambda _, tasks, **__: searched.append(tasks))
+    solver, task = dead_end(PersistentSolver, cinegen.load(ARM))
+    assert ticked(solver, 400).status is Status.AT_LIMIT
+    assert len(searched) == 1
+    task.target = pin.SE3(np.eye(3), 1.1 * task.target.translation)
+    ticked(solver, 400)
+    assert len(searched) == 2
+
+
+def test_levels_of_tasks_leave_a_dead_end_by_another_start():
+    arm = cinegen.load(ARM)
+    tasks = [FrameTask("tool", arm.placement(THERE, "tool"), rotation=0)]
+    tasks.append(FrameTask("link1", arm.placement(THERE, "link1"), priority=1))
+    result = inverse_kinematics(arm, tasks)
+    assert result
+    assert result.starts > 1
+    assert result.q == pytest.approx(THERE, abs=1e-6)
 
 
 def test_beside_a_task_that_follows_a_twist_nothing_is_looked_for():

@@ -118,6 +118,15 @@ def test_a_twist_begins_again_where_another_frame_follows(arm):
     assert np.abs(ticked(solver, 5).q - q).max() < 1e-9
 
 
+def test_a_twist_begins_again_at_a_configuration_that_is_set(arm):
+    solver, task = arm
+    task.twist = np.zeros(6)
+    ticked(solver, 3)
+    q = solver.q + 0.1
+    solver.q = q
+    assert np.abs(ticked(solver, 5).q - q).max() < 1e-9
+
+
 def test_misspelt_attributes_are_errors(arm, robot):
     solver, task = arm
     for thing, name in ((solver, "gian"), (solver, "objective"), (task, "taget"), (task, "wieght"),

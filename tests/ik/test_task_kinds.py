@@ -204,6 +204,12 @@ class Distance:
         return (apart / np.linalg.norm(apart))[None, :] @ relative
 
 
+def test_the_jacobian_of_a_single_joint_has_one_column(raff):
+    bar = raff('robot r { base { } link 1 { type 2 pred 0 } frame 2 { parameters { d 300 } pred 1 name "tool" } }')
+    jacobian = State(bar, bar.q_home, 0.01).jacobian("tool")
+    assert jacobian == pytest.approx(np.array([[0.0, 0.3, 0.0, 0.0, 0.0, 1.0]]).T)
+
+
 @pytest.mark.parametrize("name", ["arm7", "delta4"])
 def test_a_task_of_ones_own_in_twenty_lines(name):
     mechanism = load(name, None)
@@ -266,6 +272,11 @@ def test_what_is_no_task_is_an_error_when_it_is_added():
 
     with pytest.raises(CinegenError, match="wrong sign"):
         solver.add_task(Wrong("tool", "base", 0.6))
+    for error in (0.0, [], np.zeros((2, 1))):
+        wrong = Distance("tool", "base", 0.6)
+        wrong.error = lambda state, error=error: error
+        with pytest.raises(CinegenError, match=r"returned shape \(.*\): return \(m,\), m > 0"):
+            solver.add_task(wrong)
     with pytest.raises(CinegenError, match="has no masses"):
         Solver(load("scara", None), 0.01).add_task(CenterOfMass((0.0, 0.0, 0.0)))
     for what in (object(), 3, None):

@@ -64,6 +64,10 @@ def test_a_thousand_joints_with_a_hundred_loops():
     assert motions @ motions.T == pytest.approx(np.eye(800), abs=1e-12)
 
 
+def test_loops_of_a_large_cluster_stay_closed():
+    dragged(made("girder", 120), ticks=20, radius=0.001, wait=0)
+
+
 def test_modes_of_many_loops_are_refused():
     with pytest.raises(cinegen.CinegenError, match="200 independent equations"):
         cinegen.assembly_modes(made("snake", 1000))

@@ -178,6 +178,11 @@ def test_axes_that_are_nearly_parallel_have_the_length_of_parallel_ones(tilt):
     assert found == pytest.approx(exact, rel=10.0 * tilt + 1e-9)
 
 
+def test_the_characteristic_length_of_a_bar_on_a_hinge_is_that_of_the_bar(raff):
+    bar = raff('robot r { base { } link 1 { type 2 pred 0 } frame 2 { parameters { d 300 } pred 1 name "tool" } }')
+    assert bar.length == pytest.approx(0.3)
+
+
 # --- robots of the repository ----------------------------------------------------------------------------------------
 
 

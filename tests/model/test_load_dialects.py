@@ -444,6 +444,21 @@ def test_all_are_opened_by_ignore_loops_and_each_loop_by_its_dialect_or_its_name
             assert cinegen.load(path, ignore=[word]).mobility == 3
 
 
+@pytest.mark.parametrize("kind", ["ball", "revolute"])
+def test_a_triangle_is_rigid_whether_a_ball_joint_or_a_hinge_closes_it(kind):
+    text = "".join(f'<link name="{name}"/>' for name in ("ground", "a", "b", "closing_pin_1", "closing_pin_2"))
+    for kind_of_joint, parent, child, place in (
+        ("continuous", "ground", "a", "0 0 0"), ("fixed", "a", "closing_pin_1", "0.1 0.2 0"),
+        ("continuous", "ground", "b", "0.3 0 0"), ("fixed", "b", "closing_pin_2", "-0.2 0.2 0"),
+    ):  # fmt: skip
+        ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="{place}"/><axis xyz="0 0 1"/>'
+        text += f'<joint name="to_{child}" type="{kind_of_joint}">{ends}</joint>'
+    with pytest.warns(UserWarning, match="no joint can move"):
+        triangle = cinegen.load(f'<robot name="triangle">{text}</robot>', loops={"closing_pin": kind})
+    assert [loop.kind.name.lower() for loop in triangle.loops] == [kind]
+    assert triangle.mobility == 0
+
+
 # --- numbers that a constraints file states ----------------------------------------------------------------------
 
 

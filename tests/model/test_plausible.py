@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cinegen.model.plausible import ImplausibleError, check_joint, check_lengths, check_revolution, reach
+from cinegen.model.plausible import ImplausibleError, check_joint, check_lengths, check_revolution, check_speed, reach
 
 
 @pytest.mark.parametrize("name", ["arm7", "delta4", "four_bar", "gough"])
@@ -46,6 +46,9 @@ def test_joint_values_in_degrees_or_mm_are_refused_where_they_fit(robot):
     for millimetres in (900.0, 100.0):
         with pytest.raises(ImplausibleError, match=f"did you mean {millimetres:g} mm"):
             check_joint(hexapod, "joint3", [millimetres])
+    check_speed(hexapod, "joint3", 0.2)
+    with pytest.raises(ImplausibleError, match=r"did you mean 200 mm/s, which are 0\.2 m/s"):
+        check_speed(hexapod, "joint3", 200.0)
     check_joint(robot("four_bar"), "joint1", [60.0])  # without limits
 
 

@@ -27,7 +27,7 @@ CHAIN = """
 RAFF Chain
 robot chain {
   link 1 { parameters { d 100 alpha 20 theta 15 } joint ball pred 0 variable y { home 40 } }
-  link 2 { parameters { d 200 alpha 10 } type 2 pred 1 limits { -60 60 } }
+  link 2 { parameters { d 200 alpha 10 } type 2 pred 1 limits { -60 60 } effort 7 }
   link 3 { parameters { d 100 r 30 gamma 70 } joint ball pred 2 }
 }
 """
@@ -104,6 +104,7 @@ def test_a_ball_joint_is_a_quaternion_in_q(chain):
     at = chain.q_index("joint1")
     assert chain.q_home[at : at + 4] == pytest.approx([0.0, np.sin(np.radians(20.0)), 0.0, np.cos(np.radians(20.0))])
     assert chain.limits.lower[chain.q_index("joint2")] == pytest.approx(np.radians(-60.0))
+    assert chain.model.upperEffortLimit.tolist() == [np.inf] * 3 + [7.0] + [np.inf] * 3
     again = pickle.loads(pickle.dumps(chain))
     assert again.q_home.tolist() == chain.q_home.tolist()
 

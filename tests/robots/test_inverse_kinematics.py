@@ -80,12 +80,12 @@ def test_where_a_planar_arm_reaches_is_a_disc() -> None:
     base = links[0]
     for direction in np.linspace(-0.5, 0.5, 7):
         way = np.array([math.cos(direction), math.sin(direction), 0.0])
-        for part, there in ((0.999, True), (1.001, False)):
+        for part, there in ((0.999, True), (1.00001, False), (1.001, False)):
             target = pin.SE3(np.eye(3), base + part * reach * way)
             reached = cinegen.inverse_kinematics(mechanism, [cinegen.FrameTask(node, target, 3, 0)], limits=False)
             assert bool(reached) == there
             if not there:
-                assert reached.errors[0][0] == pytest.approx(0.001 * reach, rel=1e-3)
+                assert reached.errors[0][0] == pytest.approx((part - 1.0) * reach, rel=1e-3)
 
 
 @pytest.mark.parametrize("name", ["arm7", "gough"])
