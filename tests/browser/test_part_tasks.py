@@ -66,7 +66,7 @@ def test_parts_stay_upright_look_at_others_and_are_pinned_together_by_the_mouse(
     drag(page, duo, "left_hand", (-20, 40))
     assert pose(duo, "left_hand").rotation[2] == pytest.approx(up, abs=1e-6)
     page.click("#stay-upright")
-    assert becomes(page, lambda: described(duo) == [])
+    assert becomes(page, lambda: described(duo) == [] and chip.count() == 0)  # the buttons don't move any more
 
     page.click("#look-at")
     page.keyboard.press("Escape")
@@ -81,7 +81,7 @@ def test_parts_stay_upright_look_at_others_and_are_pinned_together_by_the_mouse(
     assert np.cross(hand.rotation[:, 2], away / np.linalg.norm(away)) == pytest.approx(np.zeros(3), abs=2e-3)
     picture(page, "part_tasks_looking")
     page.click("#undo")
-    assert becomes(page, lambda: described(duo) == [])
+    assert becomes(page, lambda: described(duo) == [] and chip.count() == 0)
     page.click("#pin-to")
     page.evaluate("cockpit.select('duo', 'right4')")  # as keys and the panel do
     assert becomes(page, lambda: described(duo) == ["relative_pose"])
