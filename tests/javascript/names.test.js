@@ -16,8 +16,8 @@ test("a segment is no key of every object, has no slash, and has its name", () =
 });
 
 test("a record has the names that it was given", () => {
-  const given = JSON.parse('{"arm": 1, "__proto__": 2}');
-  assert.deepEqual(["arm", "__proto__", "constructor", "toString"].map((name) => valueOf(given, name)), [1, 2, undefined, undefined]);
+  const parsed = JSON.parse('{"arm": 1, "__proto__": 2}');
+  assert.deepEqual(["arm", "__proto__", "constructor", "toString"].map((name) => valueOf(parsed, name)), [1, 2, undefined, undefined]);
   assert.equal(valueOf(null, "arm"), undefined);
 });
 

@@ -36,11 +36,11 @@ test("the chip shows the robot in most trouble, the first where several are", ()
 });
 
 test("the chip tells of one robot without its name, and of a session that is paused or moves by itself", () => {
-  const one = { arm: { name: "AT_LIMIT", label: "joint 2 at its limit" } };
-  assert.equal(summary(one, null, false).label, "joint 2 at its limit");
+  const limited = { arm: { name: "AT_LIMIT", label: "joint 2 at its limit" } };
+  assert.equal(summary(limited, null, false).label, "joint 2 at its limit");
   assert.deepEqual(summary({ arm: { name: "IDLE", label: "idle" } }, null, true).label, "idle");
   const shown = (report) => {
-    const { label, tone: colour } = summary(one, report, false);
+    const { label, tone: colour } = summary(limited, report, false);
     return [label, colour];
   };
   assert.deepEqual(shown({ paused: true, moving: "home" }), ["paused", "none"]);
@@ -115,11 +115,11 @@ test("a holding torque is a part of its limit where there is one, and none where
 });
 
 test("arrows have a round scale, and what is not determined is told", () => {
-  const one = { kind: "joint", name: "a", node: "b", point: [0, 0, 0], moment: 0, undetermined: [] };
-  const [first, second] = [{ ...one, force: [0, 300, 400] }, { ...one, force: null, undetermined: ["Fz", "Fx", "Fy"] }];
+  const reaction = { kind: "joint", name: "a", node: "b", point: [0, 0, 0], moment: 0, undetermined: [] };
+  const [first, second] = [{ ...reaction, force: [0, 300, 400] }, { ...reaction, force: null, undetermined: ["Fz", "Fx", "Fy"] }];
   assert.deepEqual(scaleOf([first, second], 2), { newtons: 500, metres: 0.8 });
-  assert.deepEqual(scaleOf([{ ...one, force: [501, 0, 0] }], 2).newtons, 1000);
-  assert.deepEqual(scaleOf([{ ...one, force: [0, 0, 0] }, second], 2).newtons, 0);
+  assert.deepEqual(scaleOf([{ ...reaction, force: [501, 0, 0] }], 2).newtons, 1000);
+  assert.deepEqual(scaleOf([{ ...reaction, force: [0, 0, 0] }, second], 2).newtons, 0);
   assert.equal(described([first], 2), "An arrow 800.0 mm long is 500 N.");
   assert.match(described([first, second], 2), /determine all components of 1 of 2 reactions \(Fx, Fy, Fz in the joints' axes\)/);
   assert.match(described([], 2), /No actuator holds/);

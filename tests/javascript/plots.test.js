@@ -40,11 +40,11 @@ test("samples that come too often are left out, and time that begins again remov
 });
 
 test("CSV merges histories by time, leaves unknown cells empty, and quotes names", () => {
-  const one = filled([[1, 0.5], [2, NaN], [3, 1e-9]]);
+  const curves = filled([[1, 0.5], [2, NaN], [3, 1e-9]]);
   const other = new History(['a "b", c', "d"], { most: 9 });
   other.add(2, (i) => i - 1);
   other.add(2.5, (i) => i + 1);
-  assert.equal(csvOf([one, other], 1.5), 'time (s),x,"a ""b"", c",d\r\n2,,-1,0\r\n2.5,,1,2\r\n3,1e-9,,\r\n');
+  assert.equal(csvOf([curves, other], 1.5), 'time (s),x,"a ""b"", c",d\r\n2,,-1,0\r\n2.5,,1,2\r\n3,1e-9,,\r\n');
 });
 
 test("ticks are at 1, 2 or 5 times a power of ten, inside the scale, with as many digits as they need", () => {

@@ -4,8 +4,8 @@
 import { tokenizer } from "acorn";
 
 const tokensOf = (text) => [...tokenizer(text, { ecmaVersion: "latest", sourceType: "module" })].map(({ type, value }) => [type.label, String(value)]);
-let given = "";
-for await (const part of process.stdin) given += part;
-const pairs = Object.entries(JSON.parse(given));
-const differ = pairs.filter(([, [one, other]]) => JSON.stringify(tokensOf(one)) !== JSON.stringify(tokensOf(other)));
+let input = "";
+for await (const part of process.stdin) input += part;
+const pairs = Object.entries(JSON.parse(input));
+const differ = pairs.filter(([, [expected, generated]]) => JSON.stringify(tokensOf(expected)) !== JSON.stringify(tokensOf(generated)));
 process.stdout.write(JSON.stringify(differ.map(([name]) => name)));

@@ -5,22 +5,22 @@ const STEP = 1e-6;
 
 const cross = ([a, b, c], [d, e, f]) => [b * f - c * e, c * d - a * f, a * e - b * d];
 const rotate = ([x, y, z, w], v) => {
-  const t = cross([x, y, z], v).map((one) => 2 * one);
+  const t = cross([x, y, z], v).map((component) => 2 * component);
   const u = cross([x, y, z], t);
-  return v.map((one, i) => one + w * t[i] + u[i]);
+  return v.map((component, i) => component + w * t[i] + u[i]);
 };
 const multiply = ([a, b, c, d], [e, f, g, h]) => {
   return [d * e + a * h + b * g - c * f, d * f - a * g + b * h + c * e, d * g + a * f - b * e + c * h, d * h - a * e - b * f - c * g];
 };
-const compose = (one, other) => {
-  const moved = rotate(one.slice(3), other.slice(0, 3));
-  return [...moved.map((x, i) => x + one[i]), ...multiply(one.slice(3), other.slice(3))];
+const compose = (outer, inner) => {
+  const moved = rotate(outer.slice(3), inner.slice(0, 3));
+  return [...moved.map((x, i) => x + outer[i]), ...multiply(outer.slice(3), inner.slice(3))];
 };
 
 function fk(q) {
   const world = [];
   TABLE.joints.forEach(({ parent, placement, axis, prismatic }, i) => {
-    const unit = ["x", "y", "z"].map((one) => Number(one === axis));
+    const unit = ["x", "y", "z"].map((name) => Number(name === axis));
     const half = q[i] / 2;
     const moved = prismatic ? [...unit.map((x) => x * q[i]), 0, 0, 0, 1]
       : [0, 0, 0, ...unit.map((x) => x * Math.sin(half)), Math.cos(half)];
@@ -31,22 +31,22 @@ function fk(q) {
 }
 
 function errorOf(q, { node, offset, target, translation, rotation }) {
-  const here = compose([...fk(q).slice(7 * node, 7 * node + 7)], [...offset]);
-  const [x, y, z, w] = multiply([...target].slice(3), [-here[3], -here[4], -here[5], here[6]]);
+  const placed = compose([...fk(q).slice(7 * node, 7 * node + 7)], [...offset]);
+  const [x, y, z, w] = multiply([...target].slice(3), [-placed[3], -placed[4], -placed[5], placed[6]]);
   const size = Math.hypot(x, y, z);
   const angle = 2 * Math.atan2(size, Math.abs(w)) * Math.sign(w || 1);
-  const turn = [x, y, z].map((one) => (rotation === 3 && size > 0 ? (one / size) * angle : 0));
-  return [...here.slice(0, 3).map((one, i) => (translation === 3 ? target[i] - one : 0)), ...turn];
+  const turn = [x, y, z].map((component) => (rotation === 3 && size > 0 ? (component / size) * angle : 0));
+  return [...placed.slice(0, 3).map((component, i) => (translation === 3 ? target[i] - component : 0)), ...turn];
 }
 
 /** Solve (J^T J + damping) x = J^T e by Gauss's elimination. */
 function step(q, tasks, part) {
   const n = q.length;
-  const rows = (at) => tasks.flatMap((task) => errorOf(at, task).map((one, i) => task.weight * (i < 3 ? one / TABLE.length : one)));
+  const rows = (at) => tasks.flatMap((task) => errorOf(at, task).map((row, i) => task.weight * (i < 3 ? row / TABLE.length : row)));
   const error = rows(q);
   const columns = [...q].map((_, j) => rows(q.map((x, i) => x + (i === j ? STEP : 0))).map((x, i) => (error[i] - x) / STEP));
-  const dot = (one, other) => one.reduce((sum, x, i) => sum + x * other[i], 0);
-  const a = columns.map((one, i) => [...columns.map((other, j) => dot(one, other) + (i === j ? 1e-4 : 0)), part * dot(one, error)]);
+  const dot = (u, v) => u.reduce((sum, x, i) => sum + x * v[i], 0);
+  const a = columns.map((column, i) => [...columns.map((other, j) => dot(column, other) + (i === j ? 1e-4 : 0)), part * dot(column, error)]);
   for (let i = 0; i < n; i += 1) {
     for (let k = i + 1; k < n; k += 1) {
       const factor = a[k][i] / a[i][i];

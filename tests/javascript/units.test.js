@@ -25,8 +25,8 @@ test("a joint's value keeps its meaning on the way to the screen and back", () =
     const units = new Units();
     units.small = small;
     for (const type of ["revolute", "prismatic"]) {
-      const there = units.shown({ type }, 0.7);
-      assert.ok(Math.abs(units.meant({ type }, there) - 0.7) < 1e-15, `${type}, ${units.unit({ type })}`);
+      const shown = units.shown({ type }, 0.7);
+      assert.ok(Math.abs(units.meant({ type }, shown) - 0.7) < 1e-15, `${type}, ${units.unit({ type })}`);
     }
   }
   const units = new Units();

@@ -116,8 +116,8 @@ pointAtCells({ ...shown, field, cells, legend, drag, pick });
 
 /** End the drag, with a pin at the target if wanted. Return whether there was one. */
 function endDrag(pinned = false) {
-  const busy = [drag, gizmo].filter((one) => one.part !== null && (one !== gizmo || gizmo.busy));
-  for (const one of busy) one.end(pinned);
+  const busy = [drag, gizmo].filter((input) => input.part !== null && (input !== gizmo || gizmo.busy));
+  for (const input of busy) input.end(pinned);
   return busy.length > 0;
 }
 
@@ -162,7 +162,7 @@ new Share(record, { view, session });
 new Film({ view, session });
 new Users(shows, session);
 const readings = new Performance(shows, { view, session, open: parameters.get("debug") === "1" });
-for (const one of [drag, gizmo]) one.target.sent = (position) => readings.sent(position);
+for (const input of [drag, gizmo]) input.target.sent = (position) => readings.sent(position);
 sendCamera(view, session);
 frameFirstView(view, session, still, field);
 keys({ commands, drawer, gizmo, session, view, measure, partTasks, endDrag, pin, look });

@@ -17,8 +17,8 @@ const view = { ...START };
 
 /** @returns {Parameters} */
 function values() {
-  const found = NAMES.map((name) => [name, Number(slider(name).value)]);
-  return /** @type {Parameters} */ (Object.fromEntries(found));
+  const values = NAMES.map((name) => [name, Number(slider(name).value)]);
+  return /** @type {Parameters} */ (Object.fromEntries(values));
 }
 
 function draw() {

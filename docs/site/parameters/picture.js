@@ -46,8 +46,8 @@ function projection(all, view) {
   const [right, up] = axesOf(view);
   const points = all.flatMap((f) => [f.origin, ...[f.x, f.y, f.z].map((axis) => plus(f.origin, axis, AXIS))]);
   const flat = points.map((point) => [dot(point, right), dot(point, up)]);
-  const low = [0, 1].map((k) => Math.min(...flat.map((one) => one[k])));
-  const high = [0, 1].map((k) => Math.max(...flat.map((one) => one[k])));
+  const low = [0, 1].map((k) => Math.min(...flat.map((point) => point[k])));
+  const high = [0, 1].map((k) => Math.max(...flat.map((point) => point[k])));
   const fit = [(WIDE - 2 * MARGIN) / (high[0] - low[0]), (TALL - 2 * MARGIN) / (high[1] - low[1])];
   const scale = Math.min(SCALE, ...fit);
   return (point) => [
@@ -71,7 +71,7 @@ function ground(project) {
 function steps(all, p, project) {
   const named = /** @type {[string, number][]} */ ([["ε", p.epsilon], ["d", p.d], ["r", p.r]]);
   const pixels = all.map((frame) => project(frame.origin));
-  const middle = /** @type {Pixel} */ ([0, 1].map((k) => pixels.reduce((sum, one) => sum + one[k] / 4, 0)));
+  const middle = /** @type {Pixel} */ ([0, 1].map((k) => pixels.reduce((sum, pixel) => sum + pixel[k] / 4, 0)));
   return named.map(([name, value], k) => {
     if (Math.abs(value) < SMALL) return "";
     const ends = [all[k].origin, all[k + 1].origin], [from, to] = ends.map(project);
@@ -83,8 +83,8 @@ function steps(all, p, project) {
 /** A length between two pixels, beside them.
  * @param {Pixel} from @param {Pixel} to @param {Pixel} middle of the picture @param {string} words @param {string} colour */
 function dimension(from, to, middle, words, colour) {
-  const way = side(from, to, middle), [a, b] = [from, to].map((one) => /** @type {Pixel} */ ([one[0] + 18 * way[0], one[1] + 18 * way[1]]));
-  const ends = [from, to].map((one) => `M${pair(one)}l${(22 * way[0]).toFixed(1)} ${(22 * way[1]).toFixed(1)}`);
+  const way = side(from, to, middle), [a, b] = [from, to].map((end) => /** @type {Pixel} */ ([end[0] + 18 * way[0], end[1] + 18 * way[1]]));
+  const ends = [from, to].map((end) => `M${pair(end)}l${(22 * way[0]).toFixed(1)} ${(22 * way[1]).toFixed(1)}`);
   const lines = stroke(ends.join(""), FAINT, 1) + stroke(`M${pair(a)}L${pair(b)}`, colour, 1.4) + head(a, b, colour) + head(b, a, colour);
   return lines + text(between(a, b), way, words, colour, "b");
 }
@@ -137,10 +137,10 @@ function triad(frame, number, project) {
   return parts.join("") + dotted + text(origin, [-0.7, 0.7], `F${number}`, INK, "");
 }
 
-/** @param {Frame} one @param {Frame} other */
-function same(one, other) {
+/** @param {Frame} before @param {Frame} after */
+function same(before, after) {
   const gap = (/** @type {Vector} */ a, /** @type {Vector} */ b) => Math.hypot(...plus(a, b, -1));
-  return gap(one.origin, other.origin) < 1e-6 && gap(one.x, other.x) < 1e-6 && gap(one.z, other.z) < 1e-6;
+  return gap(before.origin, after.origin) < 1e-6 && gap(before.x, after.x) < 1e-6 && gap(before.z, after.z) < 1e-6;
 }
 
 /** @param {number} value */
@@ -190,8 +190,8 @@ function between(a, b) {
 /** The direction at right angles to a line, away from the middle.
  * @param {Pixel} a @param {Pixel} b @param {Pixel} middle @returns {Pixel} */
 function side(a, b, middle) {
-  const [x, y] = unit([b[0] - a[0], b[1] - a[1]]), here = between(a, b);
-  const isAway = -y * (here[0] - middle[0]) + x * (here[1] - middle[1]) >= 0;
+  const [x, y] = unit([b[0] - a[0], b[1] - a[1]]), mark = between(a, b);
+  const isAway = -y * (mark[0] - middle[0]) + x * (mark[1] - middle[1]) >= 0;
   return isAway ? [-y, x] : [y, -x];
 }
 

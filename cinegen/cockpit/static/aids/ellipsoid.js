@@ -23,7 +23,7 @@ export class Ellipsoids {
     this.aids = aids;
     session.on("report", () => this.#show());
     session.on("hello", () => {
-      for (const one of this.#shown.values()) view.stage.remove(one.group);
+      for (const drawn of this.#shown.values()) view.stage.remove(drawn.group);
       this.#shown.clear();
       this.#changes.clear();
     });
@@ -32,20 +32,20 @@ export class Ellipsoids {
 
   #show() {
     for (const robot of this.session.robots) {
-      const found = this.aids.shows("ellipsoid") ? valueOf(this.session.report?.robots, robot.name)?.ellipsoid : null;
-      const one = this.#shown.get(robot.name);
-      if (!this.#changes.differs(robot.name, found)) continue;
-      if (found?.center && found.axes?.length > 0) this.#place(one ?? this.#make(robot.name), found, robot);
-      else if (one?.group.visible) {
-        one.group.visible = false;
+      const ellipsoid = this.aids.shows("ellipsoid") ? valueOf(this.session.report?.robots, robot.name)?.ellipsoid : null;
+      const drawn = this.#shown.get(robot.name);
+      if (!this.#changes.differs(robot.name, ellipsoid)) continue;
+      if (ellipsoid?.center && ellipsoid.axes?.length > 0) this.#place(drawn ?? this.#make(robot.name), ellipsoid, robot);
+      else if (drawn?.group.visible) {
+        drawn.group.visible = false;
         this.view.changed();
       }
     }
   }
 
-  /** @param {Drawn} one @param {import("../base/messages").Ellipsoid} found @param {KnownRobot} robot */
-  #place(one, found, robot) {
-    const axes = [0, 1, 2].map((i) => new Vector3().fromArray(found.axes[i] ?? [0, 0, 0]));
+  /** @param {Drawn} drawn @param {import("../base/messages").Ellipsoid} ellipsoid @param {KnownRobot} robot */
+  #place(drawn, ellipsoid, robot) {
+    const axes = [0, 1, 2].map((i) => new Vector3().fromArray(ellipsoid.axes[i] ?? [0, 0, 0]));
     const longest = Math.max(...axes.map((axis) => axis.length()));
     if (!(longest > 0)) return;
     axes.forEach((axis, i) => {
@@ -56,11 +56,11 @@ export class Ellipsoids {
       if (axis.lengthSq() === 0) axis.set(first.y - second.z, second.x + first.z, first.x + 1e-9);
       axis.setLength(FLAT * longest);
     });
-    one.group.visible = true;
-    one.group.position.fromArray(found.center);
-    one.body.matrix.copy(new Matrix4().makeBasis(axes[0], axes[1], axes[2]));
-    one.body.matrixWorldNeedsUpdate = true;
-    axes.forEach((axis, i) => span(one.rods[i], axis.clone().negate(), axis, 0.003 * robot.length));
+    drawn.group.visible = true;
+    drawn.group.position.fromArray(ellipsoid.center);
+    drawn.body.matrix.copy(new Matrix4().makeBasis(axes[0], axes[1], axes[2]));
+    drawn.body.matrixWorldNeedsUpdate = true;
+    axes.forEach((axis, i) => span(drawn.rods[i], axis.clone().negate(), axis, 0.003 * robot.length));
     this.view.changed();
   }
 
@@ -74,8 +74,8 @@ export class Ellipsoids {
     rods.forEach((made) => span(made, ORIGIN, ORIGIN, 0));
     group.add(body, ...rods);
     this.view.stage.add(group);
-    const one = { group, body, rods };
-    this.#shown.set(name, one);
-    return one;
+    const drawn = { group, body, rods };
+    this.#shown.set(name, drawn);
+    return drawn;
   }
 }

@@ -34,7 +34,7 @@ export class Forecasts {
     this.aids = aids;
     session.on("report", () => this.#show());
     session.on("hello", () => {
-      for (const one of this.#shown.values()) this.#hide(one);
+      for (const drawn of this.#shown.values()) this.#hide(drawn);
       this.#shown.clear();
       this.#changes.clear();
     });
@@ -43,33 +43,33 @@ export class Forecasts {
 
   #show() {
     for (const robot of this.session.robots) {
-      const found = this.aids.shows("forecast") ? valueOf(this.session.report?.robots, robot.name)?.forecast : null;
-      const one = this.#shown.get(robot.name);
-      if (!this.#changes.differs(robot.name, found)) continue;
-      const path = (found?.path ?? []).filter((point) => point?.length === 3);
-      if (path.length > 1) this.#place(one ?? this.#make(robot.name), path, found?.events ?? [], robot);
-      else if (one !== undefined) this.#hide(one);
+      const forecast = this.aids.shows("forecast") ? valueOf(this.session.report?.robots, robot.name)?.forecast : null;
+      const drawn = this.#shown.get(robot.name);
+      if (!this.#changes.differs(robot.name, forecast)) continue;
+      const path = (forecast?.path ?? []).filter((point) => point?.length === 3);
+      if (path.length > 1) this.#place(drawn ?? this.#make(robot.name), path, forecast?.events ?? [], robot);
+      else if (drawn !== undefined) this.#hide(drawn);
     }
   }
 
-  /** @param {Drawn} one */
-  #hide(one) {
-    if (!one.group.visible) return;
-    one.group.visible = false;
-    one.marks.forEach((mark) => this.labels.put(mark.label, ""));
+  /** @param {Drawn} drawn */
+  #hide(drawn) {
+    if (!drawn.group.visible) return;
+    drawn.group.visible = false;
+    drawn.marks.forEach((mark) => this.labels.put(mark.label, ""));
     this.view.changed();
   }
 
-  /** @param {Drawn} one @param {number[][]} path @param {ForecastEvent[]} events @param {KnownRobot} robot */
-  #place(one, path, events, robot) {
+  /** @param {Drawn} drawn @param {number[][]} path @param {ForecastEvent[]} events @param {KnownRobot} robot */
+  #place(drawn, path, events, robot) {
     const driven = this.view.resolution.still || this.session.driven; // before, the robot is alone
     const points = path.map((point) => new Vector3().fromArray(point));
     const long = points.reduce((sum, point, i) => sum + (i > 0 ? point.distanceTo(points[i - 1]) : 0), 0);
-    one.group.visible = true;
-    one.line.visible = one.dots.visible = long > STILL * robot.length;
-    one.paint.color.setHex(theme.accent);
-    one.dotted.color.setHex(theme.accent);
-    one.geometry.setAttribute("position", new Float32BufferAttribute(path.flat(), 3));
+    drawn.group.visible = true;
+    drawn.line.visible = drawn.dots.visible = long > STILL * robot.length;
+    drawn.paint.color.setHex(theme.accent);
+    drawn.dotted.color.setHex(theme.accent);
+    drawn.geometry.setAttribute("position", new Float32BufferAttribute(path.flat(), 3));
     /** @type {[ForecastEvent, Vector3][]} */
     const apart = [];
     for (const event of events) {
@@ -79,7 +79,7 @@ export class Forecasts {
         apart.push([event, at]);
       }
     }
-    one.marks.forEach((mark, i) => {
+    drawn.marks.forEach((mark, i) => {
       const [event, at] = apart[i] ?? [null, null];
       mark.ball.visible = driven && event !== null && event.time > 0; // a present event shows elsewhere
       if (mark.ball.visible && event !== null && at !== null) {
@@ -110,8 +110,8 @@ export class Forecasts {
       object.renderOrder = 9;
     });
     this.view.stage.add(group);
-    const one = { group, geometry, paint: inked, dotted, line, dots, marks };
-    this.#shown.set(name, one);
-    return one;
+    const drawn = { group, geometry, paint: inked, dotted, line, dots, marks };
+    this.#shown.set(name, drawn);
+    return drawn;
   }
 }

@@ -44,7 +44,7 @@ export class Limits {
       const near = new Set(report?.near_limit);
       for (const { name, joint, axis } of robot.nodes) {
         if (!joint || !axis || !(at.has(joint) || near.has(joint))) continue;
-        const i = robot.joints.findIndex((one) => one.name === joint);
+        const i = robot.joints.findIndex((candidate) => candidate.name === joint);
         if (i >= 0) this.#place(robot, name, robot.joints[i], new Vector3(...axis), report?.q[i] ?? 0, at.has(joint));
       }
     }

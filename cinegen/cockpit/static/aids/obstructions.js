@@ -51,7 +51,7 @@ export class Obstructions {
         mark.balls[i].position.set(...point);
         mark.balls[i].visible = true;
       });
-      const [first, second] = mark.balls.map((one) => one.position);
+      const [first, second] = mark.balls.map((ball) => ball.position);
       mark.line.visible = true;
       span(mark.line, first, second, 0.3 * SIZE * robot.length);
       mark.where.copy(second);

@@ -54,15 +54,15 @@ export class SingularMotions {
     const moves = still || this.session.tasks.length > 0 || Boolean(report?.moving || this.session.hello?.playback);
     for (const robot of this.session.robots) {
       for (const kind of /** @type {const} */ (["type1", "type2"])) {
-        const found = valueOf(report?.robots, robot.name)?.[kind];
+        const singularity = valueOf(report?.robots, robot.name)?.[kind];
         const key = `${kind} ${robot.name}`;
-        const near = this.aids.shows("singular") && driven ? closeness(found) : 0;
+        const near = this.aids.shows("singular") && driven ? closeness(singularity) : 0;
         const mark = this.#marks.get(key);
-        if (!this.#changes.differs(key, near > 0 ? { found, moves } : null)) continue;
-        if (near > 0 && found && found.twist?.length === 6 && found.position) {
-          this.#place(mark ?? this.#make(key, kind), found, near, robot);
-          const labelled = moves && found.sigma < LABELLED * (found.threshold ?? 0);
-          this.labels.put(key, labelled ? (found.text ?? "") : "", new Vector3().fromArray(found.position), KINDS[kind].label);
+        if (!this.#changes.differs(key, near > 0 ? { singularity, moves } : null)) continue;
+        if (near > 0 && singularity && singularity.twist?.length === 6 && singularity.position) {
+          this.#place(mark ?? this.#make(key, kind), singularity, near, robot);
+          const labelled = moves && singularity.sigma < LABELLED * (singularity.threshold ?? 0);
+          this.labels.put(key, labelled ? (singularity.text ?? "") : "", new Vector3().fromArray(singularity.position), KINDS[kind].label);
         } else if (mark !== undefined) this.#hide(mark);
       }
     }
@@ -76,14 +76,14 @@ export class SingularMotions {
     this.view.changed();
   }
 
-  /** @param {Mark} mark @param {SingularityReport} found @param {number} near @param {KnownRobot} robot */
-  #place(mark, found, near, robot) {
-    const straight = new Vector3().fromArray(found.twist, 0);
-    const rotation = new Vector3().fromArray(found.twist, 3);
+  /** @param {Mark} mark @param {SingularityReport} singularity @param {number} near @param {KnownRobot} robot */
+  #place(mark, singularity, near, robot) {
+    const straight = new Vector3().fromArray(singularity.twist, 0);
+    const rotation = new Vector3().fromArray(singularity.twist, 3);
     const shares = [straight.length() / robot.length, rotation.length()];
     const most = Math.max(...shares) || 1;
     mark.group.visible = true;
-    mark.group.position.fromArray(found.position);
+    mark.group.position.fromArray(singularity.position);
     mark.group.scale.setScalar(SIZE * robot.length);
     mark.paint.opacity = 0.2 + 0.75 * near;
     mark.arrow.visible = shares[0] >= SHARE * most;
@@ -108,10 +108,10 @@ export class SingularMotions {
 
 /**
  * Return 0 far from a singularity, to 1 at its threshold or below.
- * @param {SingularityReport | null | undefined} found
+ * @param {SingularityReport | null | undefined} singularity
  */
-function closeness(found) {
-  if (!found || !(found.sigma >= 0) || !(found.threshold > 0)) return 0;
-  const decades = Math.log((WIDE * found.threshold) / Math.max(found.sigma, 1e-12)) / Math.log(WIDE);
+function closeness(singularity) {
+  if (!singularity || !(singularity.sigma >= 0) || !(singularity.threshold > 0)) return 0;
+  const decades = Math.log((WIDE * singularity.threshold) / Math.max(singularity.sigma, 1e-12)) / Math.log(WIDE);
   return Math.min(1, Math.max(0, decades));
 }

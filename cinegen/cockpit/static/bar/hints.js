@@ -43,7 +43,7 @@ export class Hints {
     this.session = session;
     this.labels = labels;
     this.hint = byId("hint");
-    for (const one of draggings) one.on("drag", (part) => this.#dragged(part));
+    for (const dragging of draggings) dragging.on("drag", (part) => this.#dragged(part));
     session.on("select", (part) => part !== null && this.#tell("rotate"));
     for (const event of /** @type {const} */ (["hello", "control"])) session.on(event, () => this.#first());
     view.before(() => {

@@ -38,7 +38,7 @@ function isUpright(task) {
 function partsOf(task) {
   if (task.kind === "range") return partsOf(task.task);
   const { node, other, on } = /** @type {Record<string, string | undefined>} */ (/** @type {unknown} */ (task));
-  return [node, other, on].filter((one) => one !== undefined && one !== null);
+  return [node, other, on].filter((name) => name !== undefined && name !== null);
 }
 
 export class PartTasks {
@@ -98,7 +98,7 @@ export class PartTasks {
   }
 
   /** Tasks of the selected part. */
-  get #own() {
+  get #onPart() {
     const { selected, state } = this.session;
     return (state?.described ?? []).filter(
       ({ robot, description }) => robot === selected?.robot && partsOf(description).includes(selected.node),
@@ -107,7 +107,7 @@ export class PartTasks {
 
   /** @returns {Described | undefined} */
   get #upright() {
-    return this.#own.find(({ description }) => isUpright(description));
+    return this.#onPart.find(({ description }) => isUpright(description));
   }
 
   /** @param {Choice | null} choice */
@@ -116,7 +116,7 @@ export class PartTasks {
     this.#part = choice === null ? null : this.session.selected;
     const name = this.session.selected?.node ?? "";
     const texts = { "look-at": `Click the part or the point that ${name} looks at`, "pin-to": `Click the part that ${name} is pinned to` };
-    for (const [own, task] of Object.entries(this.choices)) press(task, own === choice);
+    for (const [name, task] of Object.entries(this.choices)) press(task, name === choice);
     this.hint.hidden = choice === null;
     this.chosen.parentElement?.classList.toggle("choosing", choice !== null); // it must not cover what is clicked
     write(this.hint, choice === null ? "" : `${texts[choice]} (Esc: none)`);
@@ -173,9 +173,9 @@ export class PartTasks {
   #show() {
     this.row.hidden = this.session.robot(this.session.selected?.robot ?? "")?.obstacle ?? true;
     press(this.upright, this.#upright !== undefined);
-    const own = this.#own;
-    keepOnly(this.#chips, own.map(({ id }) => id));
-    for (const { id, description, reached } of own) {
+    const onPart = this.#onPart;
+    keepOnly(this.#chips, onPart.map(({ id }) => id));
+    for (const { id, description, reached } of onPart) {
       const chip = this.#chips.get(id) ?? this.#chip(id);
       write(chip.text, textOf(description));
       chip.element.dataset.tone = reached ? "good" : "warn";

@@ -87,7 +87,7 @@ export function summary(statuses, report, several) {
     return { robot, name, label, description, tone: TONES[name] ?? "none" };
   });
   if (all.length === 0) return null;
-  const worst = all.reduce((one, other) => (SEVERITY.indexOf(other.tone) > SEVERITY.indexOf(one.tone) ? other : one));
+  const worst = all.reduce((worst, status) => (SEVERITY.indexOf(status.tone) > SEVERITY.indexOf(worst.tone) ? status : worst));
   let label = several && worst.tone !== "none" ? `${worst.robot}: ${worst.label}` : worst.label;
   let { tone } = worst;
   const session = report?.paused ? "paused" : MOVING[report?.moving ?? ""];
@@ -95,6 +95,6 @@ export function summary(statuses, report, several) {
     if (NEAR.includes(worst.name)) label = `${session}, ${label}`;
     else [label, tone] = [session, report?.paused ? "none" : "good"];
   }
-  const title = all.map((one) => `${one.robot}: ${one.label}${one.description ? ` (${one.description})` : ""}`).join("\n");
+  const title = all.map((status) => `${status.robot}: ${status.label}${status.description ? ` (${status.description})` : ""}`).join("\n");
   return { label, tone, name: worst.name, title };
 }

@@ -32,9 +32,9 @@ export function inWords(status, report, axes, pull, length) {
   return { ...status, label: `can't push ${WAYS[most][way < 0 ? 1 : 0]} here` };
 }
 
-/** @param {number[]} one @param {number[]} other */
-function dot(one, other) {
-  return one.reduce((sum, value, i) => sum + value * other[i], 0);
+/** @param {number[]} a @param {number[]} b */
+function dot(a, b) {
+  return a.reduce((sum, value, i) => sum + value * b[i], 0);
 }
 
 /**
@@ -47,10 +47,10 @@ export function statusesInWords(session, axes) {
   const driven = session.control !== "free" && (session.tasks.length > 0 || Boolean(report?.moving));
   return Object.fromEntries(
     Object.entries(state?.statuses ?? {}).map(([robot, status]) => {
-      const [tasks, length] = [session.tasks.filter((one) => one.robot === robot), session.robot(robot)?.length ?? 1];
+      const [tasks, length] = [session.tasks.filter((task) => task.robot === robot), session.robot(robot)?.length ?? 1];
       const isReached = tasks.every(({ error }) => error && isNear(error, length));
       if (status.name === "AT_LIMIT" && tasks.length > 0 && isReached) return [robot, { name: "FOLLOWING", label: "following", description: status.description }];
-      const task = tasks.find((one) => one.source === "pointer");
+      const task = tasks.find((task) => task.source === "pointer");
       const [target, position] = [task?.target ?? [0, 0, 0], task?.position ?? task?.target ?? [0, 0, 0]];
       const pull = /** @type {Vector} */ ([0, 1, 2].map((i) => target[i] - position[i]));
       const near = ["SINGULAR", "UNCONTROLLED", "DAMPED"].includes(status.name ?? "");

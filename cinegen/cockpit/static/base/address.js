@@ -3,9 +3,9 @@
 /** Return an address next to the page, with its token. @param {string} name */
 export function pageUrl(name) {
   const url = new URL(name, location.href);
-  const given = new URLSearchParams(location.search);
+  const query = new URLSearchParams(location.search);
   for (const key of ["token", "view"]) {
-    const token = given.get(key);
+    const token = query.get(key);
     if (token !== null) url.searchParams.set(key, token);
   }
   return url.href;

@@ -37,7 +37,7 @@ export class Gamepad {
   }
 
   #read() {
-    const pad = [...(navigator.getGamepads?.() ?? [])].find((one) => one?.connected) ?? null;
+    const pad = [...(navigator.getGamepads?.() ?? [])].find((gamepad) => gamepad?.connected) ?? null;
     /** @type {[number, number, number, number, number, number]} */
     const twist = pad === null ? [0, 0, 0, 0, 0, 0] : twistOf(pad);
     const buttons = pad === null ? [] : pad.buttons.flatMap((button, i) => (button.pressed ? [i] : []));

@@ -38,8 +38,8 @@ export function sharedBeginnings(names) {
   /** @type {Map<string, number>} */
   const counts = new Map();
   const beginnings = names.map((name) => [...name.matchAll(/[^_\-./: ][_\-./: ]+(?=[^_\-./: ])/g)].map((match) => name.slice(0, match.index + match[0].length)));
-  for (const all of beginnings) for (const one of all) counts.set(one, (counts.get(one) ?? 0) + 1);
-  return beginnings.map((all) => all.findLast((one) => (counts.get(one) ?? 0) >= SHARED)?.length ?? 0);
+  for (const all of beginnings) for (const beginning of all) counts.set(beginning, (counts.get(beginning) ?? 0) + 1);
+  return beginnings.map((all) => all.findLast((beginning) => (counts.get(beginning) ?? 0) >= SHARED)?.length ?? 0);
 }
 
 /**

@@ -28,7 +28,7 @@ const WORDS = [
 
 /** Return a text with its units and signs as words: "minus 12.5 degrees" for "-12.5°". @param {string} text */
 export function spoken(text) {
-  return WORDS.reduce((found, [pattern, word]) => found.replace(pattern, word), text);
+  return WORDS.reduce((spoken, [pattern, word]) => spoken.replace(pattern, word), text);
 }
 
 /**

@@ -11,21 +11,21 @@ const VERTEX = `
   attribute vec3 color;
   uniform float size;
   uniform float high;
-  varying vec3 own;
+  varying vec3 cellColor;
   void main() {
-    own = color;
+    cellColor = color;
     vec4 seen = modelViewMatrix * vec4(position, 1.0);
     gl_Position = projectionMatrix * seen;
     gl_PointSize = clamp(size * projectionMatrix[1][1] * 0.5 * high / gl_Position.w, 1.5, ${MOST_PIXELS}.0);
   }`;
 const FRAGMENT = `
-  varying vec3 own;
+  varying vec3 cellColor;
   void main() {
     vec2 at = 2.0 * gl_PointCoord - 1.0;
     float away = dot(at, at);
     if (away > 1.0) discard;
     float light = 0.62 + 0.38 * max(0.0, dot(vec3(at.x, -at.y, sqrt(1.0 - away)), vec3(-0.35, 0.45, 0.82)));
-    gl_FragColor = vec4(own * light, 1.0);
+    gl_FragColor = vec4(cellColor * light, 1.0);
   }`;
 const CORNERS = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]];
 
@@ -71,8 +71,8 @@ export class Cells {
     const back = this.#group.matrixWorld.clone().invert();
     const from = this.#where.copy(ray.origin).applyMatrix4(back);
     const along = this.#along.copy(ray.direction).transformDirection(back);
-    const found = field.about.surface ? this.#tile(from, along) : this.#ball(from, along, 0.5 * this.#size(field.about));
-    return found === null ? null : { cell: found.cell, away: found.away * scale };
+    const hit = field.about.surface ? this.#tile(from, along) : this.#ball(from, along, 0.5 * this.#size(field.about));
+    return hit === null ? null : { cell: hit.cell, away: hit.away * scale };
   }
 
   /** @param {Vector3} from @param {Vector3} along @param {number} radius */
@@ -97,21 +97,21 @@ export class Cells {
     const { field } = this;
     const points = field.array("points");
     const edges = field.array("edges");
-    const [middle, one, other, normal, at] = Array.from({ length: 5 }, () => new Vector3());
+    const [middle, side, other, normal, at] = Array.from({ length: 5 }, () => new Vector3());
     const half = 0.5 * field.share;
     /** @type {Met | null} */
     let best = null;
     for (const cell of field.seen) {
       middle.fromArray(points, 3 * cell).sub(from);
       const near = middle.dot(along);
-      one.fromArray(edges, 6 * cell);
+      side.fromArray(edges, 6 * cell);
       other.fromArray(edges, 6 * cell + 3);
-      if (middle.lengthSq() - near * near > one.lengthSq() + other.lengthSq()) continue;
-      normal.crossVectors(one, other);
+      if (middle.lengthSq() - near * near > side.lengthSq() + other.lengthSq()) continue;
+      normal.crossVectors(side, other);
       const away = normal.dot(middle) / normal.dot(along);
       if (!(away > 0) || (best !== null && away >= best.away)) continue;
       at.copy(along).multiplyScalar(away).sub(middle);
-      const [u, v] = [solve(at, one, other), solve(at, other, one)];
+      const [u, v] = [solve(at, side, other), solve(at, other, side)];
       if (Math.abs(u) <= half && Math.abs(v) <= half) best = { cell, away };
     }
     return best;
@@ -201,12 +201,12 @@ export class Cells {
 /**
  * How far along `one` a vector in the plane of two goes.
  * @param {Vector3} at
- * @param {Vector3} one
+ * @param {Vector3} side
  * @param {Vector3} other
  */
-function solve(at, one, other) {
-  const [aa, ab, bb] = [one.dot(one), one.dot(other), other.dot(other)];
-  return (at.dot(one) * bb - at.dot(other) * ab) / (aa * bb - ab * ab);
+function solve(at, side, other) {
+  const [aa, ab, bb] = [side.dot(side), side.dot(other), other.dot(other)];
+  return (at.dot(side) * bb - at.dot(other) * ab) / (aa * bb - ab * ab);
 }
 
 /** @param {Float32Array} positions @param {Float32Array} colours */

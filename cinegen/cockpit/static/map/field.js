@@ -65,7 +65,7 @@ export class Field extends Events {
 
   /** Return the description of the quantity that is shown; null without one. @param {string | null} name */
   description(name = this.quantity) {
-    return this.about?.quantities.find((one) => one.name === name) ?? null;
+    return this.about?.quantities.find((quantity) => quantity.name === name) ?? null;
   }
 
   /** Cells that are to be seen. */

@@ -31,11 +31,11 @@ export function formatAxes(entries) {
  * @param {string} source
  */
 export function swapped(entries, index, source) {
-  const own = entries[index].source;
-  return entries.map((one, i) => {
-    if (i === index) return { ...one, source };
-    const taken = source !== "0" && one.source === source && i < 3 === index < 3;
-    return taken ? { ...one, source: own } : one;
+  const before = entries[index].source;
+  return entries.map((entry, i) => {
+    if (i === index) return { ...entry, source };
+    const taken = source !== "0" && entry.source === source && i < 3 === index < 3;
+    return taken ? { ...entry, source: before } : entry;
   });
 }
 
@@ -52,7 +52,7 @@ export class AxesControl {
       changed(formatAxes(entries));
     };
     const edit = (/** @type {number} */ i, /** @type {Partial<Entry>} */ part) =>
-      change(this.#entries.map((one, k) => (k === i ? { ...one, ...part } : one)));
+      change(this.#entries.map((entry, k) => (k === i ? { ...entry, ...part } : entry)));
     this.rows = AXES.map((axis, i) => {
       const on = { change: () => change(swapped(this.#entries, i, source.value)) };
       const options = [...AXES, "0"].map((value) => /** @type {[string, string]} */ ([value, value === "0" ? "none" : value]));

@@ -70,7 +70,7 @@ export class Forces {
     const carries = { "aria-label": `Part that carries the payload of ${robot.name}`, title: "Part whose origin carries it" };
     const title = `A point mass of 0 to ${most} kg; the field takes any. Drag it, or use the arrow keys`;
     /** @type {Controls} */
-    const one = {
+    const controls = {
       range: make("input", { type: "range", min: 0, max: most, step: most / STEPS, value: 0, "aria-label": label, title }),
       number: make("input", { type: "number", min: 0, max: HEAVIEST, step: "any", "aria-label": `${label}, in kilograms`, title: TYPE }),
       node: choice(carries, robot.nodes.filter(({ kind }) => kind !== "base").map(({ name }) => [name, name])),
@@ -80,80 +80,80 @@ export class Forces {
       named: "",
       rows: new Map(),
     };
-    one.node.value = robot.end;
+    controls.node.value = robot.end;
     const set = (/** @type {number} */ mass) => {
       if (!this.session.mayAct()) return;
-      one.moved = performance.now();
-      this.#mass(one, mass);
-      this.send({ robot: robot.name, node: one.node.value, mass });
+      controls.moved = performance.now();
+      this.#mass(controls, mass);
+      this.send({ robot: robot.name, node: controls.node.value, mass });
     };
-    one.range.addEventListener("input", () => set(Number(Number(one.range.value).toPrecision(4))));
-    one.number.addEventListener("change", () => {
-      const mass = one.number.valueAsNumber;
+    controls.range.addEventListener("input", () => set(Number(Number(controls.range.value).toPrecision(4))));
+    controls.number.addEventListener("change", () => {
+      const mass = controls.number.valueAsNumber;
       if (Number.isFinite(mass)) set(Math.min(Math.max(mass, 0), HEAVIEST));
-      one.number.blur();
+      controls.number.blur();
     });
-    one.node.addEventListener("change", () => set(one.number.valueAsNumber || 0));
-    const field = make("span", { class: "value" }, one.number, make("span", { class: "unit" }, "kg"));
-    this.#controls.set(robot.name, one);
-    this.#mass(one, 0);
+    controls.node.addEventListener("change", () => set(controls.number.valueAsNumber || 0));
+    const field = make("span", { class: "value" }, controls.number, make("span", { class: "unit" }, "kg"));
+    this.#controls.set(robot.name, controls);
+    this.#mass(controls, 0);
     const others = `The weight of ${excluded.join(", ")}, which it carries, is not counted.`;
     return [
-      make("div", { class: "row", data: { payload: robot.name } }, make("span", { class: "name" }, "payload"), one.range, field),
-      make("label", { class: "row" }, make("span", { class: "name" }, "on"), one.node),
+      make("div", { class: "row", data: { payload: robot.name } }, make("span", { class: "name" }, "payload"), controls.range, field),
+      make("label", { class: "row" }, make("span", { class: "name" }, "on"), controls.node),
       excluded.length > 0 ? make("p", { class: "empty" }, others) : "",
-      one.text,
-      folded("all reactions", "Forces and moments of all joints and loops, as far as statics determines them", one.list),
+      controls.text,
+      folded("all reactions", "Forces and moments of all joints and loops, as far as statics determines them", controls.list),
     ];
   }
 
-  /** @param {Controls} one @param {number} mass */
-  #mass(one, mass) {
+  /** @param {Controls} controls @param {number} mass */
+  #mass(controls, mass) {
     const text = String(Number(mass.toPrecision(4)));
-    if (document.activeElement !== one.number && one.number.value !== text) one.number.value = text;
-    if (Number(one.range.value) !== mass) one.range.value = String(mass);
-    speak(one.range, `${text} kg`);
-    fill(one.range);
+    if (document.activeElement !== controls.number && controls.number.value !== text) controls.number.value = text;
+    if (Number(controls.range.value) !== mass) controls.range.value = String(mass);
+    speak(controls.range, `${text} kg`);
+    fill(controls.range);
   }
 
   #show() {
     const on = this.aids.shows("reactions");
     this.box.checked = on;
     for (const robot of this.session.robots) {
-      const one = this.#controls.get(robot.name);
+      const controls = this.#controls.get(robot.name);
       const report = valueOf(this.session.report?.robots, robot.name);
-      if (one === undefined) continue;
+      if (controls === undefined) continue;
       const carried = report?.carried;
-      if (carried && performance.now() - one.moved > MOVED) {
-        this.#mass(one, carried.mass);
-        if (document.activeElement !== one.node && one.node.value !== carried.node) one.node.value = carried.node;
+      if (carried && performance.now() - controls.moved > MOVED) {
+        this.#mass(controls, carried.mass);
+        if (document.activeElement !== controls.node && controls.node.value !== carried.node) controls.node.value = carried.node;
       }
       const reactions = on ? report?.reactions : null;
-      write(one.text, reactions ? summary(reactions, robot.length) : "");
-      one.text.hidden = !reactions;
-      const fold = one.list.parentElement;
+      write(controls.text, reactions ? summary(reactions, robot.length) : "");
+      controls.text.hidden = !reactions;
+      const fold = controls.list.parentElement;
       if (fold !== null) fold.hidden = !reactions || reactions.length === 0;
-      if (reactions) this.#list(one, reactions);
+      if (reactions) this.#list(controls, reactions);
     }
   }
 
-  /** @param {Controls} one @param {readonly ReactionReport[]} reactions */
-  #list(one, reactions) {
+  /** @param {Controls} controls @param {readonly ReactionReport[]} reactions */
+  #list(controls, reactions) {
     const named = reactions.map(({ kind, name }) => `${kind} ${name}`).join("\n");
-    if (one.named !== named) {
-      one.named = named;
-      one.rows.clear();
-      one.list.replaceChildren();
+    if (controls.named !== named) {
+      controls.named = named;
+      controls.rows.clear();
+      controls.list.replaceChildren();
       for (const { kind, name, node } of reactions) {
         /** @type {[HTMLElement, HTMLElement]} */
         const cells = [make("span", { class: "number" }), make("span", { class: "number" })];
         const title = `${kind} ${name}, on ${node}`;
-        one.rows.set(`${kind} ${name}`, cells);
-        one.list.append(make("div", { class: "row passive reaction", title }, make("span", { class: "name" }, name), ...cells));
+        controls.rows.set(`${kind} ${name}`, cells);
+        controls.list.append(make("div", { class: "row passive reaction", title }, make("span", { class: "name" }, name), ...cells));
       }
     }
     for (const { kind, name, force, moment, undetermined } of reactions) {
-      const cells = one.rows.get(`${kind} ${name}`);
+      const cells = controls.rows.get(`${kind} ${name}`);
       if (cells === undefined) continue;
       const open = (/** @type {string} */ letter) => undetermined.some((part) => part.startsWith(letter));
       write(cells[0], force === null ? "? N" : `${amount(Math.hypot(...force), "N")}${open("F") ? " + ?" : ""}`);

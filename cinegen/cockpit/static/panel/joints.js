@@ -134,7 +134,7 @@ export class Joints {
     const name = this.#named(robot, joint.name, make("span", { class: "name", title }, joint.name.slice(cut)));
     row.element = joint.actuated ? this.#actuated(row, name, limits) : this.#passive(row, name, limits);
     this.#rows.set(row.key, row);
-    const node = robot.nodes.find((one) => one.joint === joint.name)?.name;
+    const node = robot.nodes.find((candidate) => candidate.joint === joint.name)?.name;
     for (const [event, on] of Object.entries({ pointerenter: true, focusin: true, pointerleave: false, focusout: false })) {
       row.element.addEventListener(event, () => this.session.emit("over", on && node !== undefined ? { robot: robot.name, node } : null));
     }
@@ -239,12 +239,12 @@ export class Joints {
     if (!this.section.shown) return;
     const torques = this.session.state?.torques ?? {};
     for (const robot of this.session.robots) {
-      const found = valueOf(torques, robot.name);
-      if (found === undefined) continue;
+      const holds = valueOf(torques, robot.name);
+      if (holds === undefined) continue;
       robot.joints.filter(({ actuated }) => actuated).forEach((joint, i) => {
           const row = this.#rows.get(`${robot.name}/${joint.name}`);
           if (!row?.torque) return;
-          const { text, share, tone } = holding(joint, found[i] ?? null);
+          const { text, share, tone } = holding(joint, holds[i] ?? null);
           write(row.effort, text);
           if (row.torque.dataset.tone !== tone) row.torque.dataset.tone = tone;
           row.bar.style.transform = `scaleX(${Math.min(1, share).toFixed(3)})`;

@@ -52,17 +52,17 @@ export class Performance {
     if (this.#sent.length === 0) return;
     const target = state.tasks?.find((task) => task.source === "pointer")?.target;
     if (!target) return;
-    const found = this.#sent.findIndex(([, position]) => [0, 1, 2].every((i) => Math.abs(position[i] - target[i]) < SAME));
-    if (found < 0) return;
-    const time = performance.now() - this.#sent[found][0];
-    this.#sent.splice(0, found + 1);
+    const answered = this.#sent.findIndex(([, position]) => [0, 1, 2].every((i) => Math.abs(position[i] - target[i]) < SAME));
+    if (answered < 0) return;
+    const time = performance.now() - this.#sent[answered][0];
+    this.#sent.splice(0, answered + 1);
     this.#delay = this.#delay === null ? time : 0.8 * this.#delay + 0.2 * time;
   }
 
   /** @param {SessionReport} report */
   #show({ robots = {}, rate, compilation }) {
     const gaps = this.session.robots.map((robot) => [valueOf(robots, robot.name)?.closure ?? 0, robot.length]);
-    const [gap, length] = gaps.reduce((one, other) => (other[0] > one[0] ? other : one), [0, 1]);
+    const [gap, length] = gaps.reduce((widest, other) => (other[0] > widest[0] ? other : widest), [0, 1]);
     const none = !this.session.robots.some((robot) => robot.loops.length + robot.couplings.length > 0);
     write(
       byId("gap"),

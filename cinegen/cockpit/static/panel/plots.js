@@ -92,7 +92,7 @@ export class Plots {
 
   /** @param {Plot} plot @param {string} title @returns {Drawn} */
   #plot(plot, title) {
-    const quantities = this.quantities.all.filter((one) => one.plot === plot);
+    const quantities = this.quantities.all.filter((quantity) => quantity.plot === plot);
     const ordered = [...quantities.filter(({ actuated }) => actuated), ...quantities.filter(({ actuated }) => !actuated)];
     const lines = ordered.map((quantity, i) => this.#line(quantity, i));
     for (const line of lines.slice(0, MOST_LINES)) press(line.button, line.quantity.actuated);

@@ -53,7 +53,7 @@ export class Sensors {
       body.append(make("p", { class: "empty" }, "No sensors. ", PORTS, "."));
       return;
     }
-    for (const one of switches) body.append(this.#switch(one, sensors));
+    for (const offered of switches) body.append(this.#switch(offered, sensors));
     this.frame = choice({ id: "frame", "aria-label": "Command frame" }, frames.map((value) => [value, FRAMES[value] ?? value]));
     this.frame.addEventListener("change", () => {
       this.#chosen = performance.now();
@@ -143,10 +143,10 @@ export class Sensors {
       });
     }
     for (const { robot, node, sensor } of switches) {
-      const one = this.#switches.get(`${robot}/${node}`);
+      const shown = this.#switches.get(`${robot}/${node}`);
       const value = sensor ?? "";
-      if (one === undefined || one.select.value === value || performance.now() - one.changed < 800) continue;
-      one.select.value = value;
+      if (shown === undefined || shown.select.value === value || performance.now() - shown.changed < 800) continue;
+      shown.select.value = value;
     }
     const { frame } = this;
     if (frame && settings?.frame && frame.value !== settings.frame && performance.now() - this.#chosen > 800) frame.value = settings.frame;

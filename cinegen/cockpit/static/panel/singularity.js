@@ -83,23 +83,23 @@ export class Singularity {
   #show() {
     for (const robot of this.session.robots) {
       for (const { kind } of KINDS) {
-        const one = this.#meters.get(`${robot.name}/${kind}`);
-        const found = valueOf(this.session.report?.robots, robot.name)?.[kind];
-        const sigma = found?.sigma ?? NaN;
-        const near = found?.threshold ?? 0;
+        const drawn = this.#meters.get(`${robot.name}/${kind}`);
+        const singularity = valueOf(this.session.report?.robots, robot.name)?.[kind];
+        const sigma = singularity?.sigma ?? NaN;
+        const near = singularity?.threshold ?? 0;
         const known = Number.isFinite(sigma);
-        if (one === undefined) continue;
-        const none = kind === "type2" && robot.loops.length + robot.couplings.length > 0 ? "not known" : one.none;
-        one.bar.style.transform = `scaleX(${known ? share(sigma) : 0})`;
-        one.mark.hidden = !known || !(near > 0);
-        if (!one.mark.hidden) one.mark.style.left = `${(100 * share(near)).toFixed(1)}%`;
-        one.meter.dataset.tone = !known ? "none" : tone(sigma, near);
-        one.meter.setAttribute("aria-valuenow", known ? String(sigma) : "0");
-        const text = known ? (found?.text ?? "") : none;
-        speak(one.meter, known ? `${significant(sigma)}, ${text}` : text);
-        write(one.value, known ? significant(sigma) : "–");
-        write(one.label, text);
-        if (one.label.title !== text) one.label.title = text;
+        if (drawn === undefined) continue;
+        const none = kind === "type2" && robot.loops.length + robot.couplings.length > 0 ? "not known" : drawn.none;
+        drawn.bar.style.transform = `scaleX(${known ? share(sigma) : 0})`;
+        drawn.mark.hidden = !known || !(near > 0);
+        if (!drawn.mark.hidden) drawn.mark.style.left = `${(100 * share(near)).toFixed(1)}%`;
+        drawn.meter.dataset.tone = !known ? "none" : tone(sigma, near);
+        drawn.meter.setAttribute("aria-valuenow", known ? String(sigma) : "0");
+        const text = known ? (singularity?.text ?? "") : none;
+        speak(drawn.meter, known ? `${significant(sigma)}, ${text}` : text);
+        write(drawn.value, known ? significant(sigma) : "–");
+        write(drawn.label, text);
+        if (drawn.label.title !== text) drawn.label.title = text;
       }
     }
   }

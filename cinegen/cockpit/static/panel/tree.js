@@ -85,7 +85,7 @@ export class Tree {
   /** @param {KnownRobot} robot @param {Description} node */
   #item(robot, node) {
     const kind = robot.obstacle ? "" : node.kind === "base" ? " base" : node.name === robot.end ? " end" : "";
-    const joint = robot.joints.find((one) => one.name === node.joint);
+    const joint = robot.joints.find((candidate) => candidate.name === node.joint);
     const loops = robot.loops.filter((loop) => loop.first === node.name || loop.second === node.name)
       .map((loop) => (loop.first === node.name ? loop.second : loop.first));
     const texts = [

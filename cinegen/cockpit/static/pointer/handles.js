@@ -216,8 +216,8 @@ export class Handles extends Events {
   #light(handle) {
     if (handle === this.#over) return;
     this.#over = handle;
-    for (const one of Object.values(this.#handles).flat()) {
-      for (const { material } of one.looks) /** @type {MeshBasicMaterial} */ (material).color.set(one === handle ? LIT : COLOURS[one.axis]);
+    for (const candidate of Object.values(this.#handles).flat()) {
+      for (const { material } of candidate.looks) /** @type {MeshBasicMaterial} */ (material).color.set(candidate === handle ? LIT : COLOURS[candidate.axis]);
     }
     this.emit("change");
   }
@@ -225,17 +225,17 @@ export class Handles extends Events {
 
 /** Arrows along the axes, squares across them, and a ball that moves in the plane of the picture. */
 function translations() {
-  const found = [];
+  const handles = [];
   for (const axis of [0, 1, 2]) {
     const shaft = new CylinderGeometry(THIN, THIN, 0.8, 8).translate(0, 0.4, 0);
     const head = new ConeGeometry(4 * THIN, 0.2, 16).translate(0, 0.9, 0);
     const broad = new CylinderGeometry(THICK, THICK, 0.85, 6).translate(0, 0.6, 0);
     for (const geometry of [shaft, head, broad]) toAxis(geometry.rotateX(Math.PI / 2), axis); // from along y to along z
-    found.push(handle(axis, "line", [head, shaft], broad));
+    handles.push(handle(axis, "line", [head, shaft], broad));
     const square = new PlaneGeometry(SQUARE, SQUARE).translate(0.35, 0.35, 0);
-    found.push(handle(axis, "plane", [toAxis(square, axis)], square));
+    handles.push(handle(axis, "plane", [toAxis(square, axis)], square));
   }
-  return [...found, handle(3, "plane", [new SphereGeometry(0.06, 16, 12)], new SphereGeometry(THICK, 8, 6))];
+  return [...handles, handle(3, "plane", [new SphereGeometry(0.06, 16, 12)], new SphereGeometry(THICK, 8, 6))];
 }
 
 /** Rings about the axes. */
@@ -269,7 +269,7 @@ function toAxis(geometry, axis) {
 function handle(axis, moves, shapes, broad) {
   const opacity = moves === "plane" && axis !== 3 ? 0.5 : 0.9;
   const looks = shapes.map((shape) => mesh(shape, { color: COLOURS[axis], opacity }));
-  for (const one of looks) one.name = NAMES[axis];
+  for (const look of looks) look.name = NAMES[axis];
   return { axis, moves, looks, catches: mesh(broad, { opacity: 0, colorWrite: false }) };
 }
 

@@ -49,9 +49,9 @@ export class Pyramid {
    * @param {import("three").Object3D} object
    */
   add(object) {
-    object.traverse((one) => {
-      if (!(one instanceof Mesh) || one.geometry.getAttribute("position") === undefined) return;
-      const { geometry, matrixWorld } = one;
+    object.traverse((mesh) => {
+      if (!(mesh instanceof Mesh) || mesh.geometry.getAttribute("position") === undefined) return;
+      const { geometry, matrixWorld } = mesh;
       if (geometry.boundingBox === null) geometry.computeBoundingBox();
       const { min, max } = /** @type {import("three").Box3} */ (geometry.boundingBox);
       const turn = new Matrix3().setFromMatrix4(matrixWorld).transpose();

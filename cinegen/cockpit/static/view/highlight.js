@@ -38,10 +38,10 @@ export class Highlight {
     const colour = new Color(this.#part.colour).multiplyScalar(AMOUNT);
     this.view.group(this.#part.robot, this.#part.node).traverse((object) => {
       const { material } = /** @type {import("three").Mesh<any, any>} */ (object);
-      for (const one of [material].flat()) {
-        if (one?.emissive === undefined) continue;
-        one.emissive.copy(colour);
-        this.#lit.add(one);
+      for (const paint of [material].flat()) {
+        if (paint?.emissive === undefined) continue;
+        paint.emissive.copy(colour);
+        this.#lit.add(paint);
       }
     });
   }

@@ -72,7 +72,7 @@ export function dress(object) {
     Object.assign(paint, { color, emissive }); // both have the same
     paint.onBeforeCompile = glossy;
     matt.onBeforeCompile = lit;
-    part.geometry.addEventListener("dispose", () => [matt, paint].forEach((one) => one.dispose()));
+    part.geometry.addEventListener("dispose", () => [matt, paint].forEach((material) => material.dispose()));
     part.userData.made = { matt, paint };
     part.material = paint;
   });

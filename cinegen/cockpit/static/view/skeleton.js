@@ -88,12 +88,12 @@ export class Skeleton {
 
   #draw() {
     for (const robot of this.session.robots) {
-      let one = this.#robots.get(robot.name);
-      if (one === undefined) this.#robots.set(robot.name, (one = this.#make()));
+      let skeleton = this.#robots.get(robot.name);
+      if (skeleton === undefined) this.#robots.set(robot.name, (skeleton = this.#make()));
       const ends = this.#bones(robot).flatMap(([, from, to]) => [...from.toArray(), ...to.toArray()]);
-      one.geometry.setAttribute("position", new Float32BufferAttribute(ends, 3));
-      one.lines.material.color.setHex(theme.ink);
-      one.dots.material.color.setHex(theme.accent);
+      skeleton.geometry.setAttribute("position", new Float32BufferAttribute(ends, 3));
+      skeleton.lines.material.color.setHex(theme.ink);
+      skeleton.dots.material.color.setHex(theme.accent);
     }
   }
 

@@ -55,9 +55,9 @@ export class Panel {
     /** @type {Meter[]} */
     const meters = [];
     for (const [kind, label] of METERS) {
-      const all = robots.map(({ name }) => valueOf(report?.robots, name)?.[kind] ?? null).filter((one) => one !== null);
-      const found = all.filter(({ sigma }) => Number.isFinite(sigma)).sort((one, other) => one.sigma - other.sigma)[0];
-      if (found !== undefined) meters.push({ label, sigma: found.sigma, near: found.threshold });
+      const all = robots.map(({ name }) => valueOf(report?.robots, name)?.[kind] ?? null).filter((singularity) => singularity !== null);
+      const nearest = all.filter(({ sigma }) => Number.isFinite(sigma)).sort((a, b) => a.sigma - b.sigma)[0];
+      if (nearest !== undefined) meters.push({ label, sigma: nearest.sigma, near: nearest.threshold });
     }
     const scale = `scale ${significant(this.world.scale)} : 1`;
     const notice = performance.now() < this.#notice.until ? this.#notice.text : "";

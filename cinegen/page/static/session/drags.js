@@ -37,9 +37,9 @@ export class Drags {
     this.end(pointer);
     robot.motion = null;
     const others = this.#others(robot, node);
-    const pin = others.length > 0 ? null : (robot.recordedPins().find((one) => one.node === node) ?? null);
+    const pin = others.length > 0 ? null : (robot.recordedPins().find((pinned) => pinned.node === node) ?? null);
     // a pin moves with its node, and is restored at the end
-    for (const one of others.length > 0 ? [] : robot.pins(node)) robot.removeTask(one);
+    for (const task of others.length > 0 ? [] : robot.pins(node)) robot.removeTask(task);
     this.#drags.set(pointer, { robot, task: robot.addTask(this.newId(), node, POINTER, offset, dof), pin });
   }
 
@@ -78,6 +78,6 @@ export class Drags {
 
   /** @param {DrivenRobot} robot @param {string} node */
   #others(robot, node) {
-    return [...this.#drags.values()].filter((one) => one.robot === robot && one.task.node === node);
+    return [...this.#drags.values()].filter((drag) => drag.robot === robot && drag.task.node === node);
   }
 }

@@ -37,7 +37,7 @@ export class Kinematics {
     this.locked = new Uint8Array(solver.nq);
     for (const joint of this.actuated) this.locked[joint.index] = 1;
     const missing = [...this.joints.filter((joint) => joint.index < 0), ...nodes.filter((node) => !this.has(node.name))];
-    if (missing.length > 0) throw new Error(`the solver of ${name} does not know ${missing.map((one) => one.name).join(", ")}`);
+    if (missing.length > 0) throw new Error(`the solver of ${name} does not know ${missing.map((joint) => joint.name).join(", ")}`);
   }
 
   /** @param {string} node */
@@ -65,8 +65,8 @@ export class Kinematics {
    * @param {Float64Array} q
    */
   placements(q) {
-    const found = this.solver.fk(q);
-    return this.nodes.map((node) => Placement.of(found, POSE * this.#index(node)));
+    const poses = this.solver.fk(q);
+    return this.nodes.map((node) => Placement.of(poses, POSE * this.#index(node)));
   }
 
   /** @param {Float64Array} q @param {string} node */
@@ -110,11 +110,11 @@ export class Kinematics {
 
   /**
    * Return the largest difference of a joint, rad or characteristic lengths.
-   * @param {Float64Array} one
-   * @param {Float64Array} other
+   * @param {Float64Array} from
+   * @param {Float64Array} to
    */
-  distance(one, other) {
-    return Math.max(0, ...this.joints.map((joint) => Math.abs(one[joint.index] - other[joint.index]) / this.scale(joint)));
+  distance(from, to) {
+    return Math.max(0, ...this.joints.map((joint) => Math.abs(from[joint.index] - to[joint.index]) / this.scale(joint)));
   }
 
   /**

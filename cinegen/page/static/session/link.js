@@ -127,9 +127,9 @@ export class Link extends Events {
     this.#placed = fragment;
     const session = /** @type {LocalSession} */ (this.session);
     const sizes = new Map([...session.robots.values()].map(({ name, q }) => [name, q.length]));
-    const found = configurationsOf(fragment, sizes);
-    let { problem } = found;
-    for (const [name, q] of found.configurations) {
+    const linked = configurationsOf(fragment, sizes);
+    let { problem } = linked;
+    for (const [name, q] of linked.configurations) {
       const { kinematics } = /** @type {DrivenRobot} */ (session.robots.get(name));
       if (kinematics.solver.floating) q.set(Placement.of(q).numbers());
       const closed = kinematics.closure(q) <= CLOSURE || kinematics.solver.close(q, kinematics.locked) <= CLOSURE;

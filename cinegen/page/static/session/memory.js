@@ -18,7 +18,7 @@ export function kernelsOf({ memories, returned, views, statuses, mostTasks, defa
   /** @type {Record<string, number>} what the names in the module's code stand for */
   const symbols = {};
   /** @type {Map<string, [Field, number, number]>} of the robot: where fields are, and their sizes */
-  const found = new Map();
+  const arrays = new Map();
   const { fields, symbol } = memories.robot;
   const sizeOf = sizesOf(fields, robot);
   for (const [name, field] of Object.entries(fields)) {
@@ -29,7 +29,7 @@ export function kernelsOf({ memories, returned, views, statuses, mostTasks, defa
     const count = countOf(field, sizeOf);
     const begin = places.make(field.table, count, robot[name] ?? field.default);
     symbols[symbol + name] = begin;
-    found.set(name, [field, begin, count]);
+    arrays.set(name, [field, begin, count]);
   }
   const tasks = Array.from({ length: mostTasks }, () => ({ n: robot.n }));
   addSeveral(memories.cluster, clusters);
@@ -37,7 +37,7 @@ export function kernelsOf({ memories, returned, views, statuses, mostTasks, defa
   const { D, I } = places.filled();
   const kernels = create(D, I, symbols);
   const viewed = views.map((/** @type {string} */ name) => {
-    const [{ table }, begin, count] = /** @type {[Field, number, number]} */ (found.get(name));
+    const [{ table }, begin, count] = /** @type {[Field, number, number]} */ (arrays.get(name));
     return [name, (table === "D" ? D : I).subarray(begin, begin + count)];
   });
   return /** @type {Kernels} */ ({ ...kernels, ...Object.fromEntries(viewed), names: { ...names, statuses } });
@@ -48,13 +48,13 @@ export function kernelsOf({ memories, returned, views, statuses, mostTasks, defa
    * @param {Values[]} all
    */
   function addSeveral({ fields: declared, symbol: prefix }, all) {
-    const sizes = all.map((one) => sizesOf(declared, one));
+    const sizes = all.map((values) => sizesOf(declared, values));
     for (const [name, field] of Object.entries(declared)) {
       if (field.shape === undefined) {
-        symbols[prefix + name] = places.make(field.table, all.length, all.map((one) => numberOf(one[name] ?? field.default)));
+        symbols[prefix + name] = places.make(field.table, all.length, all.map((values) => numberOf(values[name] ?? field.default)));
         continue;
       }
-      const begins = all.map((one, i) => places.make(field.table, countOf(field, sizes[i]), one[name]));
+      const begins = all.map((values, i) => places.make(field.table, countOf(field, sizes[i]), values[name]));
       symbols[prefix + name] = places.make("I", all.length, begins);
     }
   }

@@ -74,9 +74,9 @@ export class JointMotion {
     const values = new Map();
     for (const [name, goal] of this.#goal) {
       const joint = kinematics.joint(name);
-      const here = this.q[joint.index];
+      const current = this.q[joint.index];
       const most = speedOf(kinematics, joint) * dt;
-      if (here !== goal) values.set(name, here + Math.min(Math.max(goal - here, -most), most));
+      if (current !== goal) values.set(name, current + Math.min(Math.max(goal - current, -most), most));
     }
     if (values.size === 0) return this.#ends ? null : this.q;
     const q = kinematics.follow(this.q, values);

@@ -172,11 +172,11 @@ export class LocalSession {
 
   /** @param {number} id */
   #removeTask(id) {
-    const found = this.#task(id);
-    if (found === null) return;
-    if (this.#drags.endOf(found.task)) return;
+    const owned = this.#task(id);
+    if (owned === null) return;
+    if (this.#drags.endOf(owned.task)) return;
     this.history.begin();
-    found.robot.removeTask(found.task);
+    owned.robot.removeTask(owned.task);
   }
 
   /** @param {import("../../../cockpit/static/base/messages").ChangeTask} command */
@@ -194,7 +194,7 @@ export class LocalSession {
   /** @param {number} id */
   #task(id) {
     for (const robot of this.robots.values()) {
-      const task = robot.tasks.find((one) => one.id === id);
+      const task = robot.tasks.find((task) => task.id === id);
       if (task !== undefined) return { robot, task };
     }
     return null;
@@ -206,7 +206,7 @@ export class LocalSession {
   #moveJoint({ robot: name, joint, value }) {
     const robot = this.#robot(name);
     const [goal] = finite([value], 1);
-    if (!robot.kinematics.actuated.some((one) => one.name === joint)) throw new CommandError(`unknown joint '${joint}'`);
+    if (!robot.kinematics.actuated.some((actuated) => actuated.name === joint)) throw new CommandError(`unknown joint '${joint}'`);
     if (!(robot.motion instanceof JointMotion)) {
       this.history.begin();
       robot.motion = new JointMotion(robot.kinematics, robot.q);

@@ -165,23 +165,23 @@ export class UndoHistory {
   }
 }
 
-/** @param {ArrayLike<number>} one @param {ArrayLike<number>} other */
-function isNear(one, other) {
-  return Array.from(one).every((value, i) => Math.abs(value - other[i]) <= SAME[0] + SAME[1] * Math.abs(other[i]));
+/** @param {ArrayLike<number>} before @param {ArrayLike<number>} after */
+function isNear(before, after) {
+  return Array.from(before).every((value, i) => Math.abs(value - after[i]) <= SAME[0] + SAME[1] * Math.abs(after[i]));
 }
 
-/** @param {Snapshot} one @param {Snapshot} other */
-function isSame(one, other) {
-  return [...one].every(([name, { q, pins }]) => {
-    const { q: otherQ, pins: otherPins } = /** @type {{ q: Float64Array, pins: Task[] }} */ (other.get(name));
+/** @param {Snapshot} before @param {Snapshot} after */
+function isSame(before, after) {
+  return [...before].every(([name, { q, pins }]) => {
+    const { q: otherQ, pins: otherPins } = /** @type {{ q: Float64Array, pins: Task[] }} */ (after.get(name));
     const areSame = pins.length === otherPins.length && pins.every((pin, i) => isSamePin(pin, otherPins[i]));
     return areSame && isNear(q, otherQ);
   });
 }
 
-/** @param {Task} one @param {Task} other */
-function isSamePin(one, other) {
-  return one.node === other.node && isNear(numbersOf(one), numbersOf(other));
+/** @param {Task} before @param {Task} after */
+function isSamePin(before, after) {
+  return before.node === after.node && isNear(numbersOf(before), numbersOf(after));
 }
 
 /** @param {Task} pin */

@@ -54,13 +54,13 @@ export class Waypoints {
    * @param {{ waypoint: number, name?: string | null, index?: number | null }} change
    */
   change({ waypoint, name = null, index = null }) {
-    const one = this.#found(waypoint);
+    const saved = this.#found(waypoint);
     if (name !== null) checkName(name);
     if (index !== null && !(Number.isInteger(index) && index >= 0)) throw new WaypointError(`an index is 0 or more, not ${index}`);
-    one.name = name ?? one.name;
+    saved.name = name ?? saved.name;
     if (index === null) return;
     this.remove(waypoint);
-    this.#all.splice(index, 0, one);
+    this.#all.splice(index, 0, saved);
   }
 
   /** Remove a waypoint; a motion to it goes on. @param {number} id */
@@ -70,9 +70,9 @@ export class Waypoints {
 
   /** @param {number} id */
   #found(id) {
-    const found = this.#all.find((one) => one.id === id);
-    if (found === undefined) throw new WaypointError("this waypoint was removed");
-    return found;
+    const waypoint = this.#all.find((waypoint) => waypoint.id === id);
+    if (waypoint === undefined) throw new WaypointError("this waypoint was removed");
+    return waypoint;
   }
 
   /** Start a motion to a waypoint, which replaces all other motions. @param {number} id */
