@@ -216,64 +216,64 @@ def test_a_drag_does_not_move_a_locked_joint_until_it_is_unlocked(session, name,
 
 
 def test_sliders_home_and_lines_do_not_move_a_locked_joint(session):
-    live = session("arm7")
-    drag(live, "arm7", np.array([0.0, 0.1, 0.0]))
-    live.obey(c.LockJoint("arm7", "joint1", True))
-    before = value(live, "joint1")
-    assert before != live.robots["arm7"].home[0]
-    live.obey(c.MoveJoint("arm7", "joint1", 0.5))
-    assert "joint1 of arm7 is locked: unlock it" in live.state().notices[-1].text
-    for command in (c.MoveHome("arm7"), c.MoveTo("arm7", "tool", tuple(live.robots["arm7"].home.tolist()))):
-        live.obey(command)
-        state = run(live, 4.0)
-        assert value(live, "joint1") == before
+    live_session = session("arm7")
+    drag(live_session, "arm7", np.array([0.0, 0.1, 0.0]))
+    live_session.obey(c.LockJoint("arm7", "joint1", True))
+    before = value(live_session, "joint1")
+    assert before != live_session.robots["arm7"].home[0]
+    live_session.obey(c.MoveJoint("arm7", "joint1", 0.5))
+    assert "joint1 of arm7 is locked: unlock it" in live_session.state().notices[-1].text
+    for command in (c.MoveHome("arm7"), c.MoveTo("arm7", "tool", tuple(live_session.robots["arm7"].home.tolist()))):
+        live_session.obey(command)
+        state = run(live_session, 4.0)
+        assert value(live_session, "joint1") == before
         assert "locked: joint1" in " ".join(notice.text for notice in state.notices)
-    live.obey(c.MoveJoint("arm7", "joint2", 0.4))
-    live.obey(c.EndJointMotion())
-    run(live, 4.0)
-    assert value(live, "joint2") == pytest.approx(0.4)
-    assert value(live, "joint1") == before
+    live_session.obey(c.MoveJoint("arm7", "joint2", 0.4))
+    live_session.obey(c.EndJointMotion())
+    run(live_session, 4.0)
+    assert value(live_session, "joint2") == pytest.approx(0.4)
+    assert value(live_session, "joint1") == before
 
 
 def test_a_passive_joint_that_is_locked_stops_the_motors(session):
-    live = session("four_bar")
-    mechanism = live.robots["four_bar"].mechanism
+    live_session = session("four_bar")
+    mechanism = live_session.robots["four_bar"].mechanism
     passive = next(joint for joint in mechanism.joints if joint not in mechanism.actuated)
-    live.obey(c.LockJoint("four_bar", passive, True))
-    before = live.robots["four_bar"].q
-    live.obey(c.MoveJoint("four_bar", mechanism.actuated[0], before[0] + 0.3))
-    state = run(live, 1.0).robots["four_bar"]
+    live_session.obey(c.LockJoint("four_bar", passive, True))
+    before = live_session.robots["four_bar"].q
+    live_session.obey(c.MoveJoint("four_bar", mechanism.actuated[0], before[0] + 0.3))
+    state = run(live_session, 1.0).robots["four_bar"]
     assert state.status.label == f"locked: {passive}"
     assert (state.q == before).all()
 
 
 def test_locks_survive_undo_and_redo(session):
-    live = session("arm7")
-    home = value(live, "joint1")
-    drag(live, "arm7", np.array([0.0, 0.1, 0.0]))
-    moved = value(live, "joint1")
-    run(live, 0.1)
-    live.obey(c.LockJoint("arm7", "joint1", True))
-    live.obey(c.Undo())
-    state = run(live, 3.0).robots["arm7"]
+    live_session = session("arm7")
+    home = value(live_session, "joint1")
+    drag(live_session, "arm7", np.array([0.0, 0.1, 0.0]))
+    moved = value(live_session, "joint1")
+    run(live_session, 0.1)
+    live_session.obey(c.LockJoint("arm7", "joint1", True))
+    live_session.obey(c.Undo())
+    state = run(live_session, 3.0).robots["arm7"]
     assert state.locked == ("joint1",)
-    assert value(live, "joint1") == pytest.approx(home, abs=1e-9)  # what was done before it was locked
-    drag(live, "arm7", np.array([0.0, 0.1, 0.0]))
-    assert value(live, "joint1") == pytest.approx(home, abs=1e-9)
+    assert value(live_session, "joint1") == pytest.approx(home, abs=1e-9)  # what was done before it was locked
+    drag(live_session, "arm7", np.array([0.0, 0.1, 0.0]))
+    assert value(live_session, "joint1") == pytest.approx(home, abs=1e-9)
     assert moved != home
 
 
 def test_locks_survive_the_reload_of_a_file(session, robot):
-    live = session("arm7")
+    live_session = session("arm7")
     for joint in ("joint2", "joint5"):
-        live.obey(c.LockJoint("arm7", joint, True))
-    live.exchange(OtherRobots.of(arrange({"arm7": robot("arm7")}), 1))
-    before = value(live, "joint2")
-    state = drag(live, "arm7", np.array([0.0, 0.1, -0.1]))
+        live_session.obey(c.LockJoint("arm7", joint, True))
+    live_session.exchange(OtherRobots.of(arrange({"arm7": robot("arm7")}), 1))
+    before = value(live_session, "joint2")
+    state = drag(live_session, "arm7", np.array([0.0, 0.1, -0.1]))
     assert state.locked == ("joint2", "joint5")
-    assert value(live, "joint2") == before
-    live.exchange(OtherRobots.of(arrange({"arm7": robot("planar_3r")}), 2))
-    assert live.state().robots["arm7"].locked == ("joint2",)
+    assert value(live_session, "joint2") == before
+    live_session.exchange(OtherRobots.of(arrange({"arm7": robot("planar_3r")}), 2))
+    assert live_session.state().robots["arm7"].locked == ("joint2",)
 
 
 def test_a_setup_locks_joints_from_the_start(robot):
@@ -291,16 +291,16 @@ def test_a_setup_locks_joints_from_the_start(robot):
 
 
 def test_the_report_is_that_of_the_robot_with_locked_joints(session):
-    live = session("gough")
-    reporter = Reporter(live.robots["gough"].mechanism)
-    free = reporter.report(live.state().robots["gough"], 0.0)
-    live.obey(c.LockJoint("gough", "joint3", True))
-    run(live, 0.1)
-    report = reporter.report(live.state().robots["gough"], 0.1)
+    live_session = session("gough")
+    reporter = Reporter(live_session.robots["gough"].mechanism)
+    free = reporter.report(live_session.state().robots["gough"], 0.0)
+    live_session.obey(c.LockJoint("gough", "joint3", True))
+    run(live_session, 0.1)
+    report = reporter.report(live_session.state().robots["gough"], 0.1)
     assert (free.locked, report.locked) == ((), ("joint3",))
     assert report.type1.sigma != free.type1.sigma
-    live.obey(c.LockJoint("gough", "joint3", False))
-    again = reporter.report(live.state().robots["gough"], 0.2)
+    live_session.obey(c.LockJoint("gough", "joint3", False))
+    again = reporter.report(live_session.state().robots["gough"], 0.2)
     assert again.type1.sigma == pytest.approx(free.type1.sigma, abs=1e-12)
 
 

@@ -27,19 +27,19 @@ def put(session, name, values):
 
 
 def test_a_stretched_arm_loses_the_motion_along_itself(session):
-    live = session("planar_3r")
-    arm = live.setup.robots["planar_3r"]
-    put(live, "planar_3r", (0.7, 0.0, 0.0))
-    live.obey(c.StartDrag("planar_3r", arm.end, None))
-    singularity = report(live, "planar_3r").type1
-    end = live.robots["planar_3r"].placement(arm.end)
+    live_session = session("planar_3r")
+    arm = live_session.setup.robots["planar_3r"]
+    put(live_session, "planar_3r", (0.7, 0.0, 0.0))
+    live_session.obey(c.StartDrag("planar_3r", arm.end, None))
+    singularity = report(live_session, "planar_3r").type1
+    end = live_session.robots["planar_3r"].placement(arm.end)
     outward = end.translation / np.linalg.norm(end.translation)
     assert singularity.sigma < 1e-9
     assert singularity.text.startswith("hardly any motion along")
     assert abs(singularity.twist[:3] @ outward) == pytest.approx(1.0, abs=1e-6)
     assert singularity.position == pytest.approx(end.translation)
-    put(live, "planar_3r", (0.7, 1.0, 0.5))
-    singularity = report(live, "planar_3r").type1
+    put(live_session, "planar_3r", (0.7, 1.0, 0.5))
+    singularity = report(live_session, "planar_3r").type1
     assert singularity.sigma > singularity.threshold
     assert singularity.text.startswith("hardest to move")
 
@@ -47,9 +47,9 @@ def test_a_stretched_arm_loses_the_motion_along_itself(session):
 @pytest.mark.parametrize("name", ["rx90", "delta4"])
 def test_the_ellipsoid_is_as_far_as_the_joints_lead_the_node(session, name):
     """Its support in any direction, against finite differences along the free motions, a ball joint as one joint."""
-    live = session(name)
-    mechanism = live.setup.robots[name]
-    ellipsoid = report(live, name).ellipsoid
+    live_session = session(name)
+    mechanism = live_session.setup.robots[name]
+    ellipsoid = report(live_session, name).ellipsoid
     centre, axes = ellipsoid.center, ellipsoid.axes
     q, end = mechanism.q_home, mechanism.end
     place = mechanism.placement(q, end).translation
@@ -72,26 +72,26 @@ def test_the_ellipsoid_is_as_far_as_the_joints_lead_the_node(session, name):
 
 def test_what_a_moving_hand_will_meet_is_foreseen_where_and_when_it_then_happens(session):
     """An arm is drawn outwards, at a steady pace, towards where it is stretched."""
-    live = session("planar_3r")
-    arm = live.setup.robots["planar_3r"]
-    put(live, "planar_3r", (0.3, 0.9, 0.6))
-    live.obey(c.ChangeSettings(gain=1000.0))
-    start = live.robots["planar_3r"].placement(arm.end).translation
+    live_session = session("planar_3r")
+    arm = live_session.setup.robots["planar_3r"]
+    put(live_session, "planar_3r", (0.3, 0.9, 0.6))
+    live_session.obey(c.ChangeSettings(gain=1000.0))
+    start = live_session.robots["planar_3r"].placement(arm.end).translation
     outward = start / np.linalg.norm(start)
     length = np.linalg.norm(arm.placement(arm.configuration(dict.fromkeys(arm.joints, 0.0)), arm.end).translation)
     speed = (length - np.linalg.norm(start)) / 1.0  # m/s: there in a second
-    live.obey(c.StartDrag("planar_3r", arm.end, (0, 0, 0)))
+    live_session.obey(c.StartDrag("planar_3r", arm.end, (0, 0, 0)))
     reporter, foreseen, met = Reporter(arm), None, None
     for tick in range(1200):
-        at = start + outward * speed * (tick + 1) * live.dt
-        live.obey(c.MoveDrag(tuple(at)))
-        live.tick()
+        at = start + outward * speed * (tick + 1) * live_session.dt
+        live_session.obey(c.MoveDrag(tuple(at)))
+        live_session.tick()
         if tick in (180, 200):
-            robot_report = report(live, "planar_3r", reporter)
+            robot_report = report(live_session, "planar_3r", reporter)
             events = [event for event in robot_report.forecast.events if event.kind == "TYPE_1"]
-            foreseen = live.time + events[0].time if events else None
-        if met is None and live.robots["planar_3r"].step.singular_values[-1] < 0.05:
-            met = live.time
+            foreseen = live_session.time + events[0].time if events else None
+        if met is None and live_session.robots["planar_3r"].step.singular_values[-1] < 0.05:
+            met = live_session.time
     assert met is not None
     assert foreseen == pytest.approx(met, abs=0.05)
     assert met - 0.2 < HORIZON
@@ -136,15 +136,15 @@ def test_the_status_agrees_with_the_meters(name, report, agreed):
 
 
 def test_joints_near_a_limit_are_named(session):
-    live = session("five_bar")
-    bars = live.setup.robots["five_bar"]
+    live_session = session("five_bar")
+    bars = live_session.setup.robots["five_bar"]
     i = bars.q_index("joint1")
     low, high = bars.model.lowerPositionLimit[i], bars.model.upperPositionLimit[i]
-    assert "joint1" not in report(live, "five_bar").near_limit
-    live.obey(c.MoveJoint("five_bar", "joint1", float(high - 0.05 * (high - low))))
+    assert "joint1" not in report(live_session, "five_bar").near_limit
+    live_session.obey(c.MoveJoint("five_bar", "joint1", float(high - 0.05 * (high - low))))
     for _ in range(2000):
-        live.tick()
-    assert "joint1" in report(live, "five_bar").near_limit
+        live_session.tick()
+    assert "joint1" in report(live_session, "five_bar").near_limit
 
 
 # --- holding ----------------------------------------------------------------------------------------------------------
@@ -156,14 +156,14 @@ STANDING = pin.SE3(pin.rpy.rpyToMatrix(np.pi / 2, 0.0, 0.0), np.zeros(3))  # wha
 
 def test_the_torques_are_those_of_the_configuration_and_the_payload(session, robot):
     """A drag moves the robot; its torques balance the change of its potential energy, by finite differences."""
-    live, delta = session("delta4"), robot("delta4")
+    live_session, delta = session("delta4"), robot("delta4")
     begin = delta.placement(delta.q_home, "platform").translation
-    live.obey(c.StartDrag("delta4", "platform"))
-    live.obey(c.MoveDrag(tuple(begin + np.array([0.2, -0.1, 0.1]))))
-    live.obey(c.SetPayload("delta4", "link3", 7.5))
+    live_session.obey(c.StartDrag("delta4", "platform"))
+    live_session.obey(c.MoveDrag(tuple(begin + np.array([0.2, -0.1, 0.1]))))
+    live_session.obey(c.SetPayload("delta4", "link3", 7.5))
     for _ in range(500):
-        live.tick()
-    state = live.state().robots["delta4"]
+        live_session.tick()
+    state = live_session.state().robots["delta4"]
     assert state.carried == CarriedMass("link3", 7.5)
 
     def energy(q):
@@ -192,9 +192,9 @@ def test_gravity_is_the_worlds_also_on_a_base_that_tilts(session, robot):
 
 
 def test_a_robot_without_masses_has_no_torques_and_carries_nothing(session, robot):
-    live = session("tssm", "delta4")
-    live.obey(c.SetPayload("tssm", "platform", 1.0))
-    state = live.state()
+    live_session = session("tssm", "delta4")
+    live_session.obey(c.SetPayload("tssm", "platform", 1.0))
+    state = live_session.state()
     assert state.robots["tssm"].torques is None
     assert state.robots["tssm"].carried is None
     assert state.robots["delta4"].torques is not None
@@ -225,9 +225,9 @@ def test_no_torques_hold_a_load_in_a_singularity_and_next_to_it(robot):
 
 def test_reactions_balance_each_other_and_undetermined_ones_are_named(session, robot):
     """The forces on a platform, of all joints and loops that it has, carry its weight and its payload."""
-    live, delta = session("delta4", bases=["delta4=1,1,1,20,10,5"]), robot("delta4")
-    live.obey(c.SetPayload("delta4", delta.end, 4.0))
-    state = live.state().robots["delta4"]
+    live_session, delta = session("delta4", bases=["delta4=1,1,1,20,10,5"]), robot("delta4")
+    live_session.obey(c.SetPayload("delta4", delta.end, 4.0))
+    state = live_session.state().robots["delta4"]
     bearings = BearingReporter(delta).report(state)
     assert [report.undetermined for report in bearings] == [()] * 17
     joints, loops = bearings[:15], bearings[15:]

@@ -83,47 +83,47 @@ def line(begin, end, count):
 
 
 def test_an_obstacle_that_is_dragged_pushes_the_robot_never_touches_it_and_both_go_back_by_undo(session):
-    live = session("arm7", POLE)
-    far = measured(live, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
-    at_rest = live.state().robots["arm7"].q
-    begin = point(live, "pole", "pole")
+    live_session = session("arm7", POLE)
+    far = measured(live_session, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
+    at_rest = live_session.state().robots["arm7"].q
+    begin = point(live_session, "pole", "pole")
     least, statuses = [], set()
 
     def seen(state):
         least.append(far(state))
         statuses.add(state.robots["arm7"].status)
 
-    live.obey(c.StartDrag("pole", "pole", (0.0, 0.0, 0.1)))
+    live_session.obey(c.StartDrag("pole", "pole", (0.0, 0.0, 0.1)))
     up = np.array([0.0, 0.0, 0.1])
-    lead(live, line(begin + up, begin + up + np.array([-0.1, -0.25, 0.0]), 100), each=2, seen=seen)
+    lead(live_session, line(begin + up, begin + up + np.array([-0.1, -0.25, 0.0]), 100), each=2, seen=seen)
     for _ in range(120):  # it yields within its limits of acceleration: the pole arrives later than the pointer
-        seen(run(live, 1))
-    assert np.abs(live.state().robots["arm7"].q - at_rest).max() > 0.1  # it has yielded
+        seen(run(live_session, 1))
+    assert np.abs(live_session.state().robots["arm7"].q - at_rest).max() > 0.1  # it has yielded
     assert ("PUSHED", "pushed by 'pole'") in {(status.name, status.label) for status in statuses}
     assert min(least) > 0.5 * SAFETY
-    assert np.linalg.norm(point(live, "pole", "pole") - begin - [-0.1, -0.25, 0.0]) < 5e-3
-    turned = live.obstacles["pole"].pose.rotation
+    assert np.linalg.norm(point(live_session, "pole", "pole") - begin - [-0.1, -0.25, 0.0]) < 5e-3
+    turned = live_session.obstacles["pole"].pose.rotation
     assert np.allclose(turned, np.eye(3), atol=1e-6)  # dragged, it is not turned
-    run(live, 5, c.EndDrag())
-    state = run(live, 750, c.Undo())
+    run(live_session, 5, c.EndDrag())
+    state = run(live_session, 750, c.Undo())
     assert np.allclose(state.robots["arm7"].q, at_rest, atol=1e-9)
     assert np.allclose(state.obstacles["pole"].pose.translation, begin, atol=1e-9)
 
 
 def test_home_stops_before_it_hits_and_says_what(session):
-    live = session("arm7", {**POLE, "point": [5.0, 5.0, 0.5]})
-    begin = live.state().robots["arm7"].q
-    run(live, 0, c.MoveJoint("arm7", "joint1", 1.2))
-    run(live, 500, c.EndJointMotion())
-    assert abs(live.state().robots["arm7"].q[0] - begin[0]) > 0.5
-    middle = (point(live, "arm7", "link5") + np.array([0.6, 0.04, 0.47])) / 2.0  # where the forearm comes by
-    run(live, 0, c.StartDrag("pole", "pole", (0, 0, 0)))
-    lead(live, [[middle[0] * 1.15, middle[1] * 1.15, 0.45]], each=125)
-    run(live, 5, c.EndDrag())
-    far = measured(live, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
-    live.obey(c.MoveHome("arm7"))
-    least = [far(run(live, 1)) for _ in range(700)]
-    state = live.state()
+    live_session = session("arm7", {**POLE, "point": [5.0, 5.0, 0.5]})
+    begin = live_session.state().robots["arm7"].q
+    run(live_session, 0, c.MoveJoint("arm7", "joint1", 1.2))
+    run(live_session, 500, c.EndJointMotion())
+    assert abs(live_session.state().robots["arm7"].q[0] - begin[0]) > 0.5
+    middle = (point(live_session, "arm7", "link5") + np.array([0.6, 0.04, 0.47])) / 2.0  # where the forearm comes by
+    run(live_session, 0, c.StartDrag("pole", "pole", (0, 0, 0)))
+    lead(live_session, [[middle[0] * 1.15, middle[1] * 1.15, 0.45]], each=125)
+    run(live_session, 5, c.EndDrag())
+    far = measured(live_session, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
+    live_session.obey(c.MoveHome("arm7"))
+    least = [far(run(live_session, 1)) for _ in range(700)]
+    state = live_session.state()
     assert min(least) >= SAFETY
     assert state.moving is None
     assert np.abs(state.robots["arm7"].q - begin).max() > 0.1
@@ -134,17 +134,17 @@ def test_home_stops_before_it_hits_and_says_what(session):
 
 
 def test_a_motor_that_is_led_into_an_obstacle_stays_before_it(session):
-    live = session("arm7", POLE)
-    far = measured(live, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
-    live.obey(c.MoveJoint("arm7", "joint1", 3.0))
-    least = [far(run(live, 1)) for _ in range(250)]
+    live_session = session("arm7", POLE)
+    far = measured(live_session, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
+    live_session.obey(c.MoveJoint("arm7", "joint1", 3.0))
+    least = [far(run(live_session, 1)) for _ in range(250)]
     assert min(least) >= SAFETY
-    status = live.state().robots["arm7"].status
+    status = live_session.state().robots["arm7"].status
     name, words = status.name, status.label
     assert name == "JOINTS"
     assert words.endswith("would hit 'pole'")
-    live.obey(c.MoveJoint("arm7", "joint1", -0.5))  # a slider that moves on tries again
-    assert run(live, 400).robots["arm7"].q[0] == pytest.approx(-0.5)
+    live_session.obey(c.MoveJoint("arm7", "joint1", -0.5))  # a slider that moves on tries again
+    assert run(live_session, 400).robots["arm7"].q[0] == pytest.approx(-0.5)
 
 
 @pytest.mark.parametrize(
@@ -152,8 +152,8 @@ def test_a_motor_that_is_led_into_an_obstacle_stays_before_it(session):
 )
 def test_motions_of_joints_home_and_to_a_configuration_obey_the_limits_of_acceleration(session, name, joint, moved):
     """Also where one replaces the other on its way, and a drag that, and where one begins while the robot moves."""
-    live = session(name, {**POLE, "point": [5.0, 5.0, 0.5]}, rate=240.0)
-    mechanism, robot = live.setup.robots[name], live.robots[name]
+    live_session = session(name, {**POLE, "point": [5.0, 5.0, 0.5]}, rate=240.0)
+    mechanism, robot = live_session.setup.robots[name], live_session.robots[name]
     begin, q, goal = robot.q, [robot.q], robot.q.copy()
     for other, change in zip(mechanism.actuated, moved, strict=False):
         goal[mechanism.q_index(other)] += change
@@ -169,9 +169,9 @@ def test_motions_of_joints_home_and_to_a_configuration_obey_the_limits_of_accele
         (drag, 10),
         (c.MoveTo(name, mechanism.end, tuple(goal)), None),
     ):
-        live.obey(command)
+        live_session.obey(command)
         while ticks is None or ticks > 0:
-            live.tick()
+            live_session.tick()
             q.append(robot.q)
             ticks = None if ticks is None else ticks - 1
             if ticks is None and robot.motion is None:
@@ -188,20 +188,20 @@ def test_motions_of_joints_home_and_to_a_configuration_obey_the_limits_of_accele
 
 
 def test_a_disc_that_moves_by_itself_keeps_clear_too(root, closing):
-    live = closing(Session(scene_setup(load_scene(root / "robots" / "scenes" / "discs.toml"), rate=250.0)))
-    scene = live.setup.avoidance.scene
-    begin = point(live, "mobile", "mobile")
-    run(live, 0, c.StartDrag("mobile", "mobile", (0, 0, 0)))
+    live_session = closing(Session(scene_setup(load_scene(root / "robots" / "scenes" / "discs.toml"), rate=250.0)))
+    scene = live_session.setup.avoidance.scene
+    begin = point(live_session, "mobile", "mobile")
+    run(live_session, 0, c.StartDrag("mobile", "mobile", (0, 0, 0)))
     least = []
 
     def seen(state):
-        centre = live.robots["mobile"].placement("mobile").translation
+        centre = live_session.robots["mobile"].placement("mobile").translation
         least.extend(
             np.linalg.norm(centre - obstacle.placement.translation) - obstacle.written["radius"] - scene.mobile
             for obstacle in scene.obstacles
         )
 
-    lead(live, line(begin, scene.goal.translation, 200), each=2, seen=seen)
+    lead(live_session, line(begin, scene.goal.translation, 200), each=2, seen=seen)
     assert min(least) >= scene.safety
     assert min(least) < 3.0 * scene.safety
 
@@ -217,8 +217,8 @@ def test_names_that_mean_something_to_the_page_or_are_taken_are_changed(session)
 
 
 def test_where_something_is_in_an_obstacle_at_the_beginning_it_is_said(session):
-    live = session("arm7", {**POLE, "point": [0.24, 0.09, 0.5]})
-    status = run(live, 5).robots["arm7"].status
+    live_session = session("arm7", {**POLE, "point": [0.24, 0.09, 0.5]})
+    status = run(live_session, 5).robots["arm7"].status
     name, words = status.name, status.label
     assert name == "TOUCHING"
     assert words.startswith("'link")
