@@ -25,8 +25,8 @@ def drag(browser, robot, node, by):
 
 def origin(browser, robot, node):
     """Where a node is, as the page is told; the robots here stand in the origin."""
-    entry = next(one for one in browser.told[0]["robots"] if one["name"] == robot)
-    k = 7 * (1 + [one["name"] for one in entry["nodes"]].index(node))
+    entry = next(entry for entry in browser.told[0]["robots"] if entry["name"] == robot)
+    k = 7 * (1 + [listed["name"] for listed in entry["nodes"]].index(node))
     return np.array(browser.state["poses"][robot][k : k + 3])
 
 
@@ -35,14 +35,14 @@ def _is_at(browser, robot, node, place):
 
 
 def test_what_one_browser_drags_all_see(cockpit):
-    one = cockpit("delta4", "five_bar")
-    first, second = Browser(one.url), Browser(one.url)
+    live_cockpit = cockpit("delta4", "five_bar")
+    first, second = Browser(live_cockpit.url), Browser(live_cockpit.url)
     assert becomes(lambda: first.state and second.state)
     before = drag(first, "delta4", "platform", [0.1, 0.05, -0.2])
     to = before + np.array([0.1, 0.05, -0.2])
     assert becomes(lambda: _is_at(first, "delta4", "platform", to) and _is_at(second, "delta4", "platform", to))
     assert becomes(lambda: second.state["controller"] == first.told[0]["client"])
-    late = Browser(one.url)
+    late = Browser(live_cockpit.url)
     assert becomes(lambda: late.state is not None and late.report is not None)
     assert late.state["tasks"][0]["node"] == "platform"
     first.leave()
@@ -50,12 +50,12 @@ def test_what_one_browser_drags_all_see(cockpit):
 
 
 def test_hello_says_who_is_there(cockpit):
-    one = cockpit("delta4", follow="circle")
-    browser = Browser(one.url)
+    live_cockpit = cockpit("delta4", follow="circle")
+    browser = Browser(live_cockpit.url)
     assert becomes(lambda: browser.told)
     hello = browser.told[0]
     (robot,) = hello["robots"]
-    mechanism = one.setup.robots["delta4"]
+    mechanism = live_cockpit.setup.robots["delta4"]
     assert [node["name"] for node in robot["nodes"]] == list(mechanism.nodes)
     parents = {node["name"]: node["parent"] for node in robot["nodes"]}
     assert parents["base"] is None
@@ -69,14 +69,14 @@ def test_hello_says_who_is_there(cockpit):
 
 
 def test_nonsense_oversized_messages_silence_and_laziness_hold_up_nobody_else(cockpit):
-    one = cockpit("delta4")
-    wild, large, lazy, good = (Browser(one.url, lazy=k == 2) for k in range(4))
+    live_cockpit = cockpit("delta4")
+    wild, large, lazy, good = (Browser(live_cockpit.url, lazy=k == 2) for k in range(4))
     assert becomes(lambda: all(browser.state for browser in (wild, large, lazy, good)))
     wild.say(b"\x00\x01\x02")
     assert becomes(lambda: wild.closed is not None)
     assert wild.closed[0] == 1008
     assert "text" in wild.closed[1]
-    address = urlsplit(one.url)
+    address = urlsplit(live_cockpit.url)
     dumb, rude = (socket.create_connection((address.hostname, address.port)) for _ in range(2))  # one says nothing
     rude.sendall(b"GET /session HTTP/1.1\r\n\x00\xff garbage\r\n\r\n")
     large.say("x" * (2 * LARGEST))
@@ -91,11 +91,11 @@ def test_nonsense_oversized_messages_silence_and_laziness_hold_up_nobody_else(co
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
 def test_nobody_gets_in_without_the_token(cockpit, host):
-    one = cockpit("planar_3r", host=host)
-    token = one.server.token
+    live_cockpit = cockpit("planar_3r", host=host)
+    token = live_cockpit.server.token
     assert token
-    assert token in one.url
-    address = urlsplit(one.url)
+    assert token in live_cockpit.url
+    address = urlsplit(live_cockpit.url)
     local = f"http://127.0.0.1:{address.port}/"
     assert get(local)[0] == 403
     assert get(f"{local}?token=wrong")[0] == 403
@@ -110,17 +110,17 @@ def test_nobody_gets_in_without_the_token(cockpit, host):
 
 
 def test_the_snapshot_shows_everything_as_it_is(cockpit):
-    one = cockpit("delta4", follow="circle")
-    first = one.snapshot()
-    assert becomes(lambda: one.snapshot() != first)
-    status, page = get(one.url, "snapshot.html")
+    live_cockpit = cockpit("delta4", follow="circle")
+    first = live_cockpit.snapshot()
+    assert becomes(lambda: live_cockpit.snapshot() != first)
+    status, page = get(live_cockpit.url, "snapshot.html")
     assert status == 200
     assert b"MeshCat.Viewer" in page
 
 
 def test_a_port_in_use_is_passed_over(cockpit):
-    one = cockpit("planar_3r")
-    assert cockpit("planar_3r", port=one.server.port).server.port > one.server.port
+    live_cockpit = cockpit("planar_3r")
+    assert cockpit("planar_3r", port=live_cockpit.server.port).server.port > live_cockpit.server.port
 
 
 @pytest.mark.parametrize(
@@ -138,17 +138,17 @@ def test_where_the_page_cant_be_served_the_session_ends(robot, options, why):
 
 
 def test_the_end_of_a_session_is_told(cockpit, monkeypatch):
-    one = cockpit("delta4")
-    browser = Browser(one.url)
+    live_cockpit = cockpit("delta4")
+    browser = Browser(live_cockpit.url)
     assert becomes(lambda: browser.state is not None)
-    one.close()
+    live_cockpit.close()
     assert becomes(lambda: browser.closed is not None)
     assert browser.closed == (1001, "the session has ended")
 
 
 def test_every_answer_has_the_headers_that_protect_it(cockpit):
-    one = cockpit("planar_3r", host="0.0.0.0")
-    address = urlsplit(one.server.local_url)
+    live_cockpit = cockpit("planar_3r", host="0.0.0.0")
+    address = urlsplit(live_cockpit.server.local_url)
     for path in ("", "viewer.js", "snapshot.html", "static/cockpit.js", "static/none.js", "none", "map/about.json"):
         connection = http.client.HTTPConnection(address.netloc, timeout=10)
         connection.request("GET", f"/{path}?{address.query}")
@@ -161,8 +161,8 @@ def test_every_answer_has_the_headers_that_protect_it(cockpit):
         assert "frame-ancestors" in policy
         assert "Server" not in headers
         if path == "":
-            here = f"127.0.0.1:{address.port}"
-            assert policy["connect-src"] == f"'self' ws://{here} wss://{here}"
+            netloc = f"127.0.0.1:{address.port}"
+            assert policy["connect-src"] == f"'self' ws://{netloc} wss://{netloc}"
             assert "*" not in policy["default-src"]
         else:
             assert policy["default-src"] == "'none'"
@@ -170,10 +170,10 @@ def test_every_answer_has_the_headers_that_protect_it(cockpit):
 
 def test_the_token_is_not_logged_and_is_compared_in_constant_time(cockpit, caplog, monkeypatch, capfd):
     compared = []
-    monkeypatch.setattr("hmac.compare_digest", lambda one, two: compared.append(two) or one == two)
-    one = cockpit("planar_3r", host="0.0.0.0")
+    monkeypatch.setattr("hmac.compare_digest", lambda sent, two: compared.append(two) or sent == two)
+    live_cockpit = cockpit("planar_3r", host="0.0.0.0")
     for path in ("", "none", "snapshot.html", "static/none.js", "../x"):
-        get(one.server.local_url, path)
-    assert {two.decode() for two in compared} == {one.server.token}
+        get(live_cockpit.server.local_url, path)
+    assert {two.decode() for two in compared} == {live_cockpit.server.token}
     out, err = capfd.readouterr()
-    assert one.server.token not in caplog.text + out + err
+    assert live_cockpit.server.token not in caplog.text + out + err

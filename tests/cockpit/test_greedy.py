@@ -75,8 +75,8 @@ def test_pages_and_connections_are_limited(page, monkeypatch):
     one_more = Browser(page.url, path="page")
     assert becomes(lambda: one_more.closed is not None)
     assert one_more.closed == (1013, "this session has 4 clients already")
-    for one in pages:
-        one.leave()
+    for browser in pages:
+        browser.leave()
 
 
 def test_half_open_connections_keep_nobody_out(page):
@@ -88,8 +88,8 @@ def test_half_open_connections_keep_nobody_out(page):
     assert get(page.url)[0] == 200
     with suppress(ConnectionResetError):
         assert silent[0].recv(1) == b""
-    for one in silent:
-        one.close()
+    for peer in silent:
+        peer.close()
 
 
 def test_connections_that_are_answered_are_not_closed_for_others(page, monkeypatch):
@@ -112,7 +112,7 @@ def test_connections_that_are_answered_are_not_closed_for_others(page, monkeypat
                 get(page.url)
         finally:
             go.set()
-        assert [one.result(20)[0] for one in asked] == [200, 200]
+        assert [future.result(20)[0] for future in asked] == [200, 200]
     assert becomes(lambda: _is_served(page.url))
 
 
@@ -123,8 +123,8 @@ def test_connections_that_are_answered_are_not_closed_for_others(page, monkeypat
 )
 def test_who_asks_slowly_is_disconnected(cockpit, monkeypatch, deadline, half):
     monkeypatch.setattr(f"cinegen.cockpit.server.{deadline}", 0.3)
-    one = cockpit("delta4", token="")
-    with socket.create_connection(("127.0.0.1", one.server.port), timeout=5.0) as peer:
+    live_cockpit = cockpit("delta4", token="")
+    with socket.create_connection(("127.0.0.1", live_cockpit.server.port), timeout=5.0) as peer:
         peer.sendall(half)
         assert peer.recv(1) == b""
 
@@ -146,14 +146,14 @@ def served(robot, caplog):
 
     yield use
     for _ in range(2):
-        for one in used:
-            browser = Browser(one.server.local_url)
+        for live_cockpit in used:
+            browser = Browser(live_cockpit.server.local_url)
             assert becomes(lambda browser=browser: browser.state is not None), "the page is served no more"
             browser.leave()
-            assert becomes(lambda one=one: not one.hub.clients)
+            assert becomes(lambda live_cockpit=live_cockpit: not live_cockpit.hub.clients)
         gc.collect()  # asyncio logs a failure that nobody looked at when it is collected
-    for one in used:
-        one.close()
+    for live_cockpit in used:
+        live_cockpit.close()
     records = [record for phase in ("setup", "call", "teardown") for record in caplog.get_records(phase)]
     logged = [record.getMessage() for record in records if record.exc_info or record.levelno >= logging.ERROR]
     assert logged == []
@@ -225,63 +225,63 @@ def test_tokens_that_are_none(served):
 @pytest.mark.parametrize("path", ["session", "page", "", "viewer.js", "snapshot.html", "static/cockpit.js"])
 def test_who_looks_and_vanishes(served, path):
     """At once, in the middle of the first words, or after some time."""
-    one = served()
+    live_cockpit = served()
     for delay in (0.0, 0.0005, 0.001, 0.005, 0.02, 0.1):
         for _ in range(4):
-            peer = Peer(one.url, room=2048).request(path, *(UPGRADE if path in ("session", "page") else ()))
+            peer = Peer(live_cockpit.url, room=2048).request(path, *(UPGRADE if path in ("session", "page") else ()))
             time.sleep(delay)
             peer.vanish()
-    assert becomes(lambda: not one.hub.clients and not one.server.pages)
+    assert becomes(lambda: not live_cockpit.hub.clients and not live_cockpit.server.pages)
 
 
 def test_who_commands_and_vanishes(served):
-    one = served()
+    live_cockpit = served()
     for said in ({"hand": True}, {"nonsense": 1}, {"ack": 1}, {"pause": True}, {"pause": False}):
         for _ in range(4):
-            peer = Peer(one.url, room=2048).request("session", *UPGRADE)
-            assert becomes(lambda: one.hub.clients)
+            peer = Peer(live_cockpit.url, room=2048).request("session", *UPGRADE)
+            assert becomes(lambda: live_cockpit.hub.clients)
             peer.send(**said)
             peer.vanish()
-    assert becomes(lambda: not one.hub.clients and one.hub.controller is None)
+    assert becomes(lambda: not live_cockpit.hub.clients and live_cockpit.hub.controller is None)
 
 
 def test_who_acknowledges_without_reading_and_vanishes(served):
     """What is sent piles up; it is in the middle of being sent when the connection ends."""
-    one = served()
-    peers = [Peer(one.url, room=2048).request("session", *UPGRADE) for _ in range(3)]
+    live_cockpit = served()
+    peers = [Peer(live_cockpit.url, room=2048).request("session", *UPGRADE) for _ in range(3)]
     for frame in range(200):
         for peer in peers:
             peer.send(type="ack", frame=frame)
         time.sleep(0.005)
-    assert len(one.hub.clients) == 3
+    assert len(live_cockpit.hub.clients) == 3
     for peer in peers:
         peer.vanish()
-    assert becomes(lambda: not one.hub.clients)
+    assert becomes(lambda: not live_cockpit.hub.clients)
 
 
 @pytest.mark.parametrize("path", ["session", "page"])
 @pytest.mark.parametrize("half", [socket.SHUT_WR, socket.SHUT_RD], ids=["says no more", "hears no more"])
 def test_a_connection_that_is_half_open(served, path, half):
-    one = served()
-    peers = [Peer(one.url, room=2048).request(path, *UPGRADE) for _ in range(5)]
-    assert becomes(lambda: len(one.hub.clients) == 5)
+    live_cockpit = served()
+    peers = [Peer(live_cockpit.url, room=2048).request(path, *UPGRADE) for _ in range(5)]
+    assert becomes(lambda: len(live_cockpit.hub.clients) == 5)
     for peer in peers:
         peer.socket.shutdown(half)
     time.sleep(0.1)
     for peer in peers:
         with contextlib.suppress(OSError):
             peer.vanish()
-    assert becomes(lambda: not one.hub.clients and not one.server.pages)
+    assert becomes(lambda: not live_cockpit.hub.clients and not live_cockpit.server.pages)
 
 
 def test_who_answers_no_ping_is_given_up(served, monkeypatch):
     monkeypatch.setattr("cinegen.cockpit.handlers._PING", 0.1)
-    one = served()
-    peers = [Peer(one.url).request(path, *UPGRADE) for path in ("session", "page")]
-    assert becomes(lambda: len(one.hub.clients) == 2 and one.server.pages)
+    live_cockpit = served()
+    peers = [Peer(live_cockpit.url).request(path, *UPGRADE) for path in ("session", "page")]
+    assert becomes(lambda: len(live_cockpit.hub.clients) == 2 and live_cockpit.server.pages)
     for peer in peers:
         said = b""
         while b"ping timed out" not in said:
             said += peer.socket.recv(1 << 16) or pytest.fail("it ended without a word")
         peer.vanish()  # else tornado waits 5 s for its last word
-    assert becomes(lambda: not one.hub.clients and not one.server.pages)
+    assert becomes(lambda: not live_cockpit.hub.clients and not live_cockpit.server.pages)

@@ -19,10 +19,10 @@ from cinegen.session import Setup
 def test_a_page_and_its_session_are_encrypted_with_the_certificate_that_is_printed(robot, tmp_path, caplog):
     with Cockpit(Setup({"four_bar": robot("four_bar")}), port=0, https=True, own_process=False) as cockpit:
         server, path = cockpit.server, tmp_path / "certificate.pem"
-        found = ssl.get_server_certificate(("127.0.0.1", server.port))
-        digest = hashlib.sha256(ssl.PEM_cert_to_DER_cert(found)).hexdigest().upper()
+        certificate = ssl.get_server_certificate(("127.0.0.1", server.port))
+        digest = hashlib.sha256(ssl.PEM_cert_to_DER_cert(certificate)).hexdigest().upper()
         assert server.certificate.fingerprint == ":".join(digest[i : i + 2] for i in range(0, 64, 2))
-        path.write_text(found)
+        path.write_text(certificate)
         context = ssl.create_default_context(cafile=str(path))  # trusts that one alone; the name is checked, too
         with urllib.request.urlopen(server.local_url, context=context, timeout=5) as answer:
             assert answer.status == 200
@@ -45,5 +45,5 @@ def test_a_page_and_its_session_are_encrypted_with_the_certificate_that_is_print
 
 @pytest.mark.parametrize("host", ["robot-pc", "::1"])
 def test_certificates_are_of_any_host(host):
-    one, other = self_signed(host), self_signed(host)
-    assert one.fingerprint != other.fingerprint
+    first, other = self_signed(host), self_signed(host)
+    assert first.fingerprint != other.fingerprint

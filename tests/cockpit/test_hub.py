@@ -139,10 +139,10 @@ def test_a_report_is_told_once_however_many_frames_are_left_out(hub):
 
 
 def test_the_first_who_does_something_holds_the_hand_until_it_is_taken_or_gone(hub):
-    one, first = join(hub)
+    first_client, first = join(hub)
     two, second = join(hub)
-    says(hub, one, **START)
-    assert hub.controller == one.number
+    says(hub, first_client, **START)
+    assert hub.controller == first_client.number
     says(hub, two, **MOVE)
     assert second.notices() == ["another browser has control: take it first"]
     assert hub.obeyed == [c.StartDrag("delta", "link5", (0, 0, 0))]
@@ -155,9 +155,9 @@ def test_the_first_who_does_something_holds_the_hand_until_it_is_taken_or_gone(h
     hub.leave(two)
     assert hub.controller is None
     assert hub.obeyed[-2:] == [c.EndDrag(), c.EndJointMotion()]
-    says(hub, one, type="undo")
-    assert hub.controller == one.number
-    says(hub, one, type="request_control", on=False)
+    says(hub, first_client, type="undo")
+    assert hub.controller == first_client.number
+    says(hub, first_client, type="request_control", on=False)
     assert hub.controller is None
 
 
@@ -254,19 +254,19 @@ def show(hub, *clients):
 
 
 def users_of(line):
-    return [[(one["client"], one["name"]) for one in said["users"]] for said in line.told if "users" in said]
+    return [[(user["client"], user["name"]) for user in said["users"]] for said in line.told if "users" in said]
 
 
 def test_users_and_their_pointers_are_seen_by_all_as_often_as_is_useful(hub, monkeypatch):
     now = 100.0
     at(monkeypatch, lambda: now)
     monkeypatch.setattr(hubs, "USERS", 0.05)
-    first, one = join(hub)
+    first, first_line = join(hub)
     second, other = join(hub)
     cursor = {"type": "set_cursor", "robot": "delta", "node": "link5", "point": [0, 0, 0.1]}
     says(hub, first, **cursor)  # who has no name is not shown
     show(hub, first, second)
-    assert users_of(one) == users_of(other) == []
+    assert users_of(first_line) == users_of(other) == []
     says(hub, first, **{"type": "set_user", "name": "<b>Ada</b>", "colour": 3})
     now += 0.06
     says(hub, first, **(cursor | {"dragging": True}))

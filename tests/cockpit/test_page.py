@@ -71,7 +71,7 @@ def test_a_geometry_of_many_objects_is_sent_once_and_whole_to_who_comes_after_th
     for names in ("abc", "bc"):
         (first,), *others = [command["object"]["geometries"] for command in _taken(page.feed())]
         assert first["data"]["attributes"]["position"]
-        assert [one for (one,) in others] == [{**first, "data": {"attributes": {}}}] * (len(names) - 1)
+        assert [geometry for (geometry,) in others] == [{**first, "data": {"attributes": {}}}] * (len(names) - 1)
         place[names[0]].delete()
 
 
@@ -110,8 +110,8 @@ def viewer(robot):
 def shown(viewer):
     """The newest transform (4, 4) of each path."""
     commands = map(umsgpack.unpackb, map(base64.b64decode, COMMAND.findall(viewer.meshcat.static_html())))
-    moves = (one for one in commands if one["type"] == "set_transform")
-    return {one["path"]: np.reshape(one["matrix"], (4, 4)).T for one in moves}
+    moves = (command for command in commands if command["type"] == "set_transform")
+    return {move["path"]: np.reshape(move["matrix"], (4, 4)).T for move in moves}
 
 
 def test_nodes_are_where_pinocchio_has_them_in_metres(viewer):
@@ -120,11 +120,11 @@ def test_nodes_are_where_pinocchio_has_them_in_metres(viewer):
     viewer.display(q)
     model, data = mechanism.model, mechanism.model.createData()
     pin.framesForwardKinematics(model, data, q)
-    found = shown(viewer)
-    np.testing.assert_array_equal(found["/meshcat/cinegen"], np.eye(4))
+    transforms = shown(viewer)
+    np.testing.assert_array_equal(transforms["/meshcat/cinegen"], np.eye(4))
     for node in mechanism.nodes:
         expected = data.oMf[model.getFrameId(node)].homogeneous
-        np.testing.assert_allclose(found[f"/meshcat/cinegen/:{mechanism.name}/:{node}"], expected, atol=1e-12)
+        np.testing.assert_allclose(transforms[f"/meshcat/cinegen/:{mechanism.name}/:{node}"], expected, atol=1e-12)
 
 
 def test_own_objects_are_shown_beside_the_robot_and_configurations_of_another_size_are_refused(viewer):
@@ -137,7 +137,7 @@ def test_own_objects_are_shown_beside_the_robot_and_configurations_of_another_si
 
 def test_its_server_is_for_this_machine_and_its_commands_for_this_user_and_nothing_is_left_of_it(viewer):
     port = int(viewer.meshcat.url().split(":")[2].split("/")[0])
-    listening = [one.laddr for one in psutil.Process().net_connections() if one.status == psutil.CONN_LISTEN]
+    listening = [conn.laddr for conn in psutil.Process().net_connections() if conn.status == psutil.CONN_LISTEN]
     assert {ip for ip, bound in listening if bound == port} == {"127.0.0.1"}
     socket = Path(viewer.meshcat.window.zmq_url.removeprefix("ipc://"))
     assert socket.parent.stat().st_mode & 0o077 == 0
@@ -161,7 +161,7 @@ def test_the_page_is_told_what_is_an_obstacle_and_its_title_names_robots_only(ro
     hello = hello_message(setup, title_of(setup), 1)
     assert title_of(setup) == "arm7"
     assert [robot.name for robot in hello.robots] == ["arm7"]
-    assert {one.name: one.mobility for one in hello.obstacles} == {"pole": 6, "floor": 0}
+    assert {obstacle.name: obstacle.mobility for obstacle in hello.obstacles} == {"pole": 6, "floor": 0}
     assert hello.obstacles[0].length == hello.robots[0].length  # marks on it are as large as on the robot
     session = Session(setup)
     message = state_message(session.state(), NodePoses(setup.robots), {})
@@ -175,10 +175,10 @@ def test_attached_objects_are_drawn_on_the_node_that_holds_them(robot):
     said = {"robot": "arm7.raff", "goal": {"point": [0.3, 0.3, 0.3]}, "obstacle": [POLE], "attached": [bar]}
     setup, page = scene_setup(scene_of(said, mechanism=robot("arm7"))), Page()
     draw(page, setup)
-    found = {(path, kind): command for (path, kind, _), command in page.scene().items() if "attached" in path}
-    (path,) = {path for path, kind in found if kind == "set_object"}
+    commands = {(path, kind): command for (path, kind, _), command in page.scene().items() if "attached" in path}
+    (path,) = {path for path, kind in commands if kind == "set_object"}
     assert path.startswith("/meshcat/cinegen/:arm7/:tool/attached a-bar")  # moves as the tool does
-    at = next(command for (_, kind), command in found.items() if kind == "set_transform")
+    at = next(command for (_, kind), command in commands.items() if kind == "set_transform")
     matrix = np.reshape(umsgpack.unpackb(at)["matrix"], (4, 4)).T  # by columns
     assert matrix[:3, 3] == pytest.approx([0.0, 0.0, 0.2])
 
@@ -207,7 +207,7 @@ def test_a_node_moves_about_its_axis_through_its_origin(robot, name):
     for node in moved:
         q, change = mechanism.q_home, np.zeros(mechanism.model.nv)
         change[mechanism.model.joints[mechanism.model.getJointId(node.joint)].idx_v] = step
-        before, after = (mechanism.placement(there, node.name) for there in (q, mechanism.integrate(q, change)))
+        before, after = (mechanism.placement(config, node.name) for config in (q, mechanism.integrate(q, change)))
         twist = pin.log6(before.actInv(after)).vector / step  # in the node's frame
         expected = [*node.axis, 0, 0, 0] if mechanism.is_prismatic(node.joint) else [0, 0, 0, *node.axis]
         assert twist == pytest.approx(np.array(expected), abs=1e-5)

@@ -28,10 +28,10 @@ def page(cockpit):
 
 def test_pages_are_sent_nothing_at_rest_and_programs_the_time(cockpit):
     pages, program = [Browser(cockpit.url, path="page") for _ in range(2)], Browser(cockpit.url)
-    assert becomes(lambda: all(one.report and one.report["rate"]["at_rest"] for one in pages))
-    received, time = [one.received for one in pages], program.state["time"]
+    assert becomes(lambda: all(browser.report and browser.report["rate"]["at_rest"] for browser in pages))
+    received, time = [browser.received for browser in pages], program.state["time"]
     assert becomes(lambda: program.state["time"] > time + 1.0)
-    assert [one.received for one in pages] == received
+    assert [browser.received for browser in pages] == received
 
 
 def test_pages_at_rest_see_at_once_who_has_control_and_who_is_there(cockpit, page):

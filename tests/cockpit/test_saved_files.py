@@ -134,7 +134,7 @@ def test_a_mesh_is_watched(tmp_path, name, text, unit):
     path.write_text(text)
     files, over = watched(path), threading.Event()
     part(tmp_path, 0.3)
-    (mesh,) = [one for one in files.wait(over).made.visual.geometryObjects if one.meshPath.endswith("part.stl")]
+    (mesh,) = [shape for shape in files.wait(over).made.visual.geometryObjects if shape.meshPath.endswith("part.stl")]
     assert np.ptp(mesh.geometry.vertices(), axis=0).max() == pytest.approx(0.3 * unit)
 
 
@@ -169,19 +169,19 @@ def test_all_browsers_meet_the_new_robot_of_a_session_in_a_process_of_its_own(tm
         path.write_text(text.replace('"b"', '"c"'))
         nodes = [node["name"] for node in _hellos(first)[0]["robots"][0]["nodes"]]
         assert nodes == ["base", "a", "b"]
-        for one in (first, second):
-            assert becomes(lambda one=one: len(_hellos(one)) == 2)
-            assert [node["name"] for node in _hellos(one)[-1]["robots"][0]["nodes"]] == ["base", "a", "c"]
+        for browser in (first, second):
+            assert becomes(lambda browser=browser: len(_hellos(browser)) == 2)
+            assert [node["name"] for node in _hellos(browser)[-1]["robots"][0]["nodes"]] == ["base", "a", "c"]
         assert becomes(lambda: len(second.state["poses"]["r"]) == 7 * 4)
         path.write_text(text.replace('type="continuous"', 'type="hinge"', 1))
-        for one in (first, second):
-            assert becomes(lambda one=one: "hinge" in _problem(one))
+        for browser in (first, second):
+            assert becomes(lambda browser=browser: "hinge" in _problem(browser))
         late = Browser(cockpit.url)
         assert becomes(lambda: "hinge" in _problem(late))
         assert cockpit.state.robots["r"].closure == 0.0
         path.write_text(text)
-        for one in (first, second, late):
-            assert becomes(lambda one=one: _problem(one) == "")
+        for browser in (first, second, late):
+            assert becomes(lambda browser=browser: _problem(browser) == "")
         assert cockpit.state.edition == 2
 
 
@@ -200,7 +200,7 @@ def test_a_client_may_name_what_is_gone_until_it_knows(robot):
     hub.receive(client, f'{{"type": "ack", "frame": {client.met}}}')
     hub.receive(client, f'{{"type": "pin", "robot": "r", "node": "{gone}"}}')
     assert "Unknown node" in connection.closed[1]
-    assert [one["type"] for one in connection.told] == ["hello", "hello"]
+    assert [message["type"] for message in connection.told] == ["hello", "hello"]
 
 
 def test_a_setup_that_can_not_be_driven_is_reported_and_the_session_goes_on(robot):
@@ -218,9 +218,9 @@ def test_a_setup_that_can_not_be_driven_is_reported_and_the_session_goes_on(robo
 
 
 def _hellos(browser):
-    return [one for one in browser.told if one["type"] == "hello"]
+    return [message for message in browser.told if message["type"] == "hello"]
 
 
 def _problem(browser):
-    found = [one["text"] for one in browser.told if one["type"] == "problem"]
-    return found[-1] if found else ""
+    problems = [message["text"] for message in browser.told if message["type"] == "problem"]
+    return problems[-1] if problems else ""

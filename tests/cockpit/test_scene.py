@@ -104,20 +104,20 @@ def test_a_robot_of_many_shapes_is_drawn_with_one_mesh_for_each_opacity_of_a_lin
     def meshes(shapes):
         (tmp_path / "r.urdf").write_text(f'<robot name="r"><link name="base">{shapes}</link></robot>')
         sent = drawn(cinegen.load(tmp_path / "r.urdf"))
-        parts = {path: one["object"] for path, one in sent.items() if "object" in one and "/:base/" in path}
+        parts = {path: command["object"] for path, command in sent.items() if "object" in command and "/:base/" in path}
         return [thing for path, thing in parts.items() if "triad" not in path]
 
     assert len(meshes(SHAPES.format(y=0))) == 4
     parts = meshes("".join(SHAPES.format(y=i) for i in range(200)))
-    opaque, glass = sorted(parts, key=lambda one: -one["materials"][0]["opacity"])
-    assert [one["materials"][0]["opacity"] for one in (opaque, glass)] == [1.0, 0.5]
+    opaque, glass = sorted(parts, key=lambda part: -part["materials"][0]["opacity"])
+    assert [part["materials"][0]["opacity"] for part in (opaque, glass)] == [1.0, 0.5]
 
     def surface(mesh, count):
         data = mesh["geometries"][0]["data"]
         arrays = [data["attributes"]["position"], data["attributes"]["color"], data["index"]]
         corners, colours, faces = (
-            np.frombuffer(one["array"].data, kind).reshape(-1, 3)
-            for one, kind in zip(arrays, ("<f4", "<f4", "<u4"), strict=True)
+            np.frombuffer(array["array"].data, kind).reshape(-1, 3)
+            for array, kind in zip(arrays, ("<f4", "<f4", "<u4"), strict=True)
         )
         solid = trimesh.Trimesh(corners, faces, process=False)
         solid.merge_vertices(merge_norm=True)

@@ -37,30 +37,30 @@ def read(block):
     assert behind % 4 == 0
     about = json.loads(block[4:behind])
     arrays = {
-        name: np.frombuffer(block, "<u4" if one["integer"] else "<f4", one["count"], behind + one["at"])
-        for name, one in about["arrays"].items()
+        name: np.frombuffer(block, "<u4" if entry["integer"] else "<f4", entry["count"], behind + entry["at"])
+        for name, entry in about["arrays"].items()
     }
-    assert len(block) == behind + sum(4 * one.size for one in arrays.values())
+    assert len(block) == behind + sum(4 * array.size for array in arrays.values())
     return about, arrays
 
 
 def test_the_page_gets_all_cells_as_numbers(cockpit, path):
     cells = ServedMap(map_setup(path).map).cells().arrays
-    told = json.loads(get(cockpit.url, "map/about.json")[1])
+    reported = json.loads(get(cockpit.url, "map/about.json")[1])
     status, block = get(cockpit.url, "map/cells.bin")
     assert status == 200
-    about, found = read(block)
-    assert about == told
+    about, arrays = read(block)
+    assert about == reported
     said = [about[name] for name in ("robot", "node", "quantity", "surface")]
     assert said == ["linkage", "tool", "solutions", True]
     assert (about["done"], about["cells"], about["shown"]) == (40, 40, len(cells["numbers"]))
-    assert found["numbers"].tolist() == cells["numbers"].tolist()
-    assert found["indices"].reshape(-1, 2).tolist() == cells["indices"].tolist()
-    assert found["points"].reshape(-1, 3) == pytest.approx(cells["points"], abs=1e-6)
+    assert arrays["numbers"].tolist() == cells["numbers"].tolist()
+    assert arrays["indices"].reshape(-1, 2).tolist() == cells["indices"].tolist()
+    assert arrays["points"].reshape(-1, 3) == pytest.approx(cells["points"], abs=1e-6)
     edges = np.broadcast_to([[0.1, 0.0, 0.0], [0.0, 0.08, 0.0]], (len(cells["points"]), 2, 3))
-    assert found["edges"].reshape(-1, 2, 3) == pytest.approx(edges, abs=1e-6)
-    assert found["value sigma_1"].tolist() == cells["value sigma_1"].tolist()
-    assert [one["unit"] for one in about["quantities"]] == ["1", "1"]
+    assert arrays["edges"].reshape(-1, 2, 3) == pytest.approx(edges, abs=1e-6)
+    assert arrays["value sigma_1"].tolist() == cells["value sigma_1"].tolist()
+    assert [quantity["unit"] for quantity in about["quantities"]] == ["1", "1"]
 
 
 def test_of_a_map_that_grows_the_page_gets_what_belongs_together(path, tmp_path):
@@ -70,18 +70,18 @@ def test_of_a_map_that_grows_the_page_gets_what_belongs_together(path, tmp_path)
     taken = [file for name in ("status", "reachable") for file in (where / name).glob("c.*")]
     kept = [file.rename(tmp_path / f"{file.parent.name} {file.name}") for file in taken]
     served = ServedMap(setup.map)
-    told = json.loads(served.about())
-    assert (told["done"], told["shown"]) == (0, 0)
-    for file, there in zip(taken, kept, strict=True):
-        there.rename(file)
-    about, found = read(served.block())
-    assert about == told
-    assert found["numbers"].size == 0
-    told = json.loads(served.about())
-    about, found = read(served.block())
-    assert about == told
+    reported = json.loads(served.about())
+    assert (reported["done"], reported["shown"]) == (0, 0)
+    for file, moved in zip(taken, kept, strict=True):
+        moved.rename(file)
+    about, arrays = read(served.block())
+    assert about == reported
+    assert arrays["numbers"].size == 0
+    reported = json.loads(served.about())
+    about, arrays = read(served.block())
+    assert about == reported
     assert about["done"] == 40
-    assert found["numbers"].tolist() == served.cells().arrays["numbers"].tolist()
+    assert arrays["numbers"].tolist() == served.cells().arrays["numbers"].tolist()
 
 
 def test_a_cell_says_how_it_is_reached_and_the_robot_goes_there(cockpit, path):
@@ -165,7 +165,7 @@ def serve(path, most=MOST):
 def where(mechanism, dataset, numbers):
     """(n, 3) the end in the configurations of cells, by Pinocchio."""
     q = dataset["configuration"].values.reshape(-1, mechanism.model.nq)[numbers]
-    return np.array([mechanism.placement(one, mechanism.end).translation for one in q])
+    return np.array([mechanism.placement(row, mechanism.end).translation for row in q])
 
 
 @pytest.mark.parametrize("most", [MOST, 60, 3])

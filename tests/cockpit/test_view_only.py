@@ -35,13 +35,13 @@ def test_it_sees_what_all_see(page):
     viewer, driver = Browser(page.view_url), Browser(page.url)
     scene = Browser(page.view_url, path="page")
     assert becomes(lambda: viewer.state is not None and driver.state is not None and scene.state is not None)
-    assert [one.told[0]["view_only"] for one in (viewer, driver, scene)] == [True, False, True]
-    assert [one.told[0]["view_token"] for one in (viewer, driver, scene)] == [None, page.server.view_token, None]
+    assert [client.told[0]["view_only"] for client in (viewer, driver, scene)] == [True, False, True]
+    assert [client.told[0]["view_token"] for client in (viewer, driver, scene)] == [None, page.server.view_token, None]
     assert any(isinstance(drawn, bytes) for drawn in scene.told)
     driver.say("move_joint", robot="delta4", joint="joint1", value=0.1)
     assert becomes(lambda: viewer.state["controller"] == driver.told[0]["client"])
-    for one in (viewer, driver, scene):
-        one.leave()
+    for client in (viewer, driver, scene):
+        client.leave()
 
 
 def test_its_commands_are_refused(page):

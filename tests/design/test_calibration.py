@@ -24,7 +24,7 @@ def measured(name: str, columns: tuple[str, ...], seed: int = 3) -> tuple[Parame
     rng = np.random.default_rng(seed)
     errors = errors_of(parameters) * min(1.0, 5.0 * parameters.mechanism.length)  # tssm is 20 mm high
     opening = Design(parameters).evaluate().opening
-    errors[[one in opening for one in parameters.names]] = 0.0
+    errors[[parameter in opening for parameter in parameters.names]] = 0.0
     truth = parameters.values + errors * rng.normal(size=len(parameters))
     end = parameters.mechanism.end
     return parameters, truth, exact(parameters, [f"{end}.{c}" for c in columns], truth, seed=seed)
@@ -42,9 +42,9 @@ def held_out() -> Calibration:
     return calibrate(parameters, noisy(readings, 3))
 
 
-def combinations(found: Calibration, truth: np.ndarray) -> np.ndarray:
-    errors = np.where(found.subspace.errors > 0.0, found.subspace.errors, 1.0)
-    return found.subspace.basis.T @ ((truth - found.nominal) / errors)
+def combinations(calibration: Calibration, truth: np.ndarray) -> np.ndarray:
+    errors = np.where(calibration.subspace.errors > 0.0, calibration.subspace.errors, 1.0)
+    return calibration.subspace.basis.T @ ((truth - calibration.nominal) / errors)
 
 
 def test_derivatives_against_differences():
@@ -56,52 +56,52 @@ def test_derivatives_against_differences():
     values = np.zeros((3, len(columns)))
     for k, joint in enumerate(columns[:7]):
         values[:, k] = q[:, mechanism.q_index(joint)]
-    one = Measurements.of(mechanism, columns, values, [0.0] * 6 + [1e-4] * 9)
-    observation = Observation(parameters, one, ["joint3", "joint1"])
+    measurements = Measurements.of(mechanism, columns, values, [0.0] * 6 + [1e-4] * 9)
+    observation = Observation(parameters, measurements, ["joint3", "joint1"])
     assert observation.inputs == mechanism.actuated
-    here = observation.predict(observation.values)
-    np.testing.assert_allclose(here.values[:, 0], values[:, 6], atol=1e-9)  # the loops lead to the passive joint
+    prediction = observation.predict(observation.values)
+    np.testing.assert_allclose(prediction.values[:, 0], values[:, 6], atol=1e-9)  # the loops lead to the passive joint
     for k in range(0, len(observation), 7):
         ends = []
         for step in (1e-6, -1e-6):
             theta = observation.values.copy()
             theta[k] += step
             ends.append(observation.predict(theta, derivatives=False).values)
-        np.testing.assert_allclose(here.jacobian[:, :, k], (ends[0] - ends[1]) / 2e-6, atol=1e-8)
+        np.testing.assert_allclose(prediction.jacobian[:, :, k], (ends[0] - ends[1]) / 2e-6, atol=1e-8)
 
 
 @pytest.mark.parametrize(("name", "count", "full", "position"), IDENTIFIABLE)
 def test_identifiable_combinations(name, count, full, position):
     for columns, wanted in ((POSE, full), (POSE[:3], position)):
-        found = calibrated(name, columns)
-        assert len(found.names) == count
-        assert found.subspace.rank == wanted
-        counted = found.subspace.rank + len(found.without_effect) + len(found.opening)
-        assert counted + sum(len(one.changes) for one in found.dependencies) == count
+        calibration = calibrated(name, columns)
+        assert len(calibration.names) == count
+        assert calibration.subspace.rank == wanted
+        counted = calibration.subspace.rank + len(calibration.without_effect) + len(calibration.opening)
+        assert counted + sum(len(dependency.changes) for dependency in calibration.dependencies) == count
 
 
 def test_dependencies_changed_by_dependencies():
-    found = calibrated("delta4", POSE)
-    assert changed_by_dependencies(found) < 1e-6
-    texts = [one.text for one in found.dependencies]
+    calibration = calibrated("delta4", POSE)
+    assert changed_by_dependencies(calibration) < 1e-6
+    texts = [dependency.text for dependency in calibration.dependencies]
     assert "base.gamma and base.theta: only their sum" in texts
     assert any(text.startswith("base moved, and link1, link6, link12 on it moved back") for text in texts)
 
 
 def test_estimates_obey_the_cramer_rao_bound():
-    truth, found = measured("delta4", POSE)[1], held_out()
-    wanted = combinations(found, truth)
-    sigma = np.sqrt(np.diag(found.combination_covariance))
-    assert (np.abs(found.combinations - wanted) <= 3.0 * sigma).mean() >= 0.95
-    whitened = np.linalg.solve(np.linalg.cholesky(found.combination_covariance), found.combinations - wanted)
+    truth, estimate = measured("delta4", POSE)[1], held_out()
+    wanted = combinations(estimate, truth)
+    sigma = np.sqrt(np.diag(estimate.combination_covariance))
+    assert (np.abs(estimate.combinations - wanted) <= 3.0 * sigma).mean() >= 0.95
+    whitened = np.linalg.solve(np.linalg.cholesky(estimate.combination_covariance), estimate.combinations - wanted)
     assert 0.4 < np.mean(whitened**2) < 1.8  # chi-square with some 45 degrees of freedom
-    assert 0.6 < found.fit < 1.4
-    for one in found.held_out:
-        assert one.noise < one.after < 2.0 * one.noise < 0.2 * one.before
-    for one, k in zip(found.names, found.separate, strict=True):
+    assert 0.6 < estimate.fit < 1.4
+    for held in estimate.held_out:
+        assert held.noise < held.after < 2.0 * held.noise < 0.2 * held.before
+    for name, k in zip(estimate.names, estimate.separate, strict=True):
         if k:  # the parameter itself, not only a combination
-            i = found.names.index(one)
-            assert abs(found.values[i] - truth[i]) < 4.5 * found.sigmas[i]
+            i = estimate.names.index(name)
+            assert abs(estimate.values[i] - truth[i]) < 4.5 * estimate.sigmas[i]
 
 
 @pytest.mark.parametrize("sigma", [{"*": "1.2mm", "*.*": "0.2deg"}, None], ids=["expected", "not expected"])
@@ -114,9 +114,9 @@ def test_the_covariance_holds_for_large_errors_of_what_is_not_determined(sigma):
         errors = 4.0 * errors_of(parameters) * np.random.default_rng(seed).normal(size=len(parameters))
         truth = parameters.values + errors
         readings = noisy(exact(parameters, columns, truth, seed=seed), seed + 100)
-        found = calibrate(parameters, readings, folds=0, robust=False, sigma=sigma)
-        off = found.combinations - combinations(found, truth)
-        chi2 += off @ np.linalg.solve(found.combination_covariance, off)
+        estimate = calibrate(parameters, readings, folds=0, robust=False, sigma=sigma)
+        off = estimate.combinations - combinations(estimate, truth)
+        chi2 += off @ np.linalg.solve(estimate.combination_covariance, off)
         count += len(off)
     assert chi2 / count == pytest.approx(1.0, abs=3.0 * np.sqrt(2.0 / count))
 
@@ -124,17 +124,17 @@ def test_the_covariance_holds_for_large_errors_of_what_is_not_determined(sigma):
 def test_outliers_change_little_and_are_listed():
     parameters, _, readings = measured("delta4", POSE)
     good, bad = noisy(readings, 3), noisy(readings, 3, 0.05)
-    found, again = held_out(), calibrate(parameters, bad, folds=0)
-    assert (changes(again, found) < 1.0).mean() > 0.98
+    reference, again = held_out(), calibrate(parameters, bad, folds=0)
+    assert (changes(again, reference) < 1.0).mean() > 0.98
     wrong = set(zip(*np.nonzero(bad.values != good.values), strict=True))
-    assert {(one.pose, one.column) for one in again.outliers} == wrong
+    assert {(outlier.pose, outlier.column) for outlier in again.outliers} == wrong
     # which least squares alone would not ignore
     small = Parameters("five_bar", ["link2.d", "link4.d", "link5.d"])
     readings = exact(small, ["tool.x", "tool.y"], small.values + 1e-4, seed=3)
-    found, bad = calibrate(small, noisy(readings, 3), folds=0), noisy(readings, 3, 0.05)
+    reference, bad = calibrate(small, noisy(readings, 3), folds=0), noisy(readings, 3, 0.05)
     with pytest.warns(CinegenWarning, match="times what the sigmas of the readings allow"):
         naive = calibrate(small, bad, folds=0, robust=False)
-    assert changes(naive, found).max() > 10.0
+    assert changes(naive, reference).max() > 10.0
 
 
 def test_dependent_columns_on_which_divide_and_conquer_fails():
@@ -147,8 +147,8 @@ def test_dependent_columns_on_which_divide_and_conquer_fails():
     lost = np.random.default_rng([3, 1]).choice(len(rows), 72, replace=False)
     values = readings.values.copy()
     values[rows[lost], columns[lost]] = np.nan
-    found = calibrate(parameters, Measurements(readings.quantities, values, readings.sigmas, readings.labels), folds=0)
-    assert found.subspace.rank == 42
+    result = calibrate(parameters, Measurements(readings.quantities, values, readings.sigmas, readings.labels), folds=0)
+    assert result.subspace.rank == 42
 
 
 def test_offsets_gains_and_redundant_encoders():
@@ -170,10 +170,10 @@ def test_offsets_gains_and_redundant_encoders():
     observation = Observation(parameters, blank, list(mechanism.actuated))
     values[:, 2:] = observation.predict(np.append(truth, gains), derivatives=False).values
     readings = noisy(Measurements.of(mechanism, columns, values, sigmas), 1)
-    found = calibrate(parameters, readings, gains=mechanism.actuated)
-    assert found.subspace.basis.shape[1] == 6
-    assert (np.abs(found.values - np.append(truth, gains)) < 4.0 * found.sigmas).all()
-    assert found.sigmas.max() < 1e-4
+    calibration = calibrate(parameters, readings, gains=mechanism.actuated)
+    assert calibration.subspace.basis.shape[1] == 6
+    assert (np.abs(calibration.values - np.append(truth, gains)) < 4.0 * calibration.sigmas).all()
+    assert calibration.sigmas.max() < 1e-4
 
 
 @pytest.mark.filterwarnings("ignore:.*graphics that can't be shown")
@@ -181,18 +181,18 @@ def test_the_raff_file_is_the_calibrated_robot(tmp_path):
     """Loaded anew, it is where the robot was measured."""
     plain, parameters = Parameters("delta4"), everything("delta4")
     rng = np.random.default_rng(0)
-    errors = np.where([bool(one.joint) for one in parameters.all], 0.0, errors_of(parameters))  # encoders are exact
+    errors = np.where([bool(param.joint) for param in parameters.all], 0.0, errors_of(parameters))  # encoders are exact
     truth = parameters.values + errors * rng.normal(size=len(errors))
     end = parameters.mechanism.end
     readings = noisy(exact(parameters, [f"{end}.{c}" for c in POSE], truth), 1)
-    found = calibrate(Parameters("delta4"), readings)
-    (tmp_path / "new.raff").write_text(found.raff())
+    calibration = calibrate(Parameters("delta4"), readings)
+    (tmp_path / "new.raff").write_text(calibration.raff())
     start = Observation(plain, readings).start()
     at = Design(Parameters(tmp_path / "new.raff")).evaluate(q=start)
     actuated = len(plain.mechanism.actuated)
     off = at.placements(end)[:, :3, 3] - readings.values[:, actuated : actuated + 3]
     assert np.sqrt(np.mean(off**2)) < 7e-5
-    assert raff2urdf.loads(found.raff()).robots
+    assert raff2urdf.loads(calibration.raff()).robots
 
 
 MISTAKES = [
@@ -205,8 +205,8 @@ MISTAKES = [
 def test_wrong_units_are_asked_back(factors, message):
     parameters, _, readings = measured("delta4", POSE)
     values = readings.values.copy()
-    for k, one in enumerate(readings.quantities):
-        values[:, k] *= factors.get(one.name, 1.0)
+    for k, quantity in enumerate(readings.quantities):
+        values[:, k] *= factors.get(quantity.name, 1.0)
     bad = Measurements(readings.quantities, values, readings.sigmas, readings.labels, "m.csv")
     with pytest.raises((DesignError, cinegen.CinegenError), match=message):
         calibrate(parameters, Measurements.loads(bad.text("m", "rad"), parameters.mechanism, "m.csv"))
@@ -214,9 +214,9 @@ def test_wrong_units_are_asked_back(factors, message):
 
 def test_joints_that_nothing_determines_are_named():
     mechanism = cinegen.load("five_bar")
-    one = Measurements.of(mechanism, ["joint1", "tool.x"], [[1.0, 0.1]], [0.0, 1e-4])
+    lacking = Measurements.of(mechanism, ["joint1", "tool.x"], [[1.0, 0.1]], [0.0, 1e-4])
     with pytest.raises(DesignError, match=r"joint3 is neither measured nor given by the loops: .* such as joint3"):
-        calibrate("five_bar", one)
+        calibrate("five_bar", lacking)
     gap = Measurements.of(mechanism, ["joint1", "joint3", "tool.x"], [[1.0, np.nan, 0.1]], [0.0, 0.0, 1e-4])
     with pytest.raises(DesignError, match="pose 1, joint3: the reading is missing"):
         calibrate("five_bar", gap)
@@ -230,8 +230,8 @@ def test_proposed_poses_are_better_than_random_ones():
     parameters, _, readings = measured("delta4", POSE[:3])
     some = noisy(readings, 1)
     some = Measurements(some.quantities, some.values[:20], some.sigmas[:20], some.labels[:20])
-    found = calibrate(parameters, some, folds=0)
-    best = propose(found, 6, 80)
+    calibration = calibrate(parameters, some, folds=0)
+    best = propose(calibration, 6, 80)
     assert best.gain > 1.05 * best.random_gain > 1.05
     again = Measurements.loads(best.text().replace(",,,", ",0,0,0"), parameters.mechanism)
     limits = parameters.mechanism.limits
@@ -241,8 +241,8 @@ def test_proposed_poses_are_better_than_random_ones():
 
     def information(lines: Measurements) -> np.ndarray:
         observation = Observation(parameters, lines)
-        here = observation.predict(observation.values)
-        rows = here.jacobian / observation.sigmas[..., None] * found.subspace.errors
+        prediction = observation.predict(observation.values)
+        rows = prediction.jacobian / observation.sigmas[..., None] * calibration.subspace.errors
         return np.einsum("nkp,nkq->pq", rows, rows)
 
     base = np.eye(len(parameters)) + information(some)
@@ -258,13 +258,13 @@ def test_proposed_poses_are_better_than_random_ones():
 
 def test_noise_of_encoders_widens_the_covariance():
     parameters, truth, readings = measured("delta4", POSE)
-    inputs = [k for k, one in enumerate(readings.quantities) if one.kind == "joint"]
+    inputs = [k for k, quantity in enumerate(readings.quantities) if quantity.kind == "joint"]
     sigmas = readings.sigmas.copy()
     sigmas[:, inputs] = 2e-4
     values = readings.values + sigmas * np.random.default_rng(5).normal(size=readings.values.shape)
-    found = calibrate(parameters, Measurements(readings.quantities, values, sigmas, readings.labels), folds=0)
-    assert 0.6 < found.fit < 1.4  # without the encoders' part, it would be beyond 10
-    sigma = np.sqrt(np.diag(found.combination_covariance))
-    assert (np.abs(found.combinations - combinations(found, truth)) <= 3.0 * sigma).mean() >= 0.95
+    calibration = calibrate(parameters, Measurements(readings.quantities, values, sigmas, readings.labels), folds=0)
+    assert 0.6 < calibration.fit < 1.4  # without the encoders' part, it would be beyond 10
+    sigma = np.sqrt(np.diag(calibration.combination_covariance))
+    assert (np.abs(calibration.combinations - combinations(calibration, truth)) <= 3.0 * sigma).mean() >= 0.95
     exact_ones = calibrate(parameters, noisy(readings, 1), folds=0)
     assert (sigma > np.sqrt(np.diag(exact_ones.combination_covariance))).all()

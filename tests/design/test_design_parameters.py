@@ -85,7 +85,7 @@ def test_ties_of_any_factors(numbers):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         parameters = Parameters("five_bar", ["link5.d", "frame20.d"], ties)
-    full = dict(zip((one.name for one in parameters.all), parameters.full([0.3, 0.7]), strict=True))
+    full = dict(zip((parameter.name for parameter in parameters.all), parameters.full([0.3, 0.7]), strict=True))
     np.testing.assert_allclose(full["link4.d"], c * 0.3 - d * 0.7, atol=1e-12)
     np.testing.assert_allclose(full["link2.d"], a * (c * 0.3 - d * 0.7) + b / 1000.0, atol=1e-12)
 
@@ -107,7 +107,7 @@ def test_text_with_other_values(name):
     text, wanted = parameters.with_values(p), parameters.document_with(p)
     before = (ROBOTS / f"{name}.raff").read_text()
     assert raff2urdf.loads(text) == wanted
-    comments = [[line.partition("//")[2] for line in one.split("\n")] for one in (text, before)]
+    comments = [[line.partition("//")[2] for line in source.split("\n")] for source in (text, before)]
     assert comments[0] == comments[1]
     assert parameters.with_values(parameters.values) == before
 
@@ -130,8 +130,8 @@ def test_a_urdf(tmp_path):
     longer = parameters.mechanism_with(parameters.values + 0.01)
     assert len(parameters) > 0
     design = Design(parameters)
-    here = design.evaluate(parameters.values + 0.01).placements(longer.end)[0]
-    np.testing.assert_allclose(here, longer.placement(longer.q_home, longer.end).homogeneous, atol=1e-9)
+    placed = design.evaluate(parameters.values + 0.01).placements(longer.end)[0]
+    np.testing.assert_allclose(placed, longer.placement(longer.q_home, longer.end).homogeneous, atol=1e-9)
     assert "robot" in parameters.with_values(parameters.values)
 
 
@@ -156,11 +156,11 @@ def test_a_healed_mechanism_is_evaluated_as_it_was_healed(tmp_path):
     with pytest.warns(CinegenWarning, match="healed"):
         parameters = Parameters(tmp_path / "bent.raff", "link2.d")
     design, mechanism = Design(parameters), parameters.mechanism
-    here = design.evaluate(q=mechanism.random_closed(1)[0])
-    assert here.gap[0] < 1e-12
+    evaluation = design.evaluate(q=mechanism.random_closed(1)[0])
+    assert evaluation.gap[0] < 1e-12
     for node in mechanism.nodes:
-        placed = mechanism.placement(here.q[0], node).homogeneous
-        np.testing.assert_allclose(here.placements(node)[0], placed, atol=1e-12)
+        placed = mechanism.placement(evaluation.q[0], node).homogeneous
+        np.testing.assert_allclose(evaluation.placements(node)[0], placed, atol=1e-12)
     assert design.evaluate(parameters.values + 1e-3).gap[0] < 1e-12
     with pytest.warns(CinegenWarning, match="healed"):
         assert parameters.mechanism_with(parameters.values + 1e-3).mobility == 2
@@ -171,7 +171,7 @@ def test_other_joints_may_be_fixed():
     """The elbows of a five-bar are fixed, and its actuated joints move."""
     parameters = Parameters("five_bar", "link*.d")
     design, mechanism = Design(parameters, fixed=("joint2", "joint4")), parameters.mechanism
-    here = design.evaluate()
+    evaluation = design.evaluate()
     for k in range(len(parameters)):
         poses = []
         for step in (1e-5, -1e-5):
@@ -182,7 +182,7 @@ def test_other_joints_may_be_fixed():
             assert q[mechanism.q_index("joint2")] == mechanism.q_home[mechanism.q_index("joint2")]
             poses.append(changed.placement(q, "tool").translation)
         numeric = (poses[0] - poses[1]) / 2e-5
-        np.testing.assert_allclose(here.pose_derivative("tool", "world")[0, :3, k], numeric, atol=1e-8)
+        np.testing.assert_allclose(evaluation.pose_derivative("tool", "world")[0, :3, k], numeric, atol=1e-8)
 
 
 def test_designs_go_to_other_processes():
@@ -220,46 +220,46 @@ def difference(values: list[np.ndarray], step: float) -> np.ndarray:
 
 
 def sampled(
-    one: Design, opening: Sequence[str], seed: int, count: int
+    source: Design, opening: Sequence[str], seed: int, count: int
 ) -> Iterator[tuple[int, float, float, list[Mechanism]]]:
     """Yield some parameters that open no loop: index, unit, step, and the mechanisms of the edited documents."""
-    chosen = np.random.default_rng(seed).permutation([k for k, name in enumerate(one.names) if name not in opening])
+    chosen = np.random.default_rng(seed).permutation([k for k, name in enumerate(source.names) if name not in opening])
     for k in chosen[:count]:
-        is_length = one.parameters.all[one.parameters.find(one.names[k])].unit == "m"
-        unit = one.mechanism.length if is_length else 1.0
-        yield k, unit, 1e-3 * unit, [edited(one.parameters, k, s * 1e-3 * unit) for s in STEPS]
+        is_length = source.parameters.all[source.parameters.find(source.names[k])].unit == "m"
+        unit = source.mechanism.length if is_length else 1.0
+        yield k, unit, 1e-3 * unit, [edited(source.parameters, k, s * 1e-3 * unit) for s in STEPS]
 
 
 @pytest.mark.parametrize("name", [*FEW, "rssr"])
 def test_edited_documents(name: str) -> None:
-    one = design(name)
-    mechanism = one.mechanism
+    source = design(name)
+    mechanism = source.mechanism
     q = [mechanism.q_home, *mechanism.random_closed(1, 5)][-1]
-    here, node, length = one.evaluate(q=q), mechanism.end, mechanism.length
-    assert here.gap[0] < 1e-12
-    nominal = mechanism.placement(here.q[0], node)
+    at_q, node, length = source.evaluate(q=q), mechanism.end, mechanism.length
+    assert at_q.gap[0] < 1e-12
+    nominal = mechanism.placement(at_q.q[0], node)
     scale = np.repeat([1.0 / length, 1.0], 3)
-    amplified = here.amplification(node)[0]
+    amplified = at_q.amplification(node)[0]
     np.testing.assert_allclose(
-        amplified, jacobian_by(mechanism, here.q[0], node, one.fixed), atol=1e-9 * max(1.0, length)
+        amplified, jacobian_by(mechanism, at_q.q[0], node, source.fixed), atol=1e-9 * max(1.0, length)
     )
-    by_p = here.amplification_derivative(node)[0]
+    by_p = at_q.amplification_derivative(node)[0]
     if name == "rssr":
-        assert here.opening == ()
-    for k, unit, step, changed in sampled(one, here.opening, 3, 100 if name == "rssr" else 6):
-        open_poses = [pin.log6(nominal.actInv(m.placement(here.q[0], node))).vector * scale for m in changed]
-        moved = here.node_parameters(node)[0, :, k] * scale
+        assert at_q.opening == ()
+    for k, unit, step, changed in sampled(source, at_q.opening, 3, 100 if name == "rssr" else 6):
+        open_poses = [pin.log6(nominal.actInv(m.placement(at_q.q[0], node))).vector * scale for m in changed]
+        moved = at_q.node_parameters(node)[0, :, k] * scale
         np.testing.assert_allclose(unit * moved, unit * difference(open_poses, step), atol=1e-8)
-        residuals = [m.structure.system.evaluate(here.q[0])[0] for m in changed]
-        np.testing.assert_allclose(unit * here.loop_parameters[0, :, k], unit * difference(residuals, step), atol=1e-8)
-        closed = [m.close(here.q[0], mechanism.actuated) for m in changed]
+        residuals = [m.structure.system.evaluate(at_q.q[0])[0] for m in changed]
+        np.testing.assert_allclose(unit * at_q.loop_parameters[0, :, k], unit * difference(residuals, step), atol=1e-8)
+        closed = [m.close(at_q.q[0], mechanism.actuated) for m in changed]
         placed = [m.placement(c, node) for m, c in zip(changed, closed, strict=True)]
-        there = one.evaluate(one.parameters.values + STEPS[0] * step * np.eye(len(one.names))[k], here.q[0])
-        np.testing.assert_allclose(there.placements(node)[0], placed[0].homogeneous, atol=1e-10)
+        ahead = source.evaluate(source.parameters.values + STEPS[0] * step * np.eye(len(source.names))[k], at_q.q[0])
+        np.testing.assert_allclose(ahead.placements(node)[0], placed[0].homogeneous, atol=1e-10)
         poses = [pin.log6(nominal.actInv(place)).vector * scale for place in placed]
-        moved = here.pose_derivative(node)[0, :, k] * scale
+        moved = at_q.pose_derivative(node)[0, :, k] * scale
         np.testing.assert_allclose(unit * moved, unit * difference(poses, step), atol=1e-8)
-        jacobians = [jacobian_by(m, c, node, one.fixed) for m, c in zip(changed, closed, strict=True)]
+        jacobians = [jacobian_by(m, c, node, source.fixed) for m, c in zip(changed, closed, strict=True)]
         numeric = difference(jacobians, step) * scale[:, None] * unit
         size = max(1.0, np.abs(numeric).max())
         np.testing.assert_allclose(by_p[..., k] * scale[:, None] * unit, numeric, atol=1e-8 * size)
@@ -271,18 +271,18 @@ WRENCH = np.array([3.0, -2.0, 5.0, 0.3, 0.7, -0.4])
 @pytest.mark.parametrize("name", FEW)
 def test_torques_that_hold(name: str) -> None:
     """Against the inverse dynamics of edited documents; masses that follow from dimensions stay those of the file."""
-    one = design(name)
-    mechanism = one.mechanism
+    source = design(name)
+    mechanism = source.mechanism
     loads = [Payload(mechanism.end, wrench=tuple(WRENCH))]
-    here = one.evaluate(q=[mechanism.q_home, *mechanism.random_closed(1, 5)][-1])
-    torques, by_p = holding_torques(here, {mechanism.end: WRENCH}, massless=True)
-    expected = InverseDynamics(mechanism, loads, massless=True).torques(here.q[0])
+    at_q = source.evaluate(q=[mechanism.q_home, *mechanism.random_closed(1, 5)][-1])
+    torques, by_p = holding_torques(at_q, {mechanism.end: WRENCH}, massless=True)
+    expected = InverseDynamics(mechanism, loads, massless=True).torques(at_q.q[0])
     size = max(1.0, float(np.abs(expected).max()))
     np.testing.assert_allclose(torques[0], expected, atol=1e-9 * size)
-    torques, by_p = holding_torques(here, {mechanism.end: WRENCH}, gravity=(0.0, 0.0, 0.0))
-    weights, by_weight = holding_torques(here, massless=True)
-    for k, unit, step, changed in sampled(one, here.opening, 7, 4):
-        closed = [m.close(here.q[0], mechanism.actuated) for m in changed]
+    torques, by_p = holding_torques(at_q, {mechanism.end: WRENCH}, gravity=(0.0, 0.0, 0.0))
+    weights, by_weight = holding_torques(at_q, massless=True)
+    for k, unit, step, changed in sampled(source, at_q.opening, 7, 4):
+        closed = [m.close(at_q.q[0], mechanism.actuated) for m in changed]
         pairs = list(zip(changed, closed, strict=True))
         held = [InverseDynamics(m, loads, (0.0, 0.0, 0.0), True).torques(c) for m, c in pairs]
         size = max(1.0, float(np.abs(torques).max()))
@@ -293,8 +293,8 @@ def test_torques_that_hold(name: str) -> None:
             np.testing.assert_allclose(unit * by_weight[0, :, k], unit * difference(held, step), atol=1e-8 * size)
 
 
-def same_masses(one: Mechanism, other: Mechanism) -> bool:
-    masses = [{link: (body.mass, *body.centre) for link, body in stated(m).items()} for m in (one, other)]
+def same_masses(first: Mechanism, other: Mechanism) -> bool:
+    masses = [{link: (body.mass, *body.centre) for link, body in stated(m).items()} for m in (first, other)]
     same = masses[0].keys() == masses[1].keys()
     return same and all(np.allclose(masses[0][link], masses[1][link], 1e-12, 1e-12) for link in masses[0])
 
@@ -321,7 +321,7 @@ def random_robot(rng: np.random.Generator, size: int) -> Document:
             parts.append(RaffLink(number, written(), JointType(int(rng.integers(0, 3))), pred))
         else:
             compound = list(CompoundKind)[rng.integers(0, 4)]
-            free = [name for name, own in VARIABLES[compound].items() if own is None]
+            free = [name for name, parameter in VARIABLES[compound].items() if parameter is None]
             variables = tuple(RaffVariable(name, float(rng.uniform(-40.0, 40.0))) for name in free)
             parts.append(RaffLink(number, written(), JointType.FIXED, pred, compound=compound, variables=variables))
     return Document("random", (RaffRobot("random", RaffBase(written()), tuple(parts)),))
@@ -335,16 +335,16 @@ def test_random_trees(seed: int, size: int):
     design, mechanism = Design(parameters), parameters.mechanism
     q = mechanism.structure.system.integrate(mechanism.q_home, rng.normal(size=mechanism.model.nv))
     p = parameters.values + rng.uniform(-0.3, 0.3, len(parameters))
-    here, changed = design.evaluate(p, q), parameters.mechanism_with(p)
+    at_p, changed = design.evaluate(p, q), parameters.mechanism_with(p)
     for node in mechanism.nodes:
-        np.testing.assert_allclose(here.placements(node)[0], changed.placement(q, node).homogeneous, atol=1e-12)
+        np.testing.assert_allclose(at_p.placements(node)[0], changed.placement(q, node).homogeneous, atol=1e-12)
     k, node, step = int(rng.integers(len(p))), mechanism.nodes[int(rng.integers(len(mechanism.nodes)))], 1e-4
     ahead, behind = (design.evaluate(p + sign * step * np.eye(len(p))[k], q) for sign in (1.0, -1.0))
-    seen = pin.SE3(here.placements(node)[0])
-    moved = [pin.log6(seen.actInv(pin.SE3(one.placements(node)[0]))).vector for one in (ahead, behind)]
-    np.testing.assert_allclose(here.pose_derivative(node)[0, :, k], (moved[0] - moved[1]) / (2.0 * step), atol=1e-7)
+    seen = pin.SE3(at_p.placements(node)[0])
+    moved = [pin.log6(seen.actInv(pin.SE3(evaluation.placements(node)[0]))).vector for evaluation in (ahead, behind)]
+    np.testing.assert_allclose(at_p.pose_derivative(node)[0, :, k], (moved[0] - moved[1]) / (2.0 * step), atol=1e-7)
     by_p = (ahead.amplification(node)[0] - behind.amplification(node)[0]) / (2.0 * step)
-    np.testing.assert_allclose(here.amplification_derivative(node)[0, ..., k], by_p, atol=1e-6)
+    np.testing.assert_allclose(at_p.amplification_derivative(node)[0, ..., k], by_p, atol=1e-6)
 
 
 @settings(max_examples=40)
@@ -353,20 +353,20 @@ def test_own_variables_are_offsets_of_encoders(seed: int):
     """A joint whose encoder is off by some value is where it would be with that much more in its reading."""
     rng = np.random.default_rng(seed)
     document = random_robot(rng, 5)
-    own = [one for one in Parameters(document).all if one.joint]
-    if not own:
+    variables = [variable for variable in Parameters(document).all if variable.joint]
+    if not variables:
         return
-    one = own[int(rng.integers(len(own)))]
-    parameters = Parameters(document, one.name)
+    variable = variables[int(rng.integers(len(variables)))]
+    parameters = Parameters(document, variable.name)
     design, mechanism = Design(parameters), parameters.mechanism
     q = mechanism.q_home.copy()
-    q[mechanism.q_index(one.joint)] += 0.1
+    q[mechanism.q_index(variable.joint)] += 0.1
     off = design.evaluate(parameters.values + 0.1)
     for node in mechanism.nodes:
         np.testing.assert_allclose(off.placements(node)[0], mechanism.placement(q, node).homogeneous, atol=1e-12)
     node = mechanism.end
     np.testing.assert_allclose(
         design.evaluate().pose_derivative(node)[0, :, 0],
-        mechanism.jacobian(mechanism.q_home, node)[:, mechanism.v_index(one.joint)],
+        mechanism.jacobian(mechanism.q_home, node)[:, mechanism.v_index(variable.joint)],
         atol=1e-12,
     )

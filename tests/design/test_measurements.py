@@ -31,14 +31,14 @@ def read(text: str) -> Measurements:
 
 def test_units_of_headers_and_cells():
     rows = "# tracker\nsigma,,,0.05,0.02mm\na,90,1.5rad,120,0.9\nb,80,70deg,0.2m,\nsigma,,,0.1,\nc,1,2,3,\n"
-    found = read(HEADER + rows)
-    assert found.labels == ("a", "b", "c")
-    np.testing.assert_allclose(found.values[:2, :3], [[np.pi / 2, 1.5, 0.12], [np.radians(80), np.radians(70), 0.2]])
-    assert found.values[0, 3] == 0.9
-    assert np.isnan(found.values[1:, 3]).all()
-    np.testing.assert_allclose(found.sigmas[:, 2], [5e-5, 5e-5, 1e-4])
-    assert not found.sigmas[:, :2].any()
-    distance = found.quantities[3]
+    table = read(HEADER + rows)
+    assert table.labels == ("a", "b", "c")
+    np.testing.assert_allclose(table.values[:2, :3], [[np.pi / 2, 1.5, 0.12], [np.radians(80), np.radians(70), 0.2]])
+    assert table.values[0, 3] == 0.9
+    assert np.isnan(table.values[1:, 3]).all()
+    np.testing.assert_allclose(table.sigmas[:, 2], [5e-5, 5e-5, 1e-4])
+    assert not table.sigmas[:, :2].any()
+    distance = table.quantities[3]
     assert (distance.kind, distance.of, distance.point) == ("distance", "tool", (0.0, 0.0, 0.05))
     assert distance.reference == (1.0, 0.0, 0.0)
 
@@ -47,11 +47,11 @@ def test_units_of_headers_and_cells():
 def test_written_files_are_read_again(mark):
     columns = ["joint1", "joint3", "tool.x", "tool.rz", "tool.along(0 3 4)"]
     values = [[1.0, 2.0, 0.1, 0.2, 0.3], [1.1, 2.1, np.nan, 0.3, 0.4]]
-    one = Measurements.of(ROBOT, columns, values, [0.0, 1e-4, 1e-5, 1e-4, 1e-5])
-    again = read(one.text().replace(",", mark))
+    written = Measurements.of(ROBOT, columns, values, [0.0, 1e-4, 1e-5, 1e-4, 1e-5])
+    again = read(written.text().replace(",", mark))
     np.testing.assert_allclose(again.values, values, rtol=1e-9)
-    np.testing.assert_allclose(again.sigmas, one.sigmas, rtol=1e-9)
-    assert again.quantities == one.quantities
+    np.testing.assert_allclose(again.sigmas, written.sigmas, rtol=1e-9)
+    assert again.quantities == written.quantities
     np.testing.assert_allclose(again.quantities[4].reference, [0.0, 0.6, 0.8])
 
 
@@ -110,19 +110,19 @@ def few() -> Measurements:
     return noisy(exact(FEW, ["tool.x", "tool.y"], truth, poses=15), 4)
 
 
-def checked(name: str, given: Measurements, sigma: dict[str, str] | None = None) -> None:
+def checked(name: str, measurements: Measurements, sigma: dict[str, str] | None = None) -> None:
     """Compare measurements with a robot as it is described."""
-    check(ColumnComparison(Observation(ALL(name), given), expected_errors(ALL(name), sigma)))
+    check(ColumnComparison(Observation(ALL(name), measurements), expected_errors(ALL(name), sigma)))
 
 
 def of_values(change: Callable[..., None]) -> Callable[..., Mistaken]:
     """Make a mistake of a function that changes values in place, and of its other arguments."""
 
     def mistake(*arguments, **options) -> Mistaken:
-        def mistaken(given: Measurements) -> Measurements:
-            values = given.values.copy()
+        def mistaken(measurements: Measurements) -> Measurements:
+            values = measurements.values.copy()
             change(values, *arguments, **options)
-            return replace(given, values=values)
+            return replace(measurements, values=values)
 
         return mistaken
 
@@ -135,8 +135,8 @@ def scaled(values, factor, *at, offset=0.0):
 
 
 @of_values
-def placed(values, at, there):
-    values[:, at] = values[:, there]
+def placed(values, at, source):
+    values[:, at] = values[:, source]
 
 
 @of_values
@@ -170,9 +170,9 @@ def reversed_lines(values):
 def named(names: dict[str, str]) -> Mistaken:
     """The same numbers below other names."""
 
-    def change(given: Measurements) -> Measurements:
-        columns = [names.get(one.name, one.name) for one in given.quantities]
-        return Measurements.of(ALL("five_bar").mechanism, columns, given.values, given.sigmas)
+    def change(measurements: Measurements) -> Measurements:
+        columns = [names.get(quantity.name, quantity.name) for quantity in measurements.quantities]
+        return Measurements.of(ALL("five_bar").mechanism, columns, measurements.values, measurements.sigmas)
 
     return change
 
@@ -180,10 +180,10 @@ def named(names: dict[str, str]) -> Mistaken:
 def tracked(mistaken: Mistaken) -> Mistaken:
     """The same mistake in positions that a tracker has read."""
 
-    def change(given: Measurements) -> Measurements:
-        columns = [one.name + (" @ tracker" if one.kind != "joint" else "") for one in given.quantities]
-        there = in_frame((2, -1, 120), (1.9, -0.6, 0.4))(given)
-        return mistaken(Measurements.of(ALL("scara").mechanism, columns, there.values, there.sigmas))
+    def change(plain: Measurements) -> Measurements:
+        columns = [quantity.name + (" @ tracker" if quantity.kind != "joint" else "") for quantity in plain.quantities]
+        in_tracker = in_frame((2, -1, 120), (1.9, -0.6, 0.4))(plain)
+        return mistaken(Measurements.of(ALL("scara").mechanism, columns, in_tracker.values, in_tracker.sigmas))
 
     return change
 
@@ -235,9 +235,9 @@ def test_true_deviations_of_three_expected_errors_are_no_mistake(name, kinds):
 
 
 def test_the_right_readings_are_taken_without_a_word(few):
-    found = calibrate(FEW, few)
-    assert not found.outliers
-    assert found.fit < 2.0
+    calibration = calibrate(FEW, few)
+    assert not calibration.outliers
+    assert calibration.fit < 2.0
 
 
 @pytest.mark.parametrize(
@@ -251,10 +251,10 @@ def test_sigmas_in_another_unit_are_named(few, factor, says):
 
 def test_a_sign_that_the_expected_errors_could_explain_is_named_by_the_estimate():
     """The platform of a delta rotates by its errors alone: about z by 0.1 degrees."""
-    given = scaled(-1.0, 8)(right("delta4", 6, poses=20))
-    checked("delta4", given)
+    flipped = scaled(-1.0, 8)(right("delta4", 6, poses=20))
+    checked("delta4", flipped)
     with pytest.raises(DesignError, match=r"They fit with the opposite sign of platform\.rz \(.* then\)"):
-        calibrate(ALL("delta4"), given, folds=0)
+        calibrate(ALL("delta4"), flipped, folds=0)
 
 
 @pytest.mark.parametrize(("name", "changed"), [("scara", {"link1.theta": "20deg"}), ("five_bar", {"base.d": "60mm"})])
@@ -262,12 +262,12 @@ def test_a_robot_that_really_is_so_is_taken_with_the_expected_errors_that_the_me
     """The zero of a joint, and a base that stands elsewhere."""
     parameters = Parameters("scara", ["*.d", "link1.theta", "link2.theta"]) if name == "scara" else FEW
     truth = parameters.with_changed(changed)
-    given = noisy(exact(parameters, ["tool.x", "tool.y"], truth, 20), 1)
+    measured = noisy(exact(parameters, ["tool.x", "tool.y"], truth, 20), 1)
     with pytest.raises(DesignError) as caught:
-        calibrate(parameters, given, folds=0)
+        calibrate(parameters, measured, folds=0)
     remedy = re.search(r"--sigma '(.*)'$", str(caught.value))[1]
-    found = calibrate(parameters, given, folds=0, sigma=[tuple(part.split("=")) for part in remedy.split(", ")])
-    assert found.fit < 2.0
+    estimate = calibrate(parameters, measured, folds=0, sigma=[tuple(part.split("=")) for part in remedy.split(", ")])
+    assert estimate.fit < 2.0
 
 
 def test_a_robot_that_no_parameter_explains_is_refused(few):
@@ -289,9 +289,9 @@ def test_what_no_mistake_explains_is_refused_with_its_column(few):
 def test_a_minority_of_outliers_is_left_out_and_counts_in_held_out_errors(few):
     values = few.values.copy()
     values[3, 2] += 0.02
-    found = calibrate(FEW, replace(few, values=values))
-    assert [(one.pose, one.column) for one in found.outliers] == [(3, 2)]
-    (held,) = found.held_out
+    calibration = calibrate(FEW, replace(few, values=values))
+    assert [(outlier.pose, outlier.column) for outlier in calibration.outliers] == [(3, 2)]
+    (held,) = calibration.held_out
     assert held.count == 30
     assert held.after == pytest.approx(0.02 / np.sqrt(30), rel=0.1)
     assert held.kept < 1e-4
@@ -301,15 +301,15 @@ def test_a_parameter_that_is_far_from_its_description_is_named_and_taken_when_it
     parameters = ALL("five_bar")
     truth = parameters.values.copy()
     truth[parameters.names.index("link2.d")] += 0.02
-    given = noisy(exact(parameters, ["tool.x", "tool.y"], truth, poses=25), 6)
+    measured = noisy(exact(parameters, ["tool.x", "tool.y"], truth, poses=25), 6)
     with pytest.warns(cinegen.CinegenWarning, match=r"link2\.d by 0\.02 m, 67 times.*--sigma link2\.d=(\S+)") as met:
-        found = calibrate("five_bar", given, folds=0)
+        estimate = calibrate("five_bar", measured, folds=0)
     wanted = truth[parameters.names.index("link2.d")]
-    assert found.values[found.names.index("link2.d")] == pytest.approx(wanted, abs=1e-3)
+    assert estimate.values[estimate.names.index("link2.d")] == pytest.approx(wanted, abs=1e-3)
     name, _, amount = str(met[0].message).rpartition("--sigma ")[2].partition("=")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        calibrate("five_bar", given, sigma={name: amount}, folds=0)
+        calibrate("five_bar", measured, sigma={name: amount}, folds=0)
 
 
 # --- left out parameters ----------------------------------------------------------------------------------------------
@@ -321,31 +321,31 @@ DELTA = everything("delta4")
 
 def readings(changed: dict[str, str], kinds: int, noise: float, angles: float = 1.0) -> Measurements:
     """Readings of a delta with other dimensions: positions of its platform, or poses; factors of their noise."""
-    given = exact(DELTA, [f"platform.{c}" for c in POSE[:kinds]], DELTA.with_changed(changed), 25, 1)
-    factors = np.array([noise if one.kind in "xyz" else angles for one in given.quantities])
-    return noisy(replace(given, sigmas=factors * given.sigmas), 101)
+    measured = exact(DELTA, [f"platform.{c}" for c in POSE[:kinds]], DELTA.with_changed(changed), 25, 1)
+    factors = np.array([noise if quantity.kind in "xyz" else angles for quantity in measured.quantities])
+    return noisy(replace(measured, sigmas=factors * measured.sigmas), 101)
 
 
 def test_a_tower_beside_its_place_is_told_from_a_turned_one():
     """A turned tower turns the joints of its rods, too: the readings don't fit then."""
-    given = readings({"link6.r": "8mm"}, 3, 1.0)
+    measured = readings({"link6.r": "8mm"}, 3, 1.0)
     with pytest.warns(CinegenWarning, match=r"link6\.r \(or .*\), which is not estimated, would explain") as met:
-        turned = calibrate(Parameters("delta4", ["link6.gamma"]), given, folds=0)
+        turned = calibrate(Parameters("delta4", ["link6.gamma"]), measured, folds=0)
     added = re.search(r"(link\S+) \(or .* add it to --vary", str(met[0].message))[1]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = calibrate(Parameters("delta4", ["link6.gamma", added]), given, folds=0, sigma={added: "10mm"})
-    values = dict(zip(found.names, found.values, strict=True))
+        estimate = calibrate(Parameters("delta4", ["link6.gamma", added]), measured, folds=0, sigma={added: "10mm"})
+    values = dict(zip(estimate.names, estimate.values, strict=True))
     assert values["link6.r"] == pytest.approx(0.008, abs=2e-4)
     assert values["link6.gamma"] == pytest.approx(np.radians(120), abs=1e-4)
     assert turned.values[0] < np.radians(119.9)  # -0.13 degrees: what a wrong model makes of the place
 
 
 def test_several_towers_beside_their_places_are_named():
-    given = readings({"link6.r": "8mm", "link12.r": "5mm"}, 3, 1.0)
+    measured = readings({"link6.r": "8mm", "link12.r": "5mm"}, 3, 1.0)
     says = r"link6\.r .*, link12\.r .*, which are not estimated, .* add them to --vary"
     with pytest.warns(CinegenWarning, match=says):
-        calibrate(Parameters("delta4", ["*.gamma"]), given, folds=0)
+        calibrate(Parameters("delta4", ["*.gamma"]), measured, folds=0)
 
 
 def test_an_angle_that_fits_is_told_from_a_place_that_fits_as_well_by_the_rotation_of_the_platform():
@@ -356,8 +356,8 @@ def test_an_angle_that_fits_is_told_from_a_place_that_fits_as_well_by_the_rotati
         calibrate(turned, readings({"link6.gamma": "120.3deg"}, 3, 100.0), folds=0)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = calibrate(turned, readings({"link6.gamma": "120.3deg"}, 6, 100.0), folds=0)
-    assert found.values[0] == pytest.approx(np.radians(120.3), abs=4.0 * found.sigmas[0])
+        estimate = calibrate(turned, readings({"link6.gamma": "120.3deg"}, 6, 100.0), folds=0)
+    assert estimate.values[0] == pytest.approx(np.radians(120.3), abs=4.0 * estimate.sigmas[0])
 
 
 # --- measuring frames -------------------------------------------------------------------------------------------------
@@ -384,8 +384,8 @@ def test_readings_of_a_device_by_rigid_motions():
     observation = Observation(parameters, readings)
     observation.frames.start = {"tracker": TRACKER.homogeneous, "ball": BALL.homogeneous}
     observation._is_placed = True
-    here = observation.predict(observation.values)
-    for q, row in zip(here.q, here.values, strict=True):
+    prediction = observation.predict(observation.values)
+    for q, row in zip(prediction.q, prediction.values, strict=True):
         seen = TRACKER.actInv(mechanism.placement(q, "tool") * BALL)
         np.testing.assert_allclose(row[:3], seen.translation, atol=1e-12)
         np.testing.assert_allclose(row[3:6], pin.rpy.matrixToRpy(seen.rotation), atol=1e-12)
@@ -395,10 +395,10 @@ def test_readings_of_a_device_by_rigid_motions():
         np.testing.assert_allclose(row[7], point @ [1.0, 1.0, 2.0] / np.sqrt(6.0), atol=1e-12)
         np.testing.assert_allclose(row[8], mechanism.placement(q, "link5").translation[0], atol=1e-12)
     theta = observation.values + np.append([1e-3], 0.2 * np.random.default_rng(0).normal(size=12))
-    here = observation.predict(theta)
+    prediction = observation.predict(theta)
     for k, name in enumerate(observation.names):
         ends = [observation.predict(theta + step * np.eye(13)[k], derivatives=False).values for step in (1e-6, -1e-6)]
-        np.testing.assert_allclose(here.jacobian[:, :, k], (ends[0] - ends[1]) / 2e-6, atol=2e-9, err_msg=name)
+        np.testing.assert_allclose(prediction.jacobian[:, :, k], (ends[0] - ends[1]) / 2e-6, atol=2e-9, err_msg=name)
 
 
 def test_a_tracker_and_its_target_are_found():
@@ -408,12 +408,12 @@ def test_a_tracker_and_its_target_are_found():
     readings = noisy(read_by_tracker(parameters, [f"tool(ball).{c} @ tracker" for c in "xyz"], truth), 2)
     readings.values[3, 7] += 1.0
     readings.values[17, 9] -= 1.0
-    found = calibrate(parameters, readings, folds=0)
-    assert found.subspace.rank == len(found.names) == 3 + 6 + 3
-    assert (np.abs(found.values[:3] - truth) < 4.0 * found.sigmas[:3]).all()
-    assert {(one.pose, one.column) for one in found.outliers} == {(3, 7), (17, 9)}
-    device, ball = pin.SE3(found.frames["tracker"]), found.frames["ball"]
-    sigma = found.sigmas[3:]
+    estimate = calibrate(parameters, readings, folds=0)
+    assert estimate.subspace.rank == len(estimate.names) == 3 + 6 + 3
+    assert (np.abs(estimate.values[:3] - truth) < 4.0 * estimate.sigmas[:3]).all()
+    assert {(outlier.pose, outlier.column) for outlier in estimate.outliers} == {(3, 7), (17, 9)}
+    device, ball = pin.SE3(estimate.frames["tracker"]), estimate.frames["ball"]
+    sigma = estimate.sigmas[3:]
     off = device * TRACKER.inverse()
     assert (np.abs(pin.log3(off.rotation)) < 4.0 * sigma[3:6]).all()
     assert (np.abs(device.translation - TRACKER.translation) < 4.0 * sigma[:3]).all()
@@ -429,21 +429,23 @@ def test_where_the_robot_stands_is_not_told_from_where_the_device_stands():
     # the platform does not rotate: a ball on it can't be found
     columns = [f"platform({'ball' if c in POSE[3:] else '60mm -30mm 80mm'}).{c} @ tracker" for c in POSE]
     readings = noisy(read_by_tracker(parameters, columns, truth), 3)
-    found = calibrate(parameters, readings)
-    assert not found.outliers
-    assert found.subspace.rank == rank
-    assert 0.8 < found.fit < 1.25
-    for one in found.held_out:
-        assert one.noise < one.after < 2.0 * one.noise
-    named = [one for one in found.dependencies if one.text.startswith("robot and tracker move together as one body: ")]
+    result = calibrate(parameters, readings)
+    assert not result.outliers
+    assert result.subspace.rank == rank
+    assert 0.8 < result.fit < 1.25
+    for held in result.held_out:
+        assert held.noise < held.after < 2.0 * held.noise
+    named = [
+        group for group in result.dependencies if group.text.startswith("robot and tracker move together as one body: ")
+    ]
     assert len(named) >= 4
     tracker = [f"tracker.{c}" for c in POSE]
-    changes = [dict(zip(one.names, change, strict=True)) for one in found.dependencies for change in one.changes]
+    changes = [dict(zip(group.names, change, strict=True)) for group in result.dependencies for change in group.changes]
     moved = [[change.get(component, 0.0) for component in tracker] for change in changes]
     assert np.linalg.matrix_rank(moved, tol=1e-6) == 6
-    counted = rank + len(found.without_effect) + sum(len(one.changes) for one in found.dependencies)
-    assert counted == len(found.names)
-    assert changed_by_dependencies(found) < 1e-5
+    counted = rank + len(result.without_effect) + sum(len(group.changes) for group in result.dependencies)
+    assert counted == len(result.names)
+    assert changed_by_dependencies(result) < 1e-5
 
 
 def test_targets_on_nodes_that_do_not_rotate_are_told():
@@ -481,6 +483,6 @@ def test_positions_of_a_device_in_another_unit_are_asked_back():
         for line in lines[2:]:
             line[-3:] = [f"{scale * float(cell):.9g}" for cell in line[-3:]]
         bad = Measurements.loads("\n".join(",".join(line) for line in lines), parameters.mechanism, "m.csv")
-        told = f"m.csv: .* {factor} times as large: are they in {meant}, and read as {unit}"
-        with pytest.raises(DesignError, match=told):
+        message = f"m.csv: .* {factor} times as large: are they in {meant}, and read as {unit}"
+        with pytest.raises(DesignError, match=message):
             calibrate(parameters, bad)

@@ -54,15 +54,15 @@ ORTHOGLIDE = {
 
 
 def test_orthoglide(best_orthoglide):
-    found = best_orthoglide
+    best = best_orthoglide
     # along the diagonal the amplification is 1 / (1 + 2 f) and 1 / (1 - f), f = t / sqrt(L^2 - 2 t^2)
     t = np.array([1.0 / np.sqrt(6.0), -np.sqrt(2.0) / 6.0])
     length = 0.2 / (t[0] - t[1])
     assert length / 0.2 == pytest.approx(1.552914, abs=1e-6)
-    np.testing.assert_allclose(found.p[0], length, rtol=1e-6)
-    np.testing.assert_allclose(abs(found.p[1]), length * t.sum() / 2.0, rtol=1e-5)
-    assert found.check.reached == found.check.points == 512
-    assert 0.5 <= found.check.sigma[0] < found.check.sigma[1] <= 2.0
+    np.testing.assert_allclose(best.p[0], length, rtol=1e-6)
+    np.testing.assert_allclose(abs(best.p[1]), length * t.sum() / 2.0, rtol=1e-5)
+    assert best.check.reached == best.check.points == 512
+    assert 0.5 <= best.check.sigma[0] < best.check.sigma[1] <= 2.0
 
 
 def test_amplification_of_the_orthoglide_by_its_equations(best_orthoglide, tmp_path):
@@ -70,13 +70,13 @@ def test_amplification_of_the_orthoglide_by_its_equations(best_orthoglide, tmp_p
     path.write_text(best_orthoglide.raff, encoding="utf-8")
     length, offset = (Parameters(path, [name]).values[0] for name in ("link4.d", "frame20.d"))
     corners = np.array(np.meshgrid(*[[-0.1, 0.1]] * 3)).reshape(3, -1).T
-    found = []
+    factors = []
     for corner in corners + offset:  # of the platform from where bars are along the slides
         rows = np.diag(np.sqrt(length**2 - (corner @ corner - corner**2)))
         rows = np.where(np.eye(3) > 0, -rows, corner)
-        found.append(1.0 / np.linalg.svd(rows / np.diag(rows)[:, None], compute_uv=False))
-    assert np.min(found) == pytest.approx(0.5, abs=1e-6)
-    assert np.max(found) == pytest.approx(2.0, abs=1e-5)
+        factors.append(1.0 / np.linalg.svd(rows / np.diag(rows)[:, None], compute_uv=False))
+    assert np.min(factors) == pytest.approx(0.5, abs=1e-6)
+    assert np.max(factors) == pytest.approx(2.0, abs=1e-5)
 
 
 EVERYTHING = {
@@ -115,14 +115,14 @@ def test_derivatives_of_all_quantities(robot):
     def every(at: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         scores = problem.at(at)
         assert scores.reached.is_reached.all()
-        found = problem.scoring.constraints(scores)
-        return found | {one.text: problem.scoring.objective(one, scores) for one in problem.task.objectives}
+        constraints = problem.scoring.constraints(scores)
+        return constraints | {term.text: problem.scoring.objective(term, scores) for term in problem.task.objectives}
 
-    here = every(x)
+    quantities = every(x)
     for k, name in enumerate(problem.names):
         step = 1e-5 * np.eye(len(x))[k]
         near, far = ((every(x + size * step), every(x - size * step)) for size in (1.0, 2.0))
-        for what, rows in here.items():
+        for what, rows in quantities.items():
             small, large = (ahead[what].values - behind[what].values for ahead, behind in (near, far))
             numeric = (8.0 * small - large) / 12e-5  # Richardson's extrapolation
             size = max(1.0, np.abs(numeric).max(initial=0.0))
@@ -135,9 +135,9 @@ def test_state_continues(tmp_path):
     values = json.loads(state.read_text(encoding="utf-8"))
     values["starts"] = values["starts"][:1]
     state.write_text(json.dumps(values), encoding="utf-8")
-    told: list[int] = []
-    again = synthesize("five_bar", FIVE_BAR, state=state, report=lambda text, done, total: told.append(done))
-    assert told == [1]
+    reported: list[int] = []
+    again = synthesize("five_bar", FIVE_BAR, state=state, report=lambda text, done, total: reported.append(done))
+    assert reported == [1]
     np.testing.assert_array_equal(first.p, again.p)
     assert len(again.starts) == 2
     with pytest.raises(DesignError, match="belongs to another task"):
@@ -151,44 +151,44 @@ def test_front(tmp_path):
         front=5, starts=1,
     )  # fmt: skip
     state = tmp_path / "state.json"
-    found = synthesize("five_bar", values, state=state)
-    front = np.array([one.values for one in found.front])
+    result = synthesize("five_bar", values, state=state)
+    front = np.array([design.values for design in result.front])
     assert len(front) >= 4
     order = np.argsort(front[:, 0])
     assert (np.diff(front[order, 1]) < 0.0).all()  # better in one only by being worse in the other
-    ends = [synthesize("five_bar", changed(objective=[one], starts=1)).values[0] for one in values["objective"]]
+    ends = [synthesize("five_bar", changed(objective=[term], starts=1)).values[0] for term in values["objective"]]
     np.testing.assert_allclose(front.min(axis=0), ends, rtol=1e-4)
-    assert any(np.array_equal(found.p, one.p) for one in found.front)
-    assert f"Pareto front, {len(front)} designs" in found.text
-    assert found.text.count("<- written") == 1
+    assert any(np.array_equal(result.p, design.p) for design in result.front)
+    assert f"Pareto front, {len(front)} designs" in result.text
+    assert result.text.count("<- written") == 1
     kept = json.loads(state.read_text(encoding="utf-8"))
     assert len(kept["front"]) == 5
     kept["front"] = kept["front"][:-1]
     state.write_text(json.dumps(kept), encoding="utf-8")
-    told: list[tuple[str, int]] = []
-    again = synthesize("five_bar", values, state=state, report=lambda text, done, total: told.append((text, done)))
-    assert told == [("Pareto front", 4)]
-    np.testing.assert_allclose([one.values for one in again.front], front, rtol=1e-9)
+    reported: list[tuple[str, int]] = []
+    again = synthesize("five_bar", values, state=state, report=lambda text, done, total: reported.append((text, done)))
+    assert reported == [("Pareto front", 4)]
+    np.testing.assert_allclose([design.values for design in again.front], front, rtol=1e-9)
 
 
 ERRORS = {"sigma": {"link*.d": "0.05mm"}, "encoder": {"joint1": "0.02deg", "joint3": "0.02deg"}}
 DOWN = (0.0, -9.81, 0.0)
 LOAD = [Payload("tool", 3.0)]
 LARGEST = {
-    "mass": lambda robot, path, q: sum(one.mass for one in robot.model.inertias),
+    "mass": lambda robot, path, q: sum(inertia.mass for inertia in robot.model.inertias),
     "torque": lambda robot, path, q: np.abs(
-        [forces(robot, one, payloads=LOAD, gravity=DOWN).torques for one in q]
+        [forces(robot, row, payloads=LOAD, gravity=DOWN).torques for row in q]
     ).max(),
-    "accuracy": lambda robot, path, q: max(Tolerances(path, **ERRORS).at(one).position for one in q),
+    "accuracy": lambda robot, path, q: max(Tolerances(path, **ERRORS).at(row).position for row in q),
 }
 """What the loaded robot has at most in configurations."""
 
 
-def loaded(found, task, folder, count):
+def loaded(result, task, folder, count):
     """The file of a result, and what its robot, loaded anew, does where it should reach."""
     path = folder / "best.raff"
-    path.write_text(found.raff, encoding="utf-8")
-    problem = SynthesisProblem(path, task_of({**task, "parameters": dict.fromkeys(found.parameters.names, "-9..9m")}))
+    path.write_text(result.raff, encoding="utf-8")
+    problem = SynthesisProblem(path, task_of({**task, "parameters": dict.fromkeys(result.parameters.names, "-9..9m")}))
     return path, problem.scores_from_home(problem.parameters.values, problem.reach.grid(count))
 
 
@@ -204,10 +204,10 @@ def loaded(found, task, folder, count):
 )  # fmt: skip
 def test_objectives_are_those_of_the_loaded_robot(tmp_path, what, more):
     values = changed(objective=[{"minimise": what}], **more)
-    found = synthesize("five_bar", values)
-    assert found.values[0] < found.before[0]
-    path, scores = loaded(found, values, tmp_path, 9)
-    assert LARGEST[what](cinegen.load(path), path, scores.reached.q) == pytest.approx(found.values[0], rel=1e-3)
+    result = synthesize("five_bar", values)
+    assert result.values[0] < result.before[0]
+    path, scores = loaded(result, values, tmp_path, 9)
+    assert LARGEST[what](cinegen.load(path), path, scores.reached.q) == pytest.approx(result.values[0], rel=1e-3)
 
 
 @pytest.mark.slow
@@ -219,8 +219,8 @@ def test_clearance_is_that_of_capsules_in_coal(tmp_path):
         constraints={"joint_limits": False, "clearance": {"least": "90mm", "radius": "10mm", "obstacle": [obstacle]}},
     )  # fmt: skip
     free = synthesize("five_bar", {**values, "constraints": {"joint_limits": False}})
-    found = synthesize("five_bar", values)
-    for result in (free, found):
+    cleared = synthesize("five_bar", values)
+    for result in (free, cleared):
         path, scores = loaded(result, values, tmp_path, 9)
         robot, ball = cinegen.load(path), coal.Sphere(0.03)
         gaps = []
@@ -232,12 +232,12 @@ def test_clearance_is_that_of_capsules_in_coal(tmp_path):
             gaps += [apart(*arms[pair], ball, at(0.0, 0.12, 0.0)) for pair in bars[2:]]
             pairs = [(0, 3), (0, 5), (1, 2), (1, 4), (2, 3), (2, 5), (3, 4)]
             gaps += [apart(*arms[bars[a]], *arms[bars[b]]) for a, b in pairs]
-        if result is found:
+        if result is cleared:
             assert min(gaps) == pytest.approx(0.09, abs=1e-4)  # what is asked, and no more: it costs condition
             assert result.check.margins["clearance"] > -1e-3
         else:
             assert min(gaps) < 0.085
-    assert found.values[0] > free.values[0]
+    assert cleared.values[0] > free.values[0]
 
 
 def capsule(a: np.ndarray, b: np.ndarray, radius: float) -> tuple[coal.Capsule, pin.SE3]:
@@ -251,9 +251,9 @@ def test_poses_of_a_gough_platform(tmp_path):
         "parameters": {"link1.d": "0.5..1.2m", "link7.d": "0.5..1.2m"}, "reach": {"poses": poses}, "starts": 1,
         "objective": [{"minimise": "condition"}], "constraints": {"joint_limits": False},
     }  # fmt: skip
-    found = synthesize("gough", task)
-    assert found.values[0] < found.before[0] * 0.98
-    path, scores = loaded(found, task, tmp_path, 3)
+    result = synthesize("gough", task)
+    assert result.values[0] < result.before[0] * 0.98
+    path, scores = loaded(result, task, tmp_path, 3)
     robot = cinegen.load(path)
     for q, wanted in zip(scores.reached.q, [(0.0, 0.0, 0.9, 0, 0, 0), (0.05, -0.05, 0.95, 5, 3, -40)], strict=False):
         pose = robot.placement(q, robot.end)
@@ -270,10 +270,10 @@ def test_the_written_robot_is_in_the_assembly_mode_that_was_optimised():
         "ties": ["link2.d = link7.d = link13.d", "link4.d = link9.d = link15.d"],
         "reach": {"x": "-0.3..0.3", "y": "-0.3..0.3", "z": "-2.4..-1.9"}, "objective": [{"maximise": "sigma_1"}],
     }  # fmt: skip
-    found = synthesize("delta4", task)
-    assert found.check.reached == found.check.points == 512
+    result = synthesize("delta4", task)
+    assert result.check.reached == result.check.points == 512
     with pytest.warns(RaffWarning, match="graphics that can't be shown"):
-        robot = cinegen.load(found.raff)
+        robot = cinegen.load(result.raff)
     goal = pin.SE3(robot.placement(robot.q_home, robot.end).rotation, np.array([0.2, -0.2, -2.3]))
     assert cinegen.inverse_kinematics(robot, {robot.end: goal}).found
 
@@ -281,15 +281,15 @@ def test_the_written_robot_is_in_the_assembly_mode_that_was_optimised():
 def test_a_region_is_proved_with_the_result_or_the_task_is_not_done(monkeypatch):
     region = {"x": "-100..100mm", "y": "350..450mm"}
     task = changed(constraints={"joint_limits": False, "proved": True}, reach=region, starts=1)
-    found = synthesize("five_bar", task)
-    assert found.holds
-    assert "proved 100 % of the region" in found.text
-    assert cinegen.prove(cinegen.load(found.raff), {"x": (-0.1, 0.1), "y": (0.35, 0.45)})
+    result = synthesize("five_bar", task)
+    assert result.holds
+    assert "proved 100 % of the region" in result.text
+    assert cinegen.prove(cinegen.load(result.raff), {"x": (-0.1, 0.1), "y": (0.35, 0.45)})
     monkeypatch.setattr(search, "prove", partial(cinegen.prove, boxes=1))
-    found = synthesize("five_bar", task)
-    assert found.check.holds
-    assert not found.holds
-    assert "the region is not proved: the result does not do the whole task" in found.text
+    result = synthesize("five_bar", task)
+    assert result.check.holds
+    assert not result.holds
+    assert "the region is not proved: the result does not do the whole task" in result.text
 
 
 @pytest.mark.parametrize(
@@ -368,32 +368,32 @@ def joints_of_crank(p: dict[str, float], target: np.ndarray) -> np.ndarray:
     return np.abs(ends + p["frame4.d"] * coupler - other) - p["frame5.d"]
 
 
-def values_of(found) -> dict[str, float]:
-    return dict(zip(found.parameters.names, found.p, strict=True))
+def values_of(linkage) -> dict[str, float]:
+    return dict(zip(linkage.parameters.names, linkage.p, strict=True))
 
 
 @pytest.mark.parametrize(("points", "starts"), [(NINE[:8:2], 4), *slow((NINE, 24))], ids=["four", "nine"])
 def test_path(points, starts):
-    found = synthesize("four_bar", {"parameters": RANGES, "path": {"points": points}, "starts": starts})
-    assert found.error.max() < 1e-9
-    assert found.one_circuit
-    assert found.in_order
-    values = values_of(found)
+    linkage = synthesize("four_bar", {"parameters": RANGES, "path": {"points": points}, "starts": starts})
+    assert linkage.error.max() < 1e-9
+    assert linkage.one_circuit
+    assert linkage.in_order
+    values = values_of(linkage)
     lack = [np.abs(joints_of_crank(values, np.array(point))).min() for point in points]
     assert max(lack) < 1e-9
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", cinegen.CinegenWarning)  # home is outside of the limits of joint3
-        assert cinegen.load(found.raff).mobility == 1
+        assert cinegen.load(linkage.raff).mobility == 1
 
 
 def test_guidance():
     poses = [[0.2, 0.4, 10.0], [0.3, 0.45, 30.0], [0.35, 0.42, 55.0]]
-    found = synthesize("four_bar", {"parameters": RANGES, "guidance": {"poses": poses}, "starts": 4})
-    assert found.error.max() < 1e-9
+    linkage = synthesize("four_bar", {"parameters": RANGES, "guidance": {"poses": poses}, "starts": 4})
+    assert linkage.error.max() < 1e-9
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", cinegen.CinegenWarning)  # home is outside of the limits of joint3
-        robot = found.parameters.mechanism_with(found.p)
-    for q, (x, y, angle) in zip(found.q, poses, strict=True):
+        robot = linkage.parameters.mechanism_with(linkage.p)
+    for q, (x, y, angle) in zip(linkage.q, poses, strict=True):
         place = robot.placement(robot.close(q), "tool")
         np.testing.assert_allclose(place.translation[:2], [x, y], atol=1e-6)
         turned = np.degrees(np.arctan2(place.rotation[1, 0], place.rotation[0, 0]))
@@ -404,9 +404,9 @@ def test_function():
     ranges = {name: RANGES[name] for name in ("link2.d", "frame4.d", "frame5.d")} | {"link2.d": "50mm..0.8m"}
     pairs = [[40.0, 95.0], [65.0, 103.0], [90.0, 115.0]]
     task = {"parameters": ranges, "function": {"input": "joint1", "output": "joint3", "pairs": pairs}, "starts": 2}
-    found = synthesize("four_bar", task)
-    assert found.error.max() < 1e-9
-    p, fixed = values_of(found), Parameters("four_bar").values[Parameters("four_bar").index("link3.d")]
+    linkage = synthesize("four_bar", task)
+    assert linkage.error.max() < 1e-9
+    p, fixed = values_of(linkage), Parameters("four_bar").values[Parameters("four_bar").index("link3.d")]
     for crank, rocker in np.radians(pairs):  # Freudenstein: the coupler's length at each pair
         ends = p["link2.d"] * np.exp(1j * crank), fixed + p["frame5.d"] * np.exp(1j * rocker)
         assert abs(ends[0] - ends[1]) == pytest.approx(p["frame4.d"], abs=1e-9)
@@ -449,15 +449,15 @@ def optimum_with_coincident_base_joints() -> tuple[float, float, float]:
 
 
 def test_condition_of_the_written_five_bar():
-    found = synthesize("five_bar", WIDE)
-    inner, outer = found.p
+    result = synthesize("five_bar", WIDE)
+    inner, outer = result.p
     best = FiveBar(inner, outer, 0.15).condition(RECTANGLE).max()
-    assert found.before[0] == pytest.approx(FiveBar(0.25, 0.4, 0.15).condition(RECTANGLE).max(), rel=1e-6)
-    assert best == pytest.approx(found.values[0], rel=2e-4)  # on a grid that is finer than the optimiser's
-    assert found.check.condition <= best
+    assert result.before[0] == pytest.approx(FiveBar(0.25, 0.4, 0.15).condition(RECTANGLE).max(), rel=1e-6)
+    assert best == pytest.approx(result.values[0], rel=2e-4)  # on a grid that is finer than the optimiser's
+    assert result.check.condition <= best
     nearby = np.stack(np.meshgrid(*[np.linspace(-0.02, 0.02, 9)] * 2), -1).reshape(-1, 2)
     anywhere = np.stack(np.meshgrid(np.linspace(0.15, 0.5, 11), np.linspace(0.2, 0.7, 11)), -1).reshape(-1, 2)
-    for a, b in [*(nearby + found.p), *anywhere]:
+    for a, b in [*(nearby + result.p), *anywhere]:
         assert FiveBar(a, b, 0.15).condition(RECTANGLE).max() >= best * (1.0 - 2e-4)
 
 
@@ -465,8 +465,8 @@ def test_five_bar_with_coincident_base_joints(tmp_path):
     path = tmp_path / "coincident.raff"
     path.write_text(Parameters("five_bar", "link3.d", "link1.d = -1*link3.d").with_values([0.0]), encoding="utf-8")
     assert np.linalg.norm(cinegen.load(path).placement(cinegen.load(path).q_home, "link1").translation) < 1e-12
-    found = synthesize(path, WIDE)
+    result = synthesize(path, WIDE)
     inner, outer, worst = optimum_with_coincident_base_joints()
-    np.testing.assert_allclose(found.p, [inner, outer], rtol=1e-5)  # the grid has no point at sqrt(r0 r1)
-    assert worst * (1.0 - 1e-5) < found.values[0] <= worst  # of fewer points
-    assert found.check.condition <= worst * (1.0 + 1e-5)
+    np.testing.assert_allclose(result.p, [inner, outer], rtol=1e-5)  # the grid has no point at sqrt(r0 r1)
+    assert worst * (1.0 - 1e-5) < result.values[0] <= worst  # of fewer points
+    assert result.check.condition <= worst * (1.0 + 1e-5)

@@ -28,27 +28,27 @@ def bars(tmp_path):
 
 def test_a_2r_arm(two_r):
     sigma, encoder = {"link2.d": 1e-4, "tool.d": 2e-4}, {"joint1": 1e-3, "joint2": "0.1deg"}
-    found = tolerance(two_r, sigma, encoder=encoder, samples=30_000)
+    report = tolerance(two_r, sigma, encoder=encoder, samples=30_000)
     first, second, a, b = math.radians(30), math.radians(80), 0.4, 0.3
     u, v = (np.array([math.cos(x), math.sin(x)]) for x in (first, second))
     un, vn = (np.array([-x[1], x[0]]) for x in (u, v))
     # position by a, b, q1, q2, and its second derivatives
     jacobian = np.column_stack([u, v, a * un + b * vn, b * vn])
     deviation = np.array([1e-4, 2e-4, 1e-3, math.radians(0.1)])
-    np.testing.assert_allclose(found.covariance[:2, :2], (jacobian * deviation**2) @ jacobian.T, rtol=1e-10)
-    np.testing.assert_allclose(found.sigma[5], math.hypot(*deviation[2:]), rtol=1e-10)
-    np.testing.assert_allclose(found.covariance[2:5], 0.0, atol=1e-20)
+    np.testing.assert_allclose(report.covariance[:2, :2], (jacobian * deviation**2) @ jacobian.T, rtol=1e-10)
+    np.testing.assert_allclose(report.sigma[5], math.hypot(*deviation[2:]), rtol=1e-10)
+    np.testing.assert_allclose(report.covariance[2:5], 0.0, atol=1e-20)
     width = 3.0 * deviation
-    np.testing.assert_allclose(found.linear[:2], np.abs(jacobian) @ width, rtol=1e-10)
+    np.testing.assert_allclose(report.linear[:2], np.abs(jacobian) @ width, rtol=1e-10)
     zero = np.zeros(2)
     hessian = np.array([[zero, zero, un, zero], [zero, zero, vn, vn],
                         [un, vn, -a * u - b * v, -b * v], [zero, vn, -b * v, -b * v]])  # fmt: skip
     bend = 0.5 * np.einsum("ijx,i,j->x", np.abs(hessian), width, width)
-    np.testing.assert_allclose(found.second_order[:2], bend, rtol=1e-4)
-    np.testing.assert_allclose(found.second_order[5], 0.0, atol=1e-12)
-    assert found.covariance_error < 0.03
-    assert found.monte_carlo.outside == found.monte_carlo.failed == 0
-    assert found.monte_carlo.largest[0] > 0.5 * found.linear[0]
+    np.testing.assert_allclose(report.second_order[:2], bend, rtol=1e-4)
+    np.testing.assert_allclose(report.second_order[5], 0.0, atol=1e-12)
+    assert report.covariance_error < 0.03
+    assert report.monte_carlo.outside == report.monte_carlo.failed == 0
+    assert report.monte_carlo.largest[0] > 0.5 * report.linear[0]
 
 
 def coupler_point(a, b, c, g, e, slant, angle):
@@ -68,44 +68,44 @@ def test_a_four_bar(bars):
     names = ["link2.d", "frame4.d", "frame5.d", "link3.d", "tool.d", "tool.gamma", "link1.theta"]
     deviation = np.array([5e-5, 1e-4, 2e-5, 8e-5, 1e-4, 5e-4, 3e-4])
     sigma = dict(zip(names, deviation, strict=True))
-    found = tolerance(bars, {k: v for k, v in sigma.items() if k != "link1.theta"},
-                      encoder={"joint1": sigma["link1.theta"]}, samples=30_000)  # fmt: skip
-    numbers = np.array([0.12, 0.36, 0.24, 0.4, 0.15, math.radians(20), found.q[0]])
-    assert found.q.shape == (3,)  # joint1 first
-    np.testing.assert_allclose(found.pose[:2, 3], coupler_point(*numbers), atol=1e-12)
+    report = tolerance(bars, {k: v for k, v in sigma.items() if k != "link1.theta"},
+                       encoder={"joint1": sigma["link1.theta"]}, samples=30_000)  # fmt: skip
+    numbers = np.array([0.12, 0.36, 0.24, 0.4, 0.15, math.radians(20), report.q[0]])
+    assert report.q.shape == (3,)  # joint1 first
+    np.testing.assert_allclose(report.pose[:2, 3], coupler_point(*numbers), atol=1e-12)
     step = 1e-30j * np.eye(7)
     jacobian = np.column_stack([coupler_point(*(numbers + h)).imag / 1e-30 for h in step])
-    np.testing.assert_allclose(found.covariance[:2, :2], (jacobian * deviation**2) @ jacobian.T, rtol=1e-8)
-    np.testing.assert_allclose(found.linear[:2], np.abs(jacobian) @ (3.0 * deviation), rtol=1e-8)
-    assert found.covariance_error < 0.03
-    assert found.monte_carlo.outside == found.monte_carlo.failed == 0
-    share = {one.name: part for one, part in found.contributors()}
+    np.testing.assert_allclose(report.covariance[:2, :2], (jacobian * deviation**2) @ jacobian.T, rtol=1e-8)
+    np.testing.assert_allclose(report.linear[:2], np.abs(jacobian) @ (3.0 * deviation), rtol=1e-8)
+    assert report.covariance_error < 0.03
+    assert report.monte_carlo.outside == report.monte_carlo.failed == 0
+    share = {source.name: part for source, part in report.contributors()}
     total = ((jacobian * deviation) ** 2).sum()
     np.testing.assert_allclose(share["frame6.gamma"], ((jacobian[:, 5] * deviation[5]) ** 2).sum() / total, rtol=1e-8)
 
 
 def test_covariance_and_worst_case_hold_for_samples_of_a_spatial_loop():
-    found = tolerance("delta4", {"link*.d": "0.05mm", "link*.alpha": "0.01deg"}, samples=30_000, seed=1)
-    assert found.monte_carlo.failed == found.monte_carlo.outside == 0
-    assert found.covariance_error < 0.03
-    assert np.abs(found.monte_carlo.mean).max() < 0.1 * found.sigma.max()
+    report = tolerance("delta4", {"link*.d": "0.05mm", "link*.alpha": "0.01deg"}, samples=30_000, seed=1)
+    assert report.monte_carlo.failed == report.monte_carlo.outside == 0
+    assert report.covariance_error < 0.03
+    assert np.abs(report.monte_carlo.mean).max() < 0.1 * report.sigma.max()
 
 
 def test_what_the_linear_bound_misses_is_of_second_order(two_r):
     """The end of an arm that is stretched along x moves against x whichever way its joint errs."""
     two_r.write_text(two_bars((0, 0)))
-    found = tolerance(two_r, encoder={"joint1": "1deg"}, samples=20_000)
-    assert found.linear[0] < 1e-15
-    np.testing.assert_allclose(found.second_order[0], 0.5 * 0.7 * math.radians(3) ** 2, rtol=1e-3)
-    assert 0.5 * found.second_order[0] < found.monte_carlo.largest[0] <= found.worst[0]
+    report = tolerance(two_r, encoder={"joint1": "1deg"}, samples=20_000)
+    assert report.linear[0] < 1e-15
+    np.testing.assert_allclose(report.second_order[0], 0.5 * 0.7 * math.radians(3) ** 2, rtol=1e-3)
+    assert 0.5 * report.second_order[0] < report.monte_carlo.largest[0] <= report.worst[0]
 
 
 def test_play_is_even_in_a_disc(two_r):
-    found = tolerance(two_r, play={"joint2": "0.2mm"}, samples=50_000)
-    np.testing.assert_allclose(found.covariance[:2, :2], np.eye(2) * (1e-4**2), atol=1e-20)
-    np.testing.assert_allclose(found.linear[:2], 2e-4)
-    np.testing.assert_allclose(found.monte_carlo.covariance[:2, :2], np.eye(2) * 1e-8, atol=2e-10)
-    assert found.monte_carlo.largest[:2].max() <= 2e-4
+    report = tolerance(two_r, play={"joint2": "0.2mm"}, samples=50_000)
+    np.testing.assert_allclose(report.covariance[:2, :2], np.eye(2) * (1e-4**2), atol=1e-20)
+    np.testing.assert_allclose(report.linear[:2], 2e-4)
+    np.testing.assert_allclose(report.monte_carlo.covariance[:2, :2], np.eye(2) * 1e-8, atol=2e-10)
+    assert report.monte_carlo.largest[:2].max() <= 2e-4
     tilted = tolerance(two_r, play={"joint2": "0.1deg", "joint1.z": "0.5mm"})
     np.testing.assert_allclose(tilted.linear[2], 0.3 * math.radians(0.1) + 5e-4, rtol=1e-9)
 
@@ -118,13 +118,13 @@ def test_play_at_either_end_of_a_rocker_is_that_of_its_length(bars):
 
 
 def test_over_constrained_mechanisms_are_forced():
-    found = tolerance("five_bar", {"link2.alpha": "0.1deg", "link2.d": "0.1mm", "link3.r": "0.2mm"}, samples=1000)
-    assert set(found.forced.names) == {"link2.alpha", "link3.r"}
-    assert [one.name for one in found.sources] == ["link2.d"]
-    gap = dict(zip(found.forced.names, found.forced.position, strict=True))["link3.r"]
+    report = tolerance("five_bar", {"link2.alpha": "0.1deg", "link2.d": "0.1mm", "link3.r": "0.2mm"}, samples=1000)
+    assert set(report.forced.names) == {"link2.alpha", "link3.r"}
+    assert [source.name for source in report.sources] == ["link2.d"]
+    gap = dict(zip(report.forced.names, report.forced.position, strict=True))["link3.r"]
     np.testing.assert_allclose(gap, 3.0 * 2e-4, rtol=1e-6)  # one arm is 0.6 mm higher than the other
-    assert found.forced.worst_position >= gap
-    assert found.monte_carlo.failed == 0
+    assert report.forced.worst_position >= gap
+    assert report.monte_carlo.failed == 0
 
 
 def test_dimensions_of_one_set_up_err_alike():
@@ -136,10 +136,10 @@ def test_dimensions_of_one_set_up_err_alike():
     assert not tied.forced.names
     x = tied.pose[:3, 3]
     np.testing.assert_allclose(tied.sigma[2], math.radians(0.02) * abs(x[1]), rtol=1e-9)  # about x
-    names = [one.name for one in tied.sources]
+    names = [source.name for source in tied.sources]
     assert "link1.alpha = link3.alpha" in names
     assert "link2.d = link4.d" in names
-    each = {one.name: tolerance("five_bar", {one.name: 5e-5}) for one in apart.sources}
+    each = {source.name: tolerance("five_bar", {source.name: 5e-5}) for source in apart.sources}
     columns = [each[name].jacobian[:, 0] for name in ("link2.d", "link4.d")]
     others = sum(each[name].covariance for name in each if name not in ("link2.d", "link4.d"))
     wanted = others + np.outer(columns[0] + columns[1], columns[0] + columns[1]) * 5e-5**2
@@ -204,16 +204,16 @@ def test_a_singular_configuration_has_no_bound():
 
 def test_what_has_no_part_in_the_accuracy_is_told():
     assert tolerance("five_bar", {"frame20.gamma": "0.1deg", "frame20.d": "0.1mm"}).idle == ("frame20.gamma",)
-    found = tolerance("delta4", {"link2.d": 1e-4, "link7.d": 1e-4})  # only rounding rotates its platform
-    assert not found.contributors(orientation=True)
-    assert len(found.contributors()) == 2
+    report = tolerance("delta4", {"link2.d": 1e-4, "link7.d": 1e-4})  # only rounding rotates its platform
+    assert not report.contributors(orientation=True)
+    assert len(report.contributors()) == 2
 
 
 def test_equal_contributors_are_in_the_order_of_the_sources_whatever_the_rounding():
     rng = np.random.default_rng(0)
-    found = tolerance("delta4", encoder={f"joint{j}": "0.01deg" for j in (1, 6, 12)})
+    report = tolerance("delta4", encoder={f"joint{j}": "0.01deg" for j in (1, 6, 12)})
     for _ in range(8):
-        rounded = replace(found, shares=found.shares * (1.0 + 1e-12 * rng.normal(size=found.shares.shape)))
+        rounded = replace(report, shares=report.shares * (1.0 + 1e-12 * rng.normal(size=report.shares.shape)))
         assert [source.name for source, _ in rounded.contributors()] == [f"joint{j} (encoder)" for j in (1, 6, 12)]
 
 
@@ -222,17 +222,17 @@ def test_what_is_forced_is_what_loading_refuses():
     parameters = Parameters("four_bar")
     tolerances = Tolerances(parameters, [("*.*", "0.05mm"), ("*.*", "0.02deg")])
     forced, length = tolerances.at().forced, parameters.mechanism.length
-    for one in [one for one in parameters.names if not one.startswith("base")][::3]:
+    for name in [name for name in parameters.names if not name.startswith("base")][::3]:
         p = parameters.values.copy()
-        p[parameters.index(one)] += 1e-3 * (length if parameters.all[parameters.find(one)].unit == "m" else 1.0)
-        if one in forced.names:
+        p[parameters.index(name)] += 1e-3 * (length if parameters.all[parameters.find(name)].unit == "m" else 1.0)
+        if name in forced.names:
             with pytest.raises(ClosureError):
                 parameters.mechanism_with(p)
         else:
             parameters.mechanism_with(p)
-    width = {one.name: one.half_width for one in tolerances.sources}
-    for one, position, angle in zip(forced.names, forced.position, forced.angle, strict=True):
+    width = {source.name: source.half_width for source in tolerances.sources}
+    for name, position, angle in zip(forced.names, forced.position, forced.angle, strict=True):
         p = parameters.values.copy()
-        p[parameters.index(one)] += width[one]
+        p[parameters.index(name)] += width[name]
         gap = tolerances.design.evaluate(p, derivatives=False).gap[0]
         np.testing.assert_allclose(gap, max(position / length, angle), rtol=1e-5)

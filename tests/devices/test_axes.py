@@ -38,12 +38,12 @@ def velocity(axes, twist, **options):
 def test_a_mapping_and_its_inverse_are_the_identity(order, signs, sizes, twist):
     factors = np.array(signs) * np.array(sizes)
     inverse = np.argsort(order)
-    there = ", ".join(f"{factor!r}*{AXES[axis]}" for factor, axis in zip(factors.tolist(), order, strict=True))
+    forward = ", ".join(f"{factor!r}*{AXES[axis]}" for factor, axis in zip(factors.tolist(), order, strict=True))
     back = " ".join(f"{1.0 / float(factors[k])!r}*{AXES[k]}" for k in inverse)
-    turned = velocity(there, twist)
+    turned = velocity(forward, twist)
     assert turned == pytest.approx(factors * np.array(twist)[list(order)], rel=1e-12)
     assert velocity(back, tuple(turned)) == pytest.approx(twist, rel=1e-12)
-    assert parse_axes(format_axes(parse_axes(there))) == parse_axes(there)
+    assert parse_axes(format_axes(parse_axes(forward))) == parse_axes(forward)
 
 
 def test_what_is_left_out_stays_and_an_axis_may_command_a_translation_and_a_rotation():
@@ -101,8 +101,8 @@ def test_the_command_line_replaces_the_axes_of_a_file_with_or_without_its_port(r
 
     def device(*sensors):
         setup = arrange({"r": mechanism}, sensors=sensors)
-        one = setup.devices[0]
-        return one.url, one.axes, setup.switches[0].first
+        sensor = setup.devices[0]
+        return sensor.url, sensor.axes, setup.switches[0].first
 
     assert device() == ("gamepad:", "x, z, -y", None)
     assert device("1=spnav:") == ("spnav:", "x, z, -y", "1")
@@ -150,7 +150,7 @@ def test_a_mouse_moves_the_node_that_it_is_switched_to_and_its_axes_are_turned_b
             return delta.placement(runner.state.robots["delta"].q, "platform").translation[2]
 
         def sensor():
-            return next(one for one in runner.state.sensors if one.id == "1")
+            return next(listed for listed in runner.state.sensors if listed.id == "1")
 
         assert becomes(lambda: runner.state is not None and sensor().state.value == "live")
         for sign in (-1, 1):
@@ -188,7 +188,7 @@ def test_a_session_keeps_changed_axes_until_the_file_changes_them(raff, closing)
     session = closing(Session(setup('axes "-x"')))
 
     def shown():
-        return next(one.axes for one in session.state().sensors if one.id == "1")
+        return next(sensor.axes for sensor in session.state().sensors if sensor.id == "1")
 
     session.obey(c.SelectSensor("r", "frame2", "1"))
     session.obey(c.ChangeSensor("1", "y x"))

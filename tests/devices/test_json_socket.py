@@ -69,11 +69,11 @@ class Program:
 def comes(sensor, condition) -> Reading:
     readings = []
 
-    def there() -> bool:
+    def is_met() -> bool:
         readings.append(sensor.read())
         return readings[-1] is not None and condition(readings[-1])
 
-    assert becomes(there)
+    assert becomes(is_met)
     return readings[-1]
 
 
@@ -138,8 +138,8 @@ def test_all_problems_of_a_line_are_answered_at_once(sensor):
         fields = [problem.rpartition("`$")[2] for problem in program.answer().split("\n")]
         assert fields[1:] == [".twist[1]`", ".twist[4]`", ".translation`", ".buttons[0]`", ".buttons[2]`"]
         wanted = ["[0, 0, 0, 1]", "a rotation, with orthonormal columns", "a position within 1e+06 m"]
-        told = [problem.partition(" - ")[0] for problem in program.answer().split("\n")]
-        assert told == [f"Expected {one}" for one in wanted]
+        answers = [problem.partition(" - ")[0] for problem in program.answer().split("\n")]
+        assert answers == [f"Expected {text}" for text in wanted]
         assert program.answer() == "Expected `placement`, or both `translation` and `quaternion`"
         assert program.answer().endswith(" more")
 
@@ -187,8 +187,8 @@ def test_connections_that_say_nothing_keep_no_program_out(port, request):
     with Program(sensor) as program:
         drives(sensor, program, 1, 0, 0, 0, 0, 0)
     assert b"later connections have not sent their first line" in silent[0].recv(1000)
-    for one in silent:
-        one.close()
+    for peer in silent:
+        peer.close()
     assert becomes(lambda: "no programs" in sensor.status.message)
 
 
@@ -271,8 +271,8 @@ def test_tokens_are_random_unless_they_are_given(monkeypatch):
     random = {open_sensor(url).token for _ in range(3)}
     assert len(random) == 3
     assert min(map(len, random)) >= 20
-    given = open_sensor(f"{url}?token=my%20own")
-    assert (given.token, given.url) == ("my own", url)
+    with_token = open_sensor(f"{url}?token=my%20own")
+    assert (with_token.token, with_token.url) == ("my own", url)
     monkeypatch.setenv("CINEGEN_TOKEN", "lasting")
     assert open_sensor(url).token == "lasting"
     assert open_sensor(f"{url}?no-token").token == ""

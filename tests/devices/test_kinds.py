@@ -128,7 +128,7 @@ class Watched:
 
     def __call__(self, text: str) -> None:
         self.said += text
-        if all(one in self.said for one in self.expected):
+        if all(part in self.said for part in self.expected):
             raise KeyboardInterrupt
 
 
@@ -151,7 +151,7 @@ def test_a_device_is_monitored(tmp_path):
     try:
         for watched, options in ((lines, {}), (one_line, {"rewrite": True}), (recorded, {"as_json": True})):
             monitor(str(device.path), watched, 30.0, **options)
-            assert all(one in watched.said for one in watched.expected)
+            assert all(part in watched.said for part in watched.expected)
     finally:
         ended.set()
         thread.join()

@@ -76,20 +76,22 @@ def damaged(draw) -> tuple[bytes, bytes]:
 def test_every_whole_packet_is_used_and_nothing_else(sent):
     """Between two packets no noise: a packet that lost its CR runs into the next one, which is used all the same."""
     # Two packets of keys with four nibbles are what a model with more keys sends.
-    assume(sum(bool(re.fullmatch(rb"k[%b]{4}\r" % re.escape(NIBBLES), there)) for _, there in sent) < 2)
+    assume(sum(bool(re.fullmatch(rb"k[%b]{4}\r" % re.escape(NIBBLES), received)) for _, received in sent) < 2)
     decoder = Magellan()
-    found = decoder.feed(magellan_keys(0)) + decoder.feed(b"".join(there for _, there in sent))
-    stumps = [b"", *(there for _, there in sent)]
+    decoded = decoder.feed(magellan_keys(0)) + decoder.feed(b"".join(received for _, received in sent))
+    stumps = [b"", *(received for _, received in sent)]
     whole = [
         packet
-        for (packet, there), before in zip(sent, stumps, strict=False)
+        for (packet, received), before in zip(sent, stumps, strict=False)
         # Behind a packet of motion that is cut just there, a k may as well be a nibble of it that was damaged.
-        if packet == there and not (packet.startswith(b"k") and STUMP.search(before))
+        if packet == received and not (packet.startswith(b"k") and STUMP.search(before))
     ]
     expected = [event for packet in whole for event in Magellan().feed(packet)]
-    allowed = [event for packet, there in sent for event in Magellan().feed(packet)]
+    allowed = [event for packet, received in sent for event in Magellan().feed(packet)]
     for kind, before in ((MouseMotion, []), (MouseKeys, [MouseKeys(frozenset())])):
-        must, may, used = ([one for one in events if isinstance(one, kind)] for events in (expected, allowed, found))
+        must, may, used = (
+            [event for event in events if isinstance(event, kind)] for events in (expected, allowed, decoded)
+        )
         assert _within(must, used)
         # A damage that leaves the packet itself whole (noise in front of it) may leave it used.
         assert _within(used, [*before, *may])
@@ -98,7 +100,7 @@ def test_every_whole_packet_is_used_and_nothing_else(sent):
 def _within(some: list, more: list) -> bool:
     """Whether these come among those, in the same order."""
     rest = iter(more)
-    return all(any(one == other for other in rest) for one in some)
+    return all(any(event == other for other in rest) for event in some)
 
 
 @pytest.mark.parametrize("noise", [b"\xff" * 5000, b"k" * 5000, b"d" * 5000, bytes(range(256)) * 20])

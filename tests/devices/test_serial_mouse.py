@@ -54,12 +54,12 @@ def test_a_malformed_url_is_a_status_and_no_defect(url):
 def reads(mouse: SerialMouse, twist: tuple[float, ...], device: Device, counts: tuple[int, ...]) -> None:
     """Waits until a movement is read; a device goes on sending while it is deflected."""
 
-    def there() -> bool:
+    def is_read() -> bool:
         device.move(counts)
         reading = mouse.read()
         return reading is not None and reading.twist == twist
 
-    assert becomes(there)
+    assert becomes(is_read)
 
 
 def test_it_is_found_started_and_read(played):

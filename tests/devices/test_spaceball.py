@@ -84,9 +84,9 @@ def test_flow_control_of_the_line_is_no_data():
 def test_a_fast_hand_is_followed_and_letting_go_is_never_doubted():
     decoder = Spaceball()
     ramp = [(2700 * i, 0, 0, 0, 0, 0) for i in range(4)] + [(8100, 0, 0, 0, 0, 0)] * 2
-    found = [decoder.feed(spaceball_motion(values)) for values in ramp]
-    assert found[-1] == [MouseMotion((1.0, 0, 0, 0, 0, 0))]
-    assert sum(map(bool, found)) >= 4  # each second packet of a jump at the latest
+    events = [decoder.feed(spaceball_motion(values)) for values in ramp]
+    assert events[-1] == [MouseMotion((1.0, 0, 0, 0, 0, 0))]
+    assert sum(map(bool, events)) >= 4  # each second packet of a jump at the latest
     assert decoder.feed(spaceball_motion((0,) * 6)) == [MouseMotion((0.0,) * 6)]
 
 

@@ -138,13 +138,13 @@ def test_the_frame_of_command_turns_the_motion_with_it(twist, seed):
 def test_the_nodes_own_axes_go_with_it(twist, seed):
     """What a tool does in its own axes does not depend on where it stands."""
     start = placements(seed)
-    (one, here), (other, there) = held(frame="node"), held(start, frame="node")
-    one.say(twist)
+    (sensor, hold), (other, other_hold) = held(frame="node"), held(start, frame="node")
+    sensor.say(twist)
     other.say(twist)
     for _ in range(200):
-        here.advance(DT)
-        there.advance(DT)
-    assert there.task.target.isApprox(start * here.task.target, 1e-9)
+        hold.advance(DT)
+        other_hold.advance(DT)
+    assert other_hold.task.target.isApprox(start * hold.task.target, 1e-9)
 
 
 @given(st.floats(0, 0.9), st.floats(-1, 1), st.floats(0, 1e-6))
@@ -172,7 +172,7 @@ def test_the_dead_zone_is_continuous(dead, value, step):
 def test_raffs_freedoms(translation, rotation, free):
     grip = TwistMapping(speed=1.0, turning=1.0, dead=0.0, translation=translation, rotation=rotation)
     assert grip.commanded == free
-    assert grip.velocity((0.5,) * 6) == pytest.approx([0.5 * one for one in free])
+    assert grip.velocity((0.5,) * 6) == pytest.approx([0.5 * flag for flag in free])
     sensor, hold = held(grip=grip)
     given_ = pin.SE3(pin.exp3(np.array([0.1, 0.2, 0.3])), np.array([1.0, 2.0, 3.0]))
     sensor.say(target=given_)
@@ -212,7 +212,7 @@ def test_nodes_that_follow_one_device_move_alike(order):
         for number in order:
             several[number].advance_by(reading, DT)
         assert alone.advance(DT) == reading
-    assert [one.task.target for one in several] == [alone.task.target] * 3
+    assert [hold.task.target for hold in several] == [alone.task.target] * 3
     assert alone.task.target.translation[2] > 0.02
 
 

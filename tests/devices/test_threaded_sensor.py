@@ -37,7 +37,7 @@ def test_many_presses_take_no_memory():
 
 
 def test_between_threads_nothing_is_lost():
-    newest, found = LatestReading(), []
+    newest, presses = LatestReading(), []
     done = threading.Event()
 
     def write() -> None:
@@ -45,7 +45,7 @@ def test_between_threads_nothing_is_lost():
             newest.press(frozenset({i % 50}))
             newest.press(frozenset())
             newest.put((i / 3000,) * 6)
-            while i - len(found) > 40:
+            while i - len(presses) > 40:
                 time.sleep(0)
         done.set()
 
@@ -57,12 +57,12 @@ def test_between_threads_nothing_is_lost():
         ended = done.is_set()  # once more after the last
         reading = newest.take()
         if reading is not None:
-            found += reading.pressed
+            presses += reading.pressed
             if reading.twist is not None:
                 assert reading.twist[0] >= last
                 last = reading.twist[0]
     thread.join()
-    assert found == [i % 50 for i in range(3000)]
+    assert presses == [i % 50 for i in range(3000)]
 
 
 class Wild(ThreadedSensor):
@@ -102,8 +102,8 @@ def test_a_bug_of_a_driver_is_logged_once_and_a_device_that_is_gone_is_not(caplo
     assert becomes(lambda: sensor.status.state is SensorState.LIVE)
     sensor.close()
     assert sensor.exception_log.messages == ["wild:: ValueError: x", "wild:: TypeError: z"]
-    found = [record for record in caplog.records if record.name == "cinegen"]
-    assert [record.exc_info[0] for record in found] == [ValueError, TypeError]
+    records = [record for record in caplog.records if record.name == "cinegen"]
+    assert [record.exc_info[0] for record in records] == [ValueError, TypeError]
     assert caplog.text.count("in serve") == 2
 
 

@@ -13,8 +13,8 @@ from cinegen.model import ForwardKinematics
 def record(path: Path, mechanism: Mechanism, times, q, name: str = "robot") -> Recording:
     """A recording of configurations."""
     with MissionRecorder(path, {name: mechanism}, overwrite=True) as recorder:
-        for time, one in zip(times, q, strict=True):
-            recorder.write(float(time), {name: RobotSample(np.asarray(one), "IDLE")})
+        for time, q_now in zip(times, q, strict=True):
+            recorder.write(float(time), {name: RobotSample(np.asarray(q_now), "IDLE")})
     assert recorder.lost == 0
     return Recording.load(path)
 

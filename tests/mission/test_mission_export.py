@@ -64,12 +64,12 @@ def test_arrays(recording, tmp_path):
     path = recording("delta4")
     export(path, "npz", tmp_path / "out" / "motion.npz", rate=50.0)
     motion = resampled(Recording.load(path), rate=50.0)
-    with np.load(tmp_path / "out" / "motion.npz") as found:
-        assert found["joints"].tolist() == list(motion.mechanism.actuated)
-        assert (found["times"] == motion.times).all()
-        assert (found["q"] == motion.positions(motion.mechanism.actuated)).all()
-        assert (found["v"] == motion.velocities(motion.mechanism.actuated)).all()
-        assert (float(found["rate"]), str(found["robot"])) == (50.0, "delta4")
+    with np.load(tmp_path / "out" / "motion.npz") as archive:
+        assert archive["joints"].tolist() == list(motion.mechanism.actuated)
+        assert (archive["times"] == motion.times).all()
+        assert (archive["q"] == motion.positions(motion.mechanism.actuated)).all()
+        assert (archive["v"] == motion.velocities(motion.mechanism.actuated)).all()
+        assert (float(archive["rate"]), str(archive["robot"])) == (50.0, "delta4")
 
 
 def test_a_goal_of_ros_2(recording):
@@ -88,9 +88,9 @@ def test_a_goal_of_ros_2(recording):
     assert [sec + nano / 1e9 for sec, nano in times] == pytest.approx(motion.times, abs=1e-9)
     assert times == sorted(set(times))
     for key, exact in (("positions", motion.positions), ("velocities", motion.velocities)):
-        found = [point[key] for point in points]
-        assert all(type(value) is float for row in found for value in row)
-        assert np.array(found) == pytest.approx(exact(motion.mechanism.actuated), abs=1e-9)
+        rows = [point[key] for point in points]
+        assert all(type(value) is float for row in rows for value in row)
+        assert np.array(rows) == pytest.approx(exact(motion.mechanism.actuated), abs=1e-9)
     assert set(points[0]["velocities"]) == set(points[-1]["velocities"]) == {0.0}
     assert report.notes == ()
 
@@ -111,12 +111,12 @@ def test_a_program_in_urscript(recording):
     assert f"# rx90: {len(motion.times)} positions in" in lines[0]
     move, *servos, stop, end = lines[begin + 1 :]
     start = re.fullmatch(r"  movej\(\[([-\d., ]+)\], a=1\.0, v=0\.5\)", move)
-    found = [SERVO.fullmatch(line) for line in servos]
-    assert all(found)
-    q = np.array([[float(word) for word in match[1].split(",")] for match in (start, *found)])
+    matches = [SERVO.fullmatch(line) for line in servos]
+    assert all(matches)
+    q = np.array([[float(word) for word in match[1].split(",")] for match in (start, *matches)])
     assert q == pytest.approx(motion.positions(motion.mechanism.actuated), abs=5.1e-7)
-    assert all(len(word.rpartition(".")[2]) == 6 for match in found for word in match[1].split(","))
-    assert {float(match[2]) for match in found} == {1.0 / rate}
+    assert all(len(word.rpartition(".")[2]) == 6 for match in matches for word in match[1].split(","))
+    assert {float(match[2]) for match in matches} == {1.0 / rate}
     assert (stop, end) == ("  stopj(2.0)", "end")
 
 
@@ -125,7 +125,7 @@ def test_urscript_is_for_six_motors_that_turn(recording, name, has):
     path = recording(name)
     with pytest.raises(MissionError, match=f"six actuated revolute joints: {name} {has}"):
         export(path, "urscript")
-    assert [one.name for one in path.parent.iterdir()] == ["run.jsonl"]
+    assert [file.name for file in path.parent.iterdir()] == ["run.jsonl"]
 
 
 # --- findings --------------------------------------------------------------------------------------------------------
@@ -149,7 +149,7 @@ def test_what_must_not_be_sent_is_not_written_unless_that_is_asked_for(forbidden
     assert re.search(r"at 0\.\d+ s \(0\.\d+ s of the recording\) joint1 is 28\.6 deg beyond its upper limit", words)
     assert "record another motion" in words
     assert "--unsafe" in words
-    assert [one.name for one in forbidden.parent.iterdir()] == ["run.jsonl"]
+    assert [file.name for file in forbidden.parent.iterdir()] == ["run.jsonl"]
     report = export(forbidden, "csv", unsafe=True)
     assert report.path.exists()
     assert "DO NOT SEND THIS TO A ROBOT: at 0.5" in report_text(report)
@@ -196,7 +196,7 @@ def test_a_file_is_written_whole_or_not_at_all(recording, tmp_path, monkeypatch)
     assert out.read_text().startswith("time,joint1")
     with pytest.raises(MissionError, match="can't be written"):
         export(path, "csv", tmp_path)
-    assert sorted(one.name for one in tmp_path.iterdir()) == ["link", "out.csv", "run.jsonl"]
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["link", "out.csv", "run.jsonl"]
 
 
 def test_one_of_several_robots(robot, tmp_path):

@@ -34,12 +34,12 @@ def _task(x=0.0, source="pointer"):
     return RecordedTask("tool", source, pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.1])), turned, 3, 0, 2.5)
 
 
-def _same(one: RecordedTask, other: RecordedTask):
+def _same(task: RecordedTask, other: RecordedTask):
     for name in ("node", "source", "translation", "rotation", "weight"):
-        assert getattr(one, name) == getattr(other, name)
-    assert one.offset.isApprox(other.offset, 1e-14)
-    assert (one.target is None) == (other.target is None)
-    assert one.target is None or one.target.isApprox(other.target, 1e-14)
+        assert getattr(task, name) == getattr(other, name)
+    assert task.offset.isApprox(other.offset, 1e-14)
+    assert (task.target is None) == (other.target is None)
+    assert task.target is None or task.target.isApprox(other.target, 1e-14)
 
 
 # --- what was handed over is read ------------------------------------------------------------------------------------
@@ -75,8 +75,8 @@ def test_tasks_statuses_and_base_poses_are_read(robot, tmp_path):
     assert recording.robots == ("arm", "delta")
     for said, read in zip(tasks, recording.tasks["arm"], strict=True):
         assert len(said) == len(read)
-        for one, other in zip(said, read, strict=True):
-            _same(one, other)
+        for task, other in zip(said, read, strict=True):
+            _same(task, other)
     assert recording.statuses["arm"] == ["IDLE", *["FOLLOWING"] * 4, "IDLE"]
     assert recording.q["arm"][:, 2] == pytest.approx([0.01 * i for i in range(6)])
     assert recording.statuses["delta"] == ["IDLE"] * 3 + ["AT_LIMIT"] * 3  # unsaid: at home, then as it was
@@ -124,26 +124,26 @@ def test_a_recording_has_no_meshes_shown_that_are_far_from_it_unless_the_user_al
     tmp_path, monkeypatch, is_absolute
 ):
     """Its author may be anybody, and states the folder; or none, and names the mesh absolutely."""
-    here, there = tmp_path / "my/runs", tmp_path / "there/robots/arm"
-    here.mkdir(parents=True)
-    there.mkdir(parents=True)
-    trimesh.creation.box((0.1, 0.2, 0.3)).export(there / "part.stl")
+    runs, folder = tmp_path / "my/runs", tmp_path / "there/robots/arm"
+    runs.mkdir(parents=True)
+    folder.mkdir(parents=True)
+    trimesh.creation.box((0.1, 0.2, 0.3)).export(folder / "part.stl")
     mesh = '<visual><geometry><mesh filename="part.stl"/></geometry></visual>'
     joint = '<joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint>'
-    (there / "one.urdf").write_text(f'<robot name="one"><link name="a">{mesh}</link><link name="b"/>{joint}</robot>')
-    mechanism = cinegen.load(there / "one.urdf")
+    (folder / "one.urdf").write_text(f'<robot name="one"><link name="a">{mesh}</link><link name="b"/>{joint}</robot>')
+    mechanism = cinegen.load(folder / "one.urdf")
     if is_absolute:
         source = mechanism.source
-        mechanism = build(source.urdf.replace("part.stl", str(there / "part.stl")), source.constraints)
-    near = record(there / "run.jsonl", mechanism, [0.0], [mechanism.q_home])
-    assert near.mechanism("robot").visual.geometryObjects[0].meshPath == str(there / "part.stl")
-    (there / "run.jsonl").rename(here / "run.jsonl")
-    with pytest.warns(cinegen.CinegenWarning, match=f"leads out of .*RAFF2URDF_MESH_PATH={there}; sticks are drawn"):
-        shapes = Recording.load(here / "run.jsonl").mechanism("robot").visual.geometryObjects
-    assert not any(str(there) in shape.meshPath for shape in shapes)
-    monkeypatch.setenv("RAFF2URDF_MESH_PATH", str(there))
-    (shape,) = Recording.load(here / "run.jsonl").mechanism("robot").visual.geometryObjects
-    assert shape.meshPath == str(there / "part.stl")
+        mechanism = build(source.urdf.replace("part.stl", str(folder / "part.stl")), source.constraints)
+    near = record(folder / "run.jsonl", mechanism, [0.0], [mechanism.q_home])
+    assert near.mechanism("robot").visual.geometryObjects[0].meshPath == str(folder / "part.stl")
+    (folder / "run.jsonl").rename(runs / "run.jsonl")
+    with pytest.warns(cinegen.CinegenWarning, match=f"leads out of .*RAFF2URDF_MESH_PATH={folder}; sticks are drawn"):
+        shapes = Recording.load(runs / "run.jsonl").mechanism("robot").visual.geometryObjects
+    assert not any(str(folder) in shape.meshPath for shape in shapes)
+    monkeypatch.setenv("RAFF2URDF_MESH_PATH", str(folder))
+    (shape,) = Recording.load(runs / "run.jsonl").mechanism("robot").visual.geometryObjects
+    assert shape.meshPath == str(folder / "part.stl")
 
 
 # --- programs, disks -------------------------------------------------------------------------------------------------
@@ -308,7 +308,7 @@ def test_a_loop_neither_encodes_nor_writes(robot, tmp_path, monkeypatch):
     mechanism, threads = robot("gough"), set()
 
     def noted(function):
-        return lambda *given: (threads.add(threading.current_thread()), function(*given))[1]
+        return lambda *arguments: (threads.add(threading.current_thread()), function(*arguments))[1]
 
     with MissionRecorder(tmp_path / "run.jsonl", {"gough": mechanism}) as recorder:
         monkeypatch.setattr(module, "encode", noted(module.encode))

@@ -76,14 +76,14 @@ def required(mechanism: cinegen.Mechanism, q: np.ndarray, rate: float) -> np.nda
     """The torques (n - 2, actuated) of actuated joints at inner samples, by Pinocchio and finite differences of all
     joints."""
     data, columns = mechanism.model.createData(), [mechanism.v_index(name) for name in mechanism.actuated]
-    found = []
+    torques = []
     for before, now, after in zip(q[:-2], q[1:-1], q[2:], strict=True):
         ahead, behind = mechanism.difference(now, after), mechanism.difference(now, before)
         v, a = 0.5 * rate * (ahead - behind), rate**2 * (ahead + behind)
         free = free_motions(mechanism, now)
         tree = pin.rnea(mechanism.model, data, now, v, a)
-        found.append(scipy.linalg.lstsq(free[columns].T, free.T @ tree)[0])
-    return np.array(found)
+        torques.append(scipy.linalg.lstsq(free[columns].T, free.T @ tree)[0])
+    return np.array(torques)
 
 
 @pytest.mark.parametrize("name", ["planar_3r", "delta4"])
@@ -149,9 +149,9 @@ def test_friction_of_passive_joints_slows_a_closed_mechanism(tmp_path):
     recording = record(tmp_path / "run.jsonl", mechanism, [0.0, 9.0], [mechanism.q_home, turned])
     torques = TorqueLimits(mechanism)
     motion = resampled(recording, rate=500.0, speed=math.inf, acceleration=NEVER, torques=lambda _: torques)
-    found = torques_along(cinegen.InverseDynamics(mechanism), motion.times, motion.q)
-    assert 9.0 < found.peak[0] <= 10.0
-    assert motion.used == pytest.approx(found.peak / 10.0, rel=1e-6)
+    with_friction = torques_along(cinegen.InverseDynamics(mechanism), motion.times, motion.q)
+    assert 9.0 < with_friction.peak[0] <= 10.0
+    assert motion.used == pytest.approx(with_friction.peak / 10.0, rel=1e-6)
     smooth = torques_along(cinegen.InverseDynamics(mechanism, friction=False), motion.times, motion.q)
     assert smooth.peak[0] > 10.0  # friction helps to brake
 
@@ -182,13 +182,13 @@ def five_bar(root):
 
 def straight(five_bar, first, last, count=41):
     """Configurations along a line of the tool, elbows outwards: by the law of cosines."""
-    found = []
+    configurations = []
     for tool in np.linspace(first, last, count):
         values = []
         for x, elbow in ((-0.15, -1.0), (0.15, 1.0)):
             values += two_bar_angles(tool[0] - x, tool[1], UPPER, FORE, elbow)[:2]
-        found.append(five_bar.close(np.array([*values, 0.0]), five_bar.joints[:4]))
-    return np.unwrap(found, axis=0)
+        configurations.append(five_bar.close(np.array([*values, 0.0]), five_bar.joints[:4]))
+    return np.unwrap(configurations, axis=0)
 
 
 def in_line(q):
@@ -227,7 +227,7 @@ def test_torques_stay_finite_and_pinocchio_s_dynamics_follow_them(five_bar, fall
     needed = np.full((len(v), 2), np.nan)
     for k in np.flatnonzero(far):
         needed[k] = dynamics.torques(q[k + 1], *dynamics.motion(
-            q[k + 1], *(dict(zip(five_bar.actuated, one[columns], strict=True)) for one in (v[k], a[k]))
+            q[k + 1], *(dict(zip(five_bar.actuated, derivative[columns], strict=True)) for derivative in (v[k], a[k]))
         ))  # fmt: skip
     jumps = np.abs(np.diff(a[:, 1], prepend=a[:1, 1])) > 0.2 * np.abs(a[:, 1]).max()  # between two intervals of the law
     smooth = far & ~jumps & ~np.roll(jumps, -1)
@@ -267,9 +267,9 @@ def test_the_condition_at_the_singularity(five_bar):
     driven = guided(five_bar, path)
     dynamics = CrossingDynamics(InverseDynamics(five_bar, gravity=DOWN), driven)
     height = brentq(lambda y: in_line(straight(five_bar, (0.02, y), (0.02, y), 1)[0]), 0.10, 0.30, xtol=1e-14)
-    here = straight(five_bar, (0.02, height), (0.02, height), 1)[0]
+    singular_q = straight(five_bar, (0.02, height), (0.02, height), 1)[0]
     tangent, bend = np.array([1.0, -0.4]), np.array([0.3, 0.2])
-    inertial, centrifugal, static, weight = dynamics.terms(here, tangent, bend)
+    inertial, centrifugal, static, weight = dynamics.terms(singular_q, tangent, bend)
     assert weight < 1e-9
     square = 3.0
     growth = -(centrifugal[0] * square + static[0]) / inertial[0]
@@ -278,15 +278,15 @@ def test_the_condition_at_the_singularity(five_bar):
     guide = [five_bar.joints.index(name) for name in driven.actuated]
     body = InverseDynamics(driven, gravity=DOWN)
     v, a = body.motion(
-        here,
+        singular_q,
         dict(zip(driven.actuated, (math.sqrt(square) * tangent).tolist(), strict=True)),
         dict(zip(driven.actuated, (growth * tangent + square * bend).tolist(), strict=True)),
     )
     assert v[guide] == pytest.approx(math.sqrt(square) * tangent)
     model = pin.Model(five_bar.model)
     model.gravity.linear = np.array(DOWN)
-    tree = pin.rnea(model, model.createData(), here, v, a)
-    free = free_motions(five_bar, here)
+    tree = pin.rnea(model, model.createData(), singular_q, v, a)
+    free = free_motions(five_bar, singular_q)
     locked = free @ np.linalg.svd(free[[0, 2]])[2][-1]  # hardly moves joint1 and joint3
     assert np.abs(locked[[0, 2]]).max() < 1e-9
     assert locked @ tree == pytest.approx(0.0, abs=1e-8 * np.abs(tree).max())

@@ -44,8 +44,8 @@ def _accelerations(trajectory: Trajectory):
     """Second finite differences of the actuated joints, at rest before and after, relative to the default."""
     mechanism, (angular, linear) = trajectory.mechanism, DEFAULT_ACCELERATION
     q = trajectory.positions(mechanism.actuated)
-    found = np.diff(np.vstack([q[:1], q, q[-1:]]), n=2, axis=0) * trajectory.rate**2
-    return np.abs(found) / [linear if mechanism.is_prismatic(joint) else angular for joint in mechanism.actuated]
+    acceleration = np.diff(np.vstack([q[:1], q, q[-1:]]), n=2, axis=0) * trajectory.rate**2
+    return np.abs(acceleration) / [linear if mechanism.is_prismatic(joint) else angular for joint in mechanism.actuated]
 
 
 def _kinds(findings):
@@ -120,8 +120,8 @@ def test_it_is_near_what_was_recorded(robot, tmp_path):
 
 def test_a_leap_becomes_a_motion_at_the_limit(robot, tmp_path):
     arm = robot("planar_3r")
-    still, there = np.array([0.1, 0.4, 0.3]), np.array([0.1, 1.4, 0.3])
-    q = [still] * 50 + [there] * 50
+    still, goal = np.array([0.1, 0.4, 0.3]), np.array([0.1, 1.4, 0.3])
+    q = [still] * 50 + [goal] * 50
     motion = resampled(record(tmp_path / "run.jsonl", arm, np.arange(100) / 100, q))
     fastest = arm.model.upperVelocityLimit[1]
     angular = DEFAULT_ACCELERATION[0]  # from rest to rest, at the limits of acceleration and velocity
@@ -141,7 +141,7 @@ def test_joints_without_motors_obey_their_limits_too(tmp_path):
     taken = _steps(motion)[:, slow.v_index("joint3")]
     assert taken.max() <= 1.0 + 1e-6
     assert taken.max() > 0.95
-    assert motion.seconds < 2.0 * 2.0 * np.abs(np.diff([one[2] for one in q])).sum() / math.radians(20.0)
+    assert motion.seconds < 2.0 * 2.0 * np.abs(np.diff([row[2] for row in q])).sum() / math.radians(20.0)
     assert not check(motion).serious
     assert np.median(taken) > 0.5  # it is slow only where it must be
 
@@ -154,12 +154,12 @@ def test_what_can_not_be_sampled(robot, tmp_path):
     empty = record(tmp_path / "empty.jsonl", arm, [], [])
     with pytest.raises(MissionError, match="nothing was recorded"):
         resampled(empty)
-    one = record(tmp_path / "one.jsonl", arm, [0.0], np.zeros((1, 3)))
+    single = record(tmp_path / "one.jsonl", arm, [0.0], np.zeros((1, 3)))
     for options in ({"rate": 0.0}, {"rate": math.nan}, {"rate": 1e9}, {"speed": -1.0}, {"speed": 1e300}):
         with pytest.raises(MissionError, match="must be from "):
-            resampled(one, **options)
+            resampled(single, **options)
     with pytest.raises(UnknownNameError, match="no robot 'leg'"):
-        resampled(one, "leg")
+        resampled(single, "leg")
     with MissionRecorder(tmp_path / "two.jsonl", {"left": arm, "right": arm}) as recorder:
         recorder.write(0.0, {"left": RobotSample(np.zeros(3), "IDLE"), "right": RobotSample(np.ones(3), "IDLE")})
     two = Recording.load(tmp_path / "two.jsonl")
@@ -174,9 +174,9 @@ def test_what_can_not_be_sampled(robot, tmp_path):
 def test_a_base_that_moves(raff, tmp_path):
     rover = raff(f"robot rover {{ link 1 {{ type 2 pred 0 }} {FLOATING[0]} }} {FLOATING[1]}")
     assert rover.floating
-    there = rover.q_home.copy()
-    there[:7] = 1.0, 0.0, 0.0, 0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5)
-    recording = record(tmp_path / "run.jsonl", rover, [0.0, 1.0], [rover.q_home, there])
+    moved = rover.q_home.copy()
+    moved[:7] = 1.0, 0.0, 0.0, 0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5)
+    recording = record(tmp_path / "run.jsonl", rover, [0.0, 1.0], [rover.q_home, moved])
     half = recording.at(0.5)["robot"]
     assert half[6] == pytest.approx(math.cos(math.pi / 8))  # a turn by 45 degrees
     with pytest.raises(MissionError, match="its base is floating"):
@@ -237,14 +237,14 @@ def test_a_type_2_singularity_between_two_samples_is_found(robot, tmp_path, step
     motion = resampled(record(tmp_path / "run.jsonl", mechanism, times, q), rate=rate)
     findings = check(motion)
     assert findings.closure <= 1e-12
-    (found,) = (one for one in findings if one.kind is FindingKind.TYPE_2)
-    assert found.recorded == pytest.approx(low, abs=5e-3 / rate + 4e-2 * step**2)
-    assert found.time == pytest.approx(motion.passes[-1, 0] * low, abs=0.05)
-    assert found.sigma < 1e-6
-    assert mechanism.closure(found.q) <= 1e-12
-    assert math.sin(found.q[mechanism.q_index("joint5")]) == pytest.approx(0.0, abs=1e-6)
-    assert "passes through a type 2 singularity" in str(found)
-    assert found in findings.serious
+    (finding,) = (finding for finding in findings if finding.kind is FindingKind.TYPE_2)
+    assert finding.recorded == pytest.approx(low, abs=5e-3 / rate + 4e-2 * step**2)
+    assert finding.time == pytest.approx(motion.passes[-1, 0] * low, abs=0.05)
+    assert finding.sigma < 1e-6
+    assert mechanism.closure(finding.q) <= 1e-12
+    assert math.sin(finding.q[mechanism.q_index("joint5")]) == pytest.approx(0.0, abs=1e-6)
+    assert "passes through a type 2 singularity" in str(finding)
+    assert finding in findings.serious
     # the motion goes on on the branch that was recorded
     assert motion.q[-1] == pytest.approx(q[-1], abs=1e-9)
     assert motion.positions(mechanism.actuated)[-1] == pytest.approx(q[-1][[0, 2]], abs=1e-12)
@@ -261,9 +261,9 @@ def test_singularities_far_apart_from_samples():
         forward = ForwardKinematics(crank)
         first, second = forward.move({"joint1": begin}), forward.move({"joint1": begin + way})
         expected = sorted((dead - begin) % (2.0 * math.pi))
-        found = [one.q[0] - begin for one in crossings(rows, partial(between, rocker, first, second))]
-        assert found == pytest.approx([one for one in expected if one < way], abs=1e-6)
-        counts.append(len(found))
+        angles = [crossing.q[0] - begin for crossing in crossings(rows, partial(between, rocker, first, second))]
+        assert angles == pytest.approx([angle for angle in expected if angle < way], abs=1e-6)
+        counts.append(len(angles))
     assert set(counts) == {0, 1}
 
 
@@ -277,8 +277,8 @@ def test_a_matrix_that_turns_between_two_samples(robot, turn, zero):
         cos, sin = math.cos(turn * q[0]), math.sin(turn * q[0])
         return np.array([[cos, -sin], [sin, cos]]) @ np.diag([4.0, q[0] - zero])
 
-    found = [one.x for one in crossings(Rows(matrix, 2), partial(between, arm, np.zeros(3), np.ones(3)))]
-    assert found == pytest.approx([zero] if 0.0 < zero < 1.0 else [], abs=1e-8)
+    zeros = [crossing.x for crossing in crossings(Rows(matrix, 2), partial(between, arm, np.zeros(3), np.ones(3)))]
+    assert zeros == pytest.approx([zero] if 0.0 < zero < 1.0 else [], abs=1e-8)
 
 
 def test_a_motion_near_a_type_2_singularity_is_noted_where_it_is_nearest_and_one_that_ends_there_is_serious(
@@ -291,7 +291,7 @@ def test_a_motion_near_a_type_2_singularity_is_noted_where_it_is_nearest_and_one
         return check(resampled(record(tmp_path / "run.jsonl", mechanism, times, q)))
 
     findings = checked(0.58 + 0.015 * np.sin(np.pi * times))
-    (near,) = (one for one in findings if one.kind is FindingKind.NEAR_TYPE_2)
+    (near,) = (finding for finding in findings if finding.kind is FindingKind.NEAR_TYPE_2)
     assert near.recorded == pytest.approx(0.5, abs=0.01)
     assert near.sigma == findings.passive_sigma < 0.05
     assert near not in findings.serious
@@ -304,11 +304,11 @@ def test_an_elbow_that_is_stretched_is_noted(robot, tmp_path):
     times = np.arange(11) / 10
     q = [[0.3, 0.4 - 0.77 * time, 0.5] for time in times]
     findings = check(resampled(record(tmp_path / "run.jsonl", arm, times, q), rate=10.0))
-    (found,) = (one for one in findings if one.kind is FindingKind.TYPE_1)
-    assert found.q[1] == pytest.approx(0.0, abs=1e-6)
-    assert found.recorded == pytest.approx(0.4 / 0.77, abs=1e-2)
+    (finding,) = (finding for finding in findings if finding.kind is FindingKind.TYPE_1)
+    assert finding.q[1] == pytest.approx(0.0, abs=1e-6)
+    assert finding.recorded == pytest.approx(0.4 / 0.77, abs=1e-2)
     assert not findings.serious
-    assert found.sigma < 1e-6
+    assert finding.sigma < 1e-6
     assert findings.passive_sigma == math.inf
 
 
@@ -329,8 +329,8 @@ def test_what_is_open_beyond_a_limit_or_too_fast_is_found(robot):
     q = np.array([mechanism.q_home] * 9)
     q[3:5, 1] += [1e-3, 2e-3]
     findings = check(_made(mechanism, q))
-    (found,) = (one for one in findings if one.kind is FindingKind.OPEN)
-    assert (found.time, found in findings.serious) == (0.03, True)
+    (finding,) = (finding for finding in findings if finding.kind is FindingKind.OPEN)
+    assert (finding.time, finding in findings.serious) == (0.03, True)
     assert findings.closure == max(map(mechanism.closure, q)) > 1e-4
     arm = robot("planar_3r")
     q = np.zeros((9, 3))
@@ -339,13 +339,13 @@ def test_what_is_open_beyond_a_limit_or_too_fast_is_found(robot):
     q[4:, 0] = high + 0.1
     findings = check(_made(arm, q))
     assert _kinds(findings.serious) == {FindingKind.LIMIT, FindingKind.SPEED}
-    assert sorted(one.time for one in findings.serious) == pytest.approx([0.03, 0.04])
+    assert sorted(finding.time for finding in findings.serious) == pytest.approx([0.03, 0.04])
     assert "joint1 is 5.73 deg beyond its upper limit" in " ".join(map(str, findings))
     q[:, 0] = np.arange(9) * fastest[0] / 100
     assert not check(_made(arm, q)).serious
     assert check(_made(arm, 1.01 * q)).serious
     findings = check(_made(arm, q, accelerates=True))  # at once at full speed, and stopped at once
-    assert [one.time for one in findings.serious] == pytest.approx([0.0, 0.08])
+    assert [finding.time for finding in findings.serious] == pytest.approx([0.0, 0.08])
     assert _kinds(findings.serious) == {FindingKind.ACCELERATION}
     assert f"joint1 accelerates at {100 * fastest[0]:.4g} rad/s^2, its limit is 10 rad/s^2" in str(findings.serious[0])
 

@@ -72,13 +72,13 @@ def drag_around(session, node, goals):
 
 
 def test_every_kind_is_one_of_messages_and_is_reached(two):
-    assert {kind.__name__.lower() for kind in KINDS} <= {one["kind"].replace("_", "") for one in OF_EACH_KIND}
+    assert {kind.__name__.lower() for kind in KINDS} <= {message["kind"].replace("_", "") for message in OF_EACH_KIND}
     for description in OF_EACH_KIND:
         session = two()
         before = session.robots["duo"].q
         task = add(session, description)
         state = run(session, 1.5).robots["duo"].described
-        assert [one.id for one in state] == [task.id]
+        assert [entry.id for entry in state] == [task.id]
         assert state[0].reached, state
         assert max(state[0].error) < 1e-6
         stays = description["kind"] in ("relative_pose", "axis_along", "damping", "range")
@@ -142,20 +142,20 @@ def test_a_task_is_changed_and_each_change_is_undone_and_redone(two):
 
     def now():
         state = run(session, 3.0).robots["duo"]
-        values = [(one.id, one.description.weight, one.description.through[2]) for one in state.described]
+        values = [(entry.id, entry.description.weight, entry.description.through[2]) for entry in state.described]
         return values, session.robots["duo"].placement("left_hand").translation[2]
 
     after = now()
     assert after == ([(task.id, 2.0, 0.9)], pytest.approx(0.9, abs=1e-6))
     steps = session.state().undo
-    found = []
+    states = []
     for command in (c.Undo(), c.Redo()):
         for _ in range(steps):
             session.obey(command)
-            found.append(now())
-    assert found[steps - 1] == ([], pytest.approx(two().robots["duo"].placement("left_hand").translation[2], abs=1e-6))
-    assert ([(task.id, 1.0, 0.8)], pytest.approx(0.8, abs=1e-3)) in found
-    assert found[-1] == after
+            states.append(now())
+    assert states[steps - 1] == ([], pytest.approx(two().robots["duo"].placement("left_hand").translation[2], abs=1e-6))
+    assert ([(task.id, 1.0, 0.8)], pytest.approx(0.8, abs=1e-3)) in states
+    assert states[-1] == after
 
 
 def test_tasks_wait_during_motions_and_are_undone_with_home(two):
@@ -181,7 +181,7 @@ def test_tasks_survive_the_reload_of_a_file_as_far_as_their_parts_do(two):
     before = session.state().robots["duo"].described
     other = cinegen.load(session.robots["duo"].mechanism.source.urdf.replace("right_hand", "claw"))
     session.exchange(OtherRobots.of(arrange({"duo": other}), 1))
-    assert [one.id for one in session.state().robots["duo"].described] == [before[1].id]
+    assert [entry.id for entry in session.state().robots["duo"].described] == [before[1].id]
     assert "right_hand" in session.state().notices[-1].text
     assert "relative_pose has ended" in session.state().notices[-1].text
 
@@ -259,7 +259,7 @@ def test_a_recording_keeps_tasks_and_their_changes(two, tmp_path):
     run(session, 0.1)
     session.close()
     described = Recording.load(tmp_path / "mission.jsonl").described["duo"]
-    weights = [tuple(one.weight for one in each) for each in described]
+    weights = [tuple(entry.weight for entry in each) for each in described]
     assert list(dict.fromkeys(weights)) == [(), (1.0,), (3.0,)]
     assert weights[-1] == ()
     text = (tmp_path / "mission.jsonl").read_text()

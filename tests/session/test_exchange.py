@@ -112,7 +112,7 @@ def test_pins_hold_their_place_and_those_of_lost_nodes_are_named():
     without = ARM.replace('frame 4 { pred 3 name "tip" parameters { d 200 } }\n', "").replace("d 250", "d 240")
     state = exchanged(session, cinegen.load(without)).robots["arm"]
     assert [(task.id, task.node) for task in state.tasks] == [(ids[0], "bend")]
-    assert any("there is no 'tip' any more: its pin has ended" in one.text for one in session.state().notices)
+    assert any("there is no 'tip' any more: its pin has ended" in notice.text for notice in session.state().notices)
     run(session, 3.0)
     assert session.robots["arm"].placement("bend").translation[:2] == pytest.approx(target[:2], abs=2e-2)
 
@@ -123,10 +123,10 @@ def test_a_drag_goes_on():
     session.obey(c.StartDrag("arm", "tip"))
     run(session, 0.005)
     exchanged(session, cinegen.load(ARM.replace("d 250", "d 260")))
-    here = session.robots["arm"].placement("tip").translation
-    session.obey(c.MoveDrag(tuple(0.95 * here)))
+    tip = session.robots["arm"].placement("tip").translation
+    session.obey(c.MoveDrag(tuple(0.95 * tip)))
     run(session, 0.6)
-    assert session.robots["arm"].placement("tip").translation == pytest.approx(0.95 * here, abs=1e-4)
+    assert session.robots["arm"].placement("tip").translation == pytest.approx(0.95 * tip, abs=1e-4)
     session.obey(c.EndDrag())
     assert session.state().robots["arm"].tasks == ()
 
@@ -154,12 +154,12 @@ def test_an_obstacle_stays_where_it_was_dragged_unless_its_file_moves_it():
     far, near = (pin.SE3(np.eye(3), np.array(at)) for at in ([2.0, 0.0, 0.0], [1.5, 0.0, 0.0]))
     drawn = {name: msgspec.structs.replace(box, placement=far) for name in ("kept", "moved", "gone")}
     session = Session(replace(arrange({"arm": cinegen.load(ARM)}), obstacles=drawn))
-    there = pin.SE3(np.eye(3), np.array([0.0, 3.0, 0.0]))
-    for one in session.obstacles.values():
-        one.pose = there
+    dragged = pin.SE3(np.eye(3), np.array([0.0, 3.0, 0.0]))
+    for obstacle in session.obstacles.values():
+        obstacle.pose = dragged
     obstacles = {"kept": drawn["kept"], "moved": msgspec.structs.replace(box, placement=near)}
     state = exchanged(session, cinegen.load(ARM), obstacles=obstacles)
-    assert state.obstacles["kept"].pose.isApprox(there)
+    assert state.obstacles["kept"].pose.isApprox(dragged)
     assert state.obstacles["moved"].pose.isApprox(near)
     assert list(state.obstacles) == ["kept", "moved"]
 
@@ -202,86 +202,86 @@ def drag(session, name, by, **options):
 
 @pytest.mark.parametrize(("name", "joint"), [("arm7", "joint1"), ("gough", "joint3")])
 def test_a_drag_does_not_move_a_locked_joint_until_it_is_unlocked(session, name, joint):
-    one = session(name)
-    before, by = value(one, joint), 0.05 * one.robots[name].mechanism.length * np.array([0.3, 1.0, 0.2])
-    one.obey(c.LockJoint(name, joint, True))
-    state = drag(one, name, by)
+    live = session(name)
+    before, by = value(live, joint), 0.05 * live.robots[name].mechanism.length * np.array([0.3, 1.0, 0.2])
+    live.obey(c.LockJoint(name, joint, True))
+    state = drag(live, name, by)
     assert state.locked == (joint,)
-    assert value(one, joint) == before
-    assert not np.array_equal(one.robots[name].q, one.robots[name].home)
-    one.obey(c.LockJoint(name, joint, False))
-    state = drag(one, name, by)
+    assert value(live, joint) == before
+    assert not np.array_equal(live.robots[name].q, live.robots[name].home)
+    live.obey(c.LockJoint(name, joint, False))
+    state = drag(live, name, by)
     assert state.locked == ()
-    assert value(one, joint) != before
+    assert value(live, joint) != before
 
 
 def test_sliders_home_and_lines_do_not_move_a_locked_joint(session):
-    one = session("arm7")
-    drag(one, "arm7", np.array([0.0, 0.1, 0.0]))
-    one.obey(c.LockJoint("arm7", "joint1", True))
-    before = value(one, "joint1")
-    assert before != one.robots["arm7"].home[0]
-    one.obey(c.MoveJoint("arm7", "joint1", 0.5))
-    assert "joint1 of arm7 is locked: unlock it" in one.state().notices[-1].text
-    for command in (c.MoveHome("arm7"), c.MoveTo("arm7", "tool", tuple(one.robots["arm7"].home.tolist()))):
-        one.obey(command)
-        state = run(one, 4.0)
-        assert value(one, "joint1") == before
+    live_session = session("arm7")
+    drag(live_session, "arm7", np.array([0.0, 0.1, 0.0]))
+    live_session.obey(c.LockJoint("arm7", "joint1", True))
+    before = value(live_session, "joint1")
+    assert before != live_session.robots["arm7"].home[0]
+    live_session.obey(c.MoveJoint("arm7", "joint1", 0.5))
+    assert "joint1 of arm7 is locked: unlock it" in live_session.state().notices[-1].text
+    for command in (c.MoveHome("arm7"), c.MoveTo("arm7", "tool", tuple(live_session.robots["arm7"].home.tolist()))):
+        live_session.obey(command)
+        state = run(live_session, 4.0)
+        assert value(live_session, "joint1") == before
         assert "locked: joint1" in " ".join(notice.text for notice in state.notices)
-    one.obey(c.MoveJoint("arm7", "joint2", 0.4))
-    one.obey(c.EndJointMotion())
-    run(one, 4.0)
-    assert value(one, "joint2") == pytest.approx(0.4)
-    assert value(one, "joint1") == before
+    live_session.obey(c.MoveJoint("arm7", "joint2", 0.4))
+    live_session.obey(c.EndJointMotion())
+    run(live_session, 4.0)
+    assert value(live_session, "joint2") == pytest.approx(0.4)
+    assert value(live_session, "joint1") == before
 
 
 def test_a_passive_joint_that_is_locked_stops_the_motors(session):
-    one = session("four_bar")
-    mechanism = one.robots["four_bar"].mechanism
+    live_session = session("four_bar")
+    mechanism = live_session.robots["four_bar"].mechanism
     passive = next(joint for joint in mechanism.joints if joint not in mechanism.actuated)
-    one.obey(c.LockJoint("four_bar", passive, True))
-    before = one.robots["four_bar"].q
-    one.obey(c.MoveJoint("four_bar", mechanism.actuated[0], before[0] + 0.3))
-    state = run(one, 1.0).robots["four_bar"]
+    live_session.obey(c.LockJoint("four_bar", passive, True))
+    before = live_session.robots["four_bar"].q
+    live_session.obey(c.MoveJoint("four_bar", mechanism.actuated[0], before[0] + 0.3))
+    state = run(live_session, 1.0).robots["four_bar"]
     assert state.status.label == f"locked: {passive}"
     assert (state.q == before).all()
 
 
 def test_locks_survive_undo_and_redo(session):
-    one = session("arm7")
-    home = value(one, "joint1")
-    drag(one, "arm7", np.array([0.0, 0.1, 0.0]))
-    moved = value(one, "joint1")
-    run(one, 0.1)
-    one.obey(c.LockJoint("arm7", "joint1", True))
-    one.obey(c.Undo())
-    state = run(one, 3.0).robots["arm7"]
+    live_session = session("arm7")
+    home = value(live_session, "joint1")
+    drag(live_session, "arm7", np.array([0.0, 0.1, 0.0]))
+    moved = value(live_session, "joint1")
+    run(live_session, 0.1)
+    live_session.obey(c.LockJoint("arm7", "joint1", True))
+    live_session.obey(c.Undo())
+    state = run(live_session, 3.0).robots["arm7"]
     assert state.locked == ("joint1",)
-    assert value(one, "joint1") == pytest.approx(home, abs=1e-9)  # what was done before it was locked
-    drag(one, "arm7", np.array([0.0, 0.1, 0.0]))
-    assert value(one, "joint1") == pytest.approx(home, abs=1e-9)
+    assert value(live_session, "joint1") == pytest.approx(home, abs=1e-9)  # what was done before it was locked
+    drag(live_session, "arm7", np.array([0.0, 0.1, 0.0]))
+    assert value(live_session, "joint1") == pytest.approx(home, abs=1e-9)
     assert moved != home
 
 
 def test_locks_survive_the_reload_of_a_file(session, robot):
-    one = session("arm7")
+    live_session = session("arm7")
     for joint in ("joint2", "joint5"):
-        one.obey(c.LockJoint("arm7", joint, True))
-    one.exchange(OtherRobots.of(arrange({"arm7": robot("arm7")}), 1))
-    before = value(one, "joint2")
-    state = drag(one, "arm7", np.array([0.0, 0.1, -0.1]))
+        live_session.obey(c.LockJoint("arm7", joint, True))
+    live_session.exchange(OtherRobots.of(arrange({"arm7": robot("arm7")}), 1))
+    before = value(live_session, "joint2")
+    state = drag(live_session, "arm7", np.array([0.0, 0.1, -0.1]))
     assert state.locked == ("joint2", "joint5")
-    assert value(one, "joint2") == before
-    one.exchange(OtherRobots.of(arrange({"arm7": robot("planar_3r")}), 2))
-    assert one.state().robots["arm7"].locked == ("joint2",)
+    assert value(live_session, "joint2") == before
+    live_session.exchange(OtherRobots.of(arrange({"arm7": robot("planar_3r")}), 2))
+    assert live_session.state().robots["arm7"].locked == ("joint2",)
 
 
 def test_a_setup_locks_joints_from_the_start(robot):
     setup = arrange({"arm": robot("arm7"), "other": robot("planar_3r")})
-    one = Session(setup.with_locked(["joint7", "arm.joint1"]))
-    assert one.state().robots["arm"].locked == ("joint7", "joint1")
-    assert one.state().robots["other"].locked == ()
-    one.close()
+    session = Session(setup.with_locked(["joint7", "arm.joint1"]))
+    assert session.state().robots["arm"].locked == ("joint7", "joint1")
+    assert session.state().robots["other"].locked == ()
+    session.close()
     with pytest.raises(CinegenError, match=r"several robots have a joint 'joint1': name one, such as arm\.joint1"):
         setup.with_locked(["joint1"])
     with pytest.raises(UnknownNameError, match="did you mean 'joint7'"):
@@ -291,41 +291,41 @@ def test_a_setup_locks_joints_from_the_start(robot):
 
 
 def test_the_report_is_that_of_the_robot_with_locked_joints(session):
-    one = session("gough")
-    reporter = Reporter(one.robots["gough"].mechanism)
-    free = reporter.report(one.state().robots["gough"], 0.0)
-    one.obey(c.LockJoint("gough", "joint3", True))
-    run(one, 0.1)
-    report = reporter.report(one.state().robots["gough"], 0.1)
+    live_session = session("gough")
+    reporter = Reporter(live_session.robots["gough"].mechanism)
+    free = reporter.report(live_session.state().robots["gough"], 0.0)
+    live_session.obey(c.LockJoint("gough", "joint3", True))
+    run(live_session, 0.1)
+    report = reporter.report(live_session.state().robots["gough"], 0.1)
     assert (free.locked, report.locked) == ((), ("joint3",))
     assert report.type1.sigma != free.type1.sigma
-    one.obey(c.LockJoint("gough", "joint3", False))
-    again = reporter.report(one.state().robots["gough"], 0.2)
+    live_session.obey(c.LockJoint("gough", "joint3", False))
+    again = reporter.report(live_session.state().robots["gough"], 0.2)
     assert again.type1.sigma == pytest.approx(free.type1.sigma, abs=1e-12)
 
 
 def test_a_robot_that_avoids_obstacles_keeps_its_locks(root, closing):
-    one = closing(Session(scene_setup(load_scene(root / "robots/scenes/rod.toml"))))
-    (name,) = one.robots
-    one.obey(c.LockJoint(name, "joint1", True))
-    before = one.robots[name].q
-    drag(one, name, np.array([0.0, 0.05, 0.0]))
-    after = one.robots[name].q
+    session = closing(Session(scene_setup(load_scene(root / "robots/scenes/rod.toml"))))
+    (name,) = session.robots
+    session.obey(c.LockJoint(name, "joint1", True))
+    before = session.robots[name].q
+    drag(session, name, np.array([0.0, 0.05, 0.0]))
+    after = session.robots[name].q
     assert after[0] == before[0]
     assert np.abs(after - before).max() > 1e-3
-    one.obey(c.MoveJoint(name, "joint2", float(after[1] + 0.1)))
-    one.obey(c.EndJointMotion())
-    run(one, 2.0)
-    assert one.robots[name].q[0] == before[0]
-    assert one.robots[name].q[1] == pytest.approx(after[1] + 0.1, abs=1e-3)
+    session.obey(c.MoveJoint(name, "joint2", float(after[1] + 0.1)))
+    session.obey(c.EndJointMotion())
+    run(session, 2.0)
+    assert session.robots[name].q[0] == before[0]
+    assert session.robots[name].q[1] == pytest.approx(after[1] + 0.1, abs=1e-3)
 
 
 def test_a_locked_base_holds_the_trunk_of_a_humanoid(closing):
-    one = closing(Session(arrange({"biped": cinegen.load(bipeds.URDF)})))
-    one.obey(c.LockJoint("biped", "base", True))
-    before = one.robots["biped"].q[:7]
-    drag(one, "biped", np.array([0.1, 0.0, 0.1]))
-    assert (one.robots["biped"].q[:7] == before).all()
-    one.obey(c.LockJoint("biped", one.robots["biped"].mechanism.base, False))
-    drag(one, "biped", np.array([0.1, 0.0, 0.1]))
-    assert not (one.robots["biped"].q[:7] == before).all()
+    session = closing(Session(arrange({"biped": cinegen.load(bipeds.URDF)})))
+    session.obey(c.LockJoint("biped", "base", True))
+    before = session.robots["biped"].q[:7]
+    drag(session, "biped", np.array([0.1, 0.0, 0.1]))
+    assert (session.robots["biped"].q[:7] == before).all()
+    session.obey(c.LockJoint("biped", session.robots["biped"].mechanism.base, False))
+    drag(session, "biped", np.array([0.1, 0.0, 0.1]))
+    assert not (session.robots["biped"].q[:7] == before).all()

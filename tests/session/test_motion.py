@@ -48,12 +48,12 @@ def test_a_motion_that_is_blocked_now_and_then_arrives_however_long_that_takes(r
     arm = robot("planar_3r")
     moving, goal = motion(kind, arm)
     q, tick, blocked = arm.q_home, 0, 0
-    while (here := moving.advance(DT)) is not None:
+    while (q_next := moving.advance(DT)) is not None:
         if tick % 45 < 40 and blocked < 300:
             moving.block(q, "the wall")
             blocked += 1
         else:
-            q = here
+            q = q_next
         tick += 1
         assert tick < 2000
     assert (moving.problem, blocked) == ("", 300)
@@ -67,25 +67,25 @@ def test_undo_goes_back_along_the_way_and_not_straight(session):
     begin = arm.placement(arm.q_home, "tool").translation
 
     def run(ticks):
-        found = []
+        track = []
         for _ in range(ticks):
             session.tick()
-            found.append(session.state().robots["planar_3r"].q)
-        return found
+            track.append(session.state().robots["planar_3r"].q)
+        return track
 
     session.obey(c.StartDrag("planar_3r", "tool", (0.0, 0.0, 0.0)))
-    there = []
+    outward = []
     for side in ([-0.25, 0.0, 0.0], [-0.25, 0.25, 0.0]):
         session.obey(c.MoveDrag(tuple(begin + side)))
-        there += run(600)
+        outward += run(600)
     session.obey(c.EndDrag())
     run(20)
     session.obey(c.Undo())
     back = run(3000)
     assert back[-1] == pytest.approx(arm.q_home, abs=1e-9)
-    way = np.array(there[::10])
+    way = np.array(outward[::10])
     assert max(np.abs(way - q).max(axis=1).min() for q in back) < 0.03
-    straight = 0.5 * (there[-1] + arm.q_home)
+    straight = 0.5 * (outward[-1] + arm.q_home)
     assert np.abs(way - straight).max(axis=1).min() > 0.1
 
 
@@ -117,8 +117,8 @@ LONGEST = 0.02  # rad or lengths that a joint goes in a tick: nothing jumps
 def gone(mechanism, q, goal, node):
     """All configurations on the way, and what there was to say."""
     visit, passed = LineMotion(mechanism, q, goal, node, LINE_DT), [q]
-    while (here := visit.advance(LINE_DT)) is not None:
-        passed.append(here)
+    while (q_next := visit.advance(LINE_DT)) is not None:
+        passed.append(q_next)
         assert len(passed) < 60.0 / LINE_DT
     return np.array(passed), visit.problem
 
@@ -156,7 +156,7 @@ def test_the_node_goes_straight_and_slowly_at_first_and_last(robot):
     goal = cinegen.model.ForwardKinematics(delta).move({"joint1": 0.5, "joint6": -0.2, "joint12": -0.3})
     end = delta.placement(goal, "platform").translation
     passed, _ = gone(delta, q, goal, "platform")
-    points = np.array([delta.placement(one, "platform").translation for one in passed])
+    points = np.array([delta.placement(row, "platform").translation for row in passed])
     along = (end - start) / np.linalg.norm(end - start)
     aside = (points - start) - np.outer((points - start) @ along, along)
     assert np.linalg.norm(aside, axis=1).max() < 1e-3 * delta.length
@@ -167,9 +167,9 @@ def test_the_node_goes_straight_and_slowly_at_first_and_last(robot):
 
 def test_another_assembly_mode_is_come_to_at_once_and_said(robot):
     bars = robot("five_bar")
-    here, there = list(cinegen.assembly_modes(bars))[:2]
-    passed, trouble = gone(bars, here, there, "tool")
-    assert passed[-1].tolist() == there.tolist()
+    start, goal = list(cinegen.assembly_modes(bars))[:2]
+    passed, trouble = gone(bars, start, goal, "tool")
+    assert passed[-1].tolist() == goal.tolist()
     assert "moved there without a path" in trouble
     assert max(bars.closure(q) for q in passed) < 1e-9
     assert np.sort(steps(bars, passed))[-2] < LONGEST  # but for that one

@@ -22,34 +22,34 @@ def report(session, name, reporter=None):
 
 
 def put(session, name, values):
-    one = session.robots[name]
-    one.jump_to(one.mechanism.configuration(dict(zip(one.mechanism.actuated, values, strict=True))))
+    driven = session.robots[name]
+    driven.jump_to(driven.mechanism.configuration(dict(zip(driven.mechanism.actuated, values, strict=True))))
 
 
 def test_a_stretched_arm_loses_the_motion_along_itself(session):
-    one = session("planar_3r")
-    arm = one.setup.robots["planar_3r"]
-    put(one, "planar_3r", (0.7, 0.0, 0.0))
-    one.obey(c.StartDrag("planar_3r", arm.end, None))
-    found = report(one, "planar_3r").type1
-    end = one.robots["planar_3r"].placement(arm.end)
+    live_session = session("planar_3r")
+    arm = live_session.setup.robots["planar_3r"]
+    put(live_session, "planar_3r", (0.7, 0.0, 0.0))
+    live_session.obey(c.StartDrag("planar_3r", arm.end, None))
+    singularity = report(live_session, "planar_3r").type1
+    end = live_session.robots["planar_3r"].placement(arm.end)
     outward = end.translation / np.linalg.norm(end.translation)
-    assert found.sigma < 1e-9
-    assert found.text.startswith("hardly any motion along")
-    assert abs(found.twist[:3] @ outward) == pytest.approx(1.0, abs=1e-6)
-    assert found.position == pytest.approx(end.translation)
-    put(one, "planar_3r", (0.7, 1.0, 0.5))
-    found = report(one, "planar_3r").type1
-    assert found.sigma > found.threshold
-    assert found.text.startswith("hardest to move")
+    assert singularity.sigma < 1e-9
+    assert singularity.text.startswith("hardly any motion along")
+    assert abs(singularity.twist[:3] @ outward) == pytest.approx(1.0, abs=1e-6)
+    assert singularity.position == pytest.approx(end.translation)
+    put(live_session, "planar_3r", (0.7, 1.0, 0.5))
+    singularity = report(live_session, "planar_3r").type1
+    assert singularity.sigma > singularity.threshold
+    assert singularity.text.startswith("hardest to move")
 
 
 @pytest.mark.parametrize("name", ["rx90", "delta4"])
 def test_the_ellipsoid_is_as_far_as_the_joints_lead_the_node(session, name):
     """Its support in any direction, against finite differences along the free motions, a ball joint as one joint."""
-    one = session(name)
-    mechanism = one.setup.robots[name]
-    ellipsoid = report(one, name).ellipsoid
+    live_session = session(name)
+    mechanism = live_session.setup.robots[name]
+    ellipsoid = report(live_session, name).ellipsoid
     centre, axes = ellipsoid.center, ellipsoid.axes
     q, end = mechanism.q_home, mechanism.end
     place = mechanism.placement(q, end).translation
@@ -72,26 +72,26 @@ def test_the_ellipsoid_is_as_far_as_the_joints_lead_the_node(session, name):
 
 def test_what_a_moving_hand_will_meet_is_foreseen_where_and_when_it_then_happens(session):
     """An arm is drawn outwards, at a steady pace, towards where it is stretched."""
-    one = session("planar_3r")
-    arm = one.setup.robots["planar_3r"]
-    put(one, "planar_3r", (0.3, 0.9, 0.6))
-    one.obey(c.ChangeSettings(gain=1000.0))
-    start = one.robots["planar_3r"].placement(arm.end).translation
+    live_session = session("planar_3r")
+    arm = live_session.setup.robots["planar_3r"]
+    put(live_session, "planar_3r", (0.3, 0.9, 0.6))
+    live_session.obey(c.ChangeSettings(gain=1000.0))
+    start = live_session.robots["planar_3r"].placement(arm.end).translation
     outward = start / np.linalg.norm(start)
     length = np.linalg.norm(arm.placement(arm.configuration(dict.fromkeys(arm.joints, 0.0)), arm.end).translation)
     speed = (length - np.linalg.norm(start)) / 1.0  # m/s: there in a second
-    one.obey(c.StartDrag("planar_3r", arm.end, (0, 0, 0)))
+    live_session.obey(c.StartDrag("planar_3r", arm.end, (0, 0, 0)))
     reporter, foreseen, met = Reporter(arm), None, None
     for tick in range(1200):
-        at = start + outward * speed * (tick + 1) * one.dt
-        one.obey(c.MoveDrag(tuple(at)))
-        one.tick()
+        at = start + outward * speed * (tick + 1) * live_session.dt
+        live_session.obey(c.MoveDrag(tuple(at)))
+        live_session.tick()
         if tick in (180, 200):
-            found = report(one, "planar_3r", reporter)
-            events = [event for event in found.forecast.events if event.kind == "TYPE_1"]
-            foreseen = one.time + events[0].time if events else None
-        if met is None and one.robots["planar_3r"].step.singular_values[-1] < 0.05:
-            met = one.time
+            robot_report = report(live_session, "planar_3r", reporter)
+            events = [event for event in robot_report.forecast.events if event.kind == "TYPE_1"]
+            foreseen = live_session.time + events[0].time if events else None
+        if met is None and live_session.robots["planar_3r"].step.singular_values[-1] < 0.05:
+            met = live_session.time
     assert met is not None
     assert foreseen == pytest.approx(met, abs=0.05)
     assert met - 0.2 < HORIZON
@@ -101,11 +101,11 @@ def test_what_a_moving_hand_will_meet_is_foreseen_where_and_when_it_then_happens
 
 
 def report_of(type1=None, type2=None):
-    found = [
+    singularities = [
         None if sigma is None else SingularityReport(sigma, 0.05, f"text of {sigma}", "tool", np.zeros(3), np.zeros(6))
         for sigma in (type1, type2)
     ]
-    return RobotReport(np.zeros(1), (), (), 0.0, *found, None, ForecastReport(np.zeros((0, 3)), ()))
+    return RobotReport(np.zeros(1), (), (), 0.0, *singularities, None, ForecastReport(np.zeros((0, 3)), ()))
 
 
 @pytest.mark.parametrize(
@@ -128,23 +128,23 @@ def report_of(type1=None, type2=None):
     ],
 )
 def test_the_status_agrees_with_the_meters(name, report, agreed):
-    found = agreed_status(RobotStatus(name, "as it is", "a sentence"), report)
-    assert found.name == agreed
-    near = report is not None and any(one is not None and one.is_near for one in (report.type1, report.type2))
-    assert ("near a singularity" in found.label) == (near and agreed not in ("REFUSED", "BAD_TARGET"))
-    assert agreed != name or near or found.label == "as it is"
+    status = agreed_status(RobotStatus(name, "as it is", "a sentence"), report)
+    assert status.name == agreed
+    near = report is not None and any(meter is not None and meter.is_near for meter in (report.type1, report.type2))
+    assert ("near a singularity" in status.label) == (near and agreed not in ("REFUSED", "BAD_TARGET"))
+    assert agreed != name or near or status.label == "as it is"
 
 
 def test_joints_near_a_limit_are_named(session):
-    one = session("five_bar")
-    bars = one.setup.robots["five_bar"]
+    live_session = session("five_bar")
+    bars = live_session.setup.robots["five_bar"]
     i = bars.q_index("joint1")
     low, high = bars.model.lowerPositionLimit[i], bars.model.upperPositionLimit[i]
-    assert "joint1" not in report(one, "five_bar").near_limit
-    one.obey(c.MoveJoint("five_bar", "joint1", float(high - 0.05 * (high - low))))
+    assert "joint1" not in report(live_session, "five_bar").near_limit
+    live_session.obey(c.MoveJoint("five_bar", "joint1", float(high - 0.05 * (high - low))))
     for _ in range(2000):
-        one.tick()
-    assert "joint1" in report(one, "five_bar").near_limit
+        live_session.tick()
+    assert "joint1" in report(live_session, "five_bar").near_limit
 
 
 # --- holding ----------------------------------------------------------------------------------------------------------
@@ -156,14 +156,14 @@ STANDING = pin.SE3(pin.rpy.rpyToMatrix(np.pi / 2, 0.0, 0.0), np.zeros(3))  # wha
 
 def test_the_torques_are_those_of_the_configuration_and_the_payload(session, robot):
     """A drag moves the robot; its torques balance the change of its potential energy, by finite differences."""
-    one, delta = session("delta4"), robot("delta4")
+    live_session, delta = session("delta4"), robot("delta4")
     begin = delta.placement(delta.q_home, "platform").translation
-    one.obey(c.StartDrag("delta4", "platform"))
-    one.obey(c.MoveDrag(tuple(begin + np.array([0.2, -0.1, 0.1]))))
-    one.obey(c.SetPayload("delta4", "link3", 7.5))
+    live_session.obey(c.StartDrag("delta4", "platform"))
+    live_session.obey(c.MoveDrag(tuple(begin + np.array([0.2, -0.1, 0.1]))))
+    live_session.obey(c.SetPayload("delta4", "link3", 7.5))
     for _ in range(500):
-        one.tick()
-    state = one.state().robots["delta4"]
+        live_session.tick()
+    state = live_session.state().robots["delta4"]
     assert state.carried == CarriedMass("link3", 7.5)
 
     def energy(q):
@@ -192,9 +192,9 @@ def test_gravity_is_the_worlds_also_on_a_base_that_tilts(session, robot):
 
 
 def test_a_robot_without_masses_has_no_torques_and_carries_nothing(session, robot):
-    one = session("tssm", "delta4")
-    one.obey(c.SetPayload("tssm", "platform", 1.0))
-    state = one.state()
+    live_session = session("tssm", "delta4")
+    live_session.obey(c.SetPayload("tssm", "platform", 1.0))
+    state = live_session.state()
     assert state.robots["tssm"].torques is None
     assert state.robots["tssm"].carried is None
     assert state.robots["delta4"].torques is not None
@@ -225,24 +225,24 @@ def test_no_torques_hold_a_load_in_a_singularity_and_next_to_it(robot):
 
 def test_reactions_balance_each_other_and_undetermined_ones_are_named(session, robot):
     """The forces on a platform, of all joints and loops that it has, carry its weight and its payload."""
-    one, delta = session("delta4", bases=["delta4=1,1,1,20,10,5"]), robot("delta4")
-    one.obey(c.SetPayload("delta4", delta.end, 4.0))
-    state = one.state().robots["delta4"]
-    found = BearingReporter(delta).report(state)
-    assert [report.undetermined for report in found] == [()] * 17
-    joints, loops = found[:15], found[15:]
+    live_session, delta = session("delta4", bases=["delta4=1,1,1,20,10,5"]), robot("delta4")
+    live_session.obey(c.SetPayload("delta4", delta.end, 4.0))
+    state = live_session.state().robots["delta4"]
+    bearings = BearingReporter(delta).report(state)
+    assert [report.undetermined for report in bearings] == [()] * 17
+    joints, loops = bearings[:15], bearings[15:]
     assert [report.kind for report in loops] == ["loop", "loop"]
 
     def parent(node):
         return delta.model.frames[delta.frame_id(node)].parentJoint
 
-    assert len({parent(report.node) for report in found}) == 15
+    assert len({parent(report.node) for report in bearings}) == 15
     carrier = parent(delta.end)
-    own = sum(np.array(report.force) for report in found if parent(report.node) == carrier)
+    acting = sum(np.array(report.force) for report in bearings if parent(report.node) == carrier)
     ends = zip(loops, delta.loops, strict=True)
     against = sum(np.array(report.force) for report, loop in ends if parent(loop.first) == carrier)
     weight = 9.81 * (delta.model.inertias[carrier].mass + 4.0)
-    np.testing.assert_allclose(own - against, [0.0, 0.0, weight], atol=1e-8 * weight)
+    np.testing.assert_allclose(acting - against, [0.0, 0.0, weight], atol=1e-8 * weight)
     for report in joints:
         joint = delta.model.getJointId(report.name)
         data = delta.model.createData()

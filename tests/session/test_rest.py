@@ -33,10 +33,10 @@ def test_every_robot_comes_to_rest_with_and_without_a_pin(robot, name):
 def test_what_moves_is_not_at_rest(robot):
     session = Session(arrange({"arm": robot("planar_3r")}, rate=100.0))
     run(session, 1.5)
-    here = session.robots["arm"].placement("tool").translation
+    begin = session.robots["arm"].placement("tool").translation
     session.obey(c.StartDrag("arm", "tool", (0.0, 0.0, 0.0)))
     for k in range(300):
-        session.obey(c.MoveDrag(tuple(here - np.array([1e-4 * k, 0.0, 0.0]))))
+        session.obey(c.MoveDrag(tuple(begin - np.array([1e-4 * k, 0.0, 0.0]))))
         session.tick()
         assert not session.at_rest
     run(session, 1.5)
@@ -107,7 +107,7 @@ def test_a_reading_of_a_sensor_wakes_the_session(robot):
     setup = arrange({"arm": robot("planar_3r")}, sensors=["tool=tcp://127.0.0.1:0?no-token"])
     with SessionRunner(setup, own_process=False) as runner:
         assert becomes(lambda: runner.state is not None and runner.state.at_rest)
-        message = next(one.message for one in runner.state.sensors if one.id == "tool")
+        message = next(sensor.message for sensor in runner.state.sensors if sensor.id == "tool")
         port = int(re.search(r"on port (\d+)", message)[1])
         with socket.create_connection(("127.0.0.1", port)) as program:
             time.sleep(0.1)
@@ -121,10 +121,10 @@ def test_an_obstacle_that_is_dragged_wakes_the_session(root):
     session = Session(scene_setup(load_scene(root / "robots/scenes/disc.toml"), rate=100.0))
     run(session, 1.5)
     assert session.at_rest
-    name, obstacle = next((name, one) for name, one in session.obstacles.items() if one.mechanism.mobility)
-    here = obstacle.pose.translation
+    name, obstacle = next((name, body) for name, body in session.obstacles.items() if body.mechanism.mobility)
+    begin = obstacle.pose.translation
     session.obey(c.StartDrag(name, name, (0.0, 0.0, 0.0)))
-    session.obey(c.MoveDrag(tuple(here + np.array([0.05, 0.0, 0.0]))))
+    session.obey(c.MoveDrag(tuple(begin + np.array([0.05, 0.0, 0.0]))))
     session.tick()
     assert not session.at_rest
-    assert np.linalg.norm(obstacle.pose.translation - here) > 1e-4
+    assert np.linalg.norm(obstacle.pose.translation - begin) > 1e-4

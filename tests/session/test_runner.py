@@ -58,8 +58,8 @@ if __name__ == "__main__":
 
 def _of_family(mark):
     """The processes whose environment has a mark."""
-    alive = (one for one in psutil.process_iter(["environ", "status"]) if one.info["status"] != psutil.STATUS_ZOMBIE)
-    return [one for one in alive if (one.info["environ"] or {}).get("MARK") == mark]
+    alive = (proc for proc in psutil.process_iter(["environ", "status"]) if proc.info["status"] != psutil.STATUS_ZOMBIE)
+    return [proc for proc in alive if (proc.info["environ"] or {}).get("MARK") == mark]
 
 
 @pytest.mark.parametrize(("end", "delay"), [(signal.SIGKILL, None), (signal.SIGINT, 0.1)])
@@ -107,17 +107,17 @@ def test_velocities_do_not_jump_when_the_rate_changes(session, robot, name):
     """A drag at a constant speed. If the rate changed at once, the speed would be twice as high for a while."""
     session = session(name)
     session.dt, end = 1.0 / INTERPRETED_RATE, robot(name).end
-    begin = here = session.robots[name].placement(end).translation
+    begin = before = session.robots[name].placement(end).translation
     speed, speeds = 0.02 * robot(name).length, []
     session.obey(c.StartDrag(name, end, (0.0, 0.0, 0.0)))
     while session.time < 3.0:
         aside = [-speed * session.time, 0.0, 0.0]
         session.obey(c.MoveDrag(tuple(begin + aside)))
         session.tick()
-        there = session.robots[name].placement(end).translation
+        after = session.robots[name].placement(end).translation
         if session.time > 0.5:
-            speeds.append(float(np.linalg.norm(there - here)) / session.dt)
-        here = there
+            speeds.append(float(np.linalg.norm(after - before)) / session.dt)
+        before = after
         if session.time > 1.0:
             session.dt = _next_period(1000.0, session.dt)
     assert session.dt == 1e-3

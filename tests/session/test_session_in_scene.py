@@ -74,8 +74,8 @@ def lead(session, way, each=3, seen=None):
 
 
 def point(session, name, node):
-    one = session.obstacles[name] if name in session.obstacles else session.robots[name]
-    return one.placement(node).translation.copy()
+    body = session.obstacles[name] if name in session.obstacles else session.robots[name]
+    return body.placement(node).translation.copy()
 
 
 def line(begin, end, count):
@@ -83,47 +83,47 @@ def line(begin, end, count):
 
 
 def test_an_obstacle_that_is_dragged_pushes_the_robot_never_touches_it_and_both_go_back_by_undo(session):
-    one = session("arm7", POLE)
-    far = measured(one, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
-    at_rest = one.state().robots["arm7"].q
-    begin = point(one, "pole", "pole")
+    live_session = session("arm7", POLE)
+    far = measured(live_session, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
+    at_rest = live_session.state().robots["arm7"].q
+    begin = point(live_session, "pole", "pole")
     least, statuses = [], set()
 
     def seen(state):
         least.append(far(state))
         statuses.add(state.robots["arm7"].status)
 
-    one.obey(c.StartDrag("pole", "pole", (0.0, 0.0, 0.1)))
+    live_session.obey(c.StartDrag("pole", "pole", (0.0, 0.0, 0.1)))
     up = np.array([0.0, 0.0, 0.1])
-    lead(one, line(begin + up, begin + up + np.array([-0.1, -0.25, 0.0]), 100), each=2, seen=seen)
+    lead(live_session, line(begin + up, begin + up + np.array([-0.1, -0.25, 0.0]), 100), each=2, seen=seen)
     for _ in range(120):  # it yields within its limits of acceleration: the pole arrives later than the pointer
-        seen(run(one, 1))
-    assert np.abs(one.state().robots["arm7"].q - at_rest).max() > 0.1  # it has yielded
+        seen(run(live_session, 1))
+    assert np.abs(live_session.state().robots["arm7"].q - at_rest).max() > 0.1  # it has yielded
     assert ("PUSHED", "pushed by 'pole'") in {(status.name, status.label) for status in statuses}
     assert min(least) > 0.5 * SAFETY
-    assert np.linalg.norm(point(one, "pole", "pole") - begin - [-0.1, -0.25, 0.0]) < 5e-3
-    turned = one.obstacles["pole"].pose.rotation
+    assert np.linalg.norm(point(live_session, "pole", "pole") - begin - [-0.1, -0.25, 0.0]) < 5e-3
+    turned = live_session.obstacles["pole"].pose.rotation
     assert np.allclose(turned, np.eye(3), atol=1e-6)  # dragged, it is not turned
-    run(one, 5, c.EndDrag())
-    state = run(one, 750, c.Undo())
+    run(live_session, 5, c.EndDrag())
+    state = run(live_session, 750, c.Undo())
     assert np.allclose(state.robots["arm7"].q, at_rest, atol=1e-9)
     assert np.allclose(state.obstacles["pole"].pose.translation, begin, atol=1e-9)
 
 
 def test_home_stops_before_it_hits_and_says_what(session):
-    one = session("arm7", {**POLE, "point": [5.0, 5.0, 0.5]})
-    begin = one.state().robots["arm7"].q
-    run(one, 0, c.MoveJoint("arm7", "joint1", 1.2))
-    run(one, 500, c.EndJointMotion())
-    assert abs(one.state().robots["arm7"].q[0] - begin[0]) > 0.5
-    middle = (point(one, "arm7", "link5") + np.array([0.6, 0.04, 0.47])) / 2.0  # where the forearm comes by
-    run(one, 0, c.StartDrag("pole", "pole", (0, 0, 0)))
-    lead(one, [[middle[0] * 1.15, middle[1] * 1.15, 0.45]], each=125)
-    run(one, 5, c.EndDrag())
-    far = measured(one, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
-    one.obey(c.MoveHome("arm7"))
-    least = [far(run(one, 1)) for _ in range(700)]
-    state = one.state()
+    live_session = session("arm7", {**POLE, "point": [5.0, 5.0, 0.5]})
+    begin = live_session.state().robots["arm7"].q
+    run(live_session, 0, c.MoveJoint("arm7", "joint1", 1.2))
+    run(live_session, 500, c.EndJointMotion())
+    assert abs(live_session.state().robots["arm7"].q[0] - begin[0]) > 0.5
+    middle = (point(live_session, "arm7", "link5") + np.array([0.6, 0.04, 0.47])) / 2.0  # where the forearm comes by
+    run(live_session, 0, c.StartDrag("pole", "pole", (0, 0, 0)))
+    lead(live_session, [[middle[0] * 1.15, middle[1] * 1.15, 0.45]], each=125)
+    run(live_session, 5, c.EndDrag())
+    far = measured(live_session, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
+    live_session.obey(c.MoveHome("arm7"))
+    least = [far(run(live_session, 1)) for _ in range(700)]
+    state = live_session.state()
     assert min(least) >= SAFETY
     assert state.moving is None
     assert np.abs(state.robots["arm7"].q - begin).max() > 0.1
@@ -134,17 +134,17 @@ def test_home_stops_before_it_hits_and_says_what(session):
 
 
 def test_a_motor_that_is_led_into_an_obstacle_stays_before_it(session):
-    one = session("arm7", POLE)
-    far = measured(one, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
-    one.obey(c.MoveJoint("arm7", "joint1", 3.0))
-    least = [far(run(one, 1)) for _ in range(250)]
+    live_session = session("arm7", POLE)
+    far = measured(live_session, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
+    live_session.obey(c.MoveJoint("arm7", "joint1", 3.0))
+    least = [far(run(live_session, 1)) for _ in range(250)]
     assert min(least) >= SAFETY
-    status = one.state().robots["arm7"].status
+    status = live_session.state().robots["arm7"].status
     name, words = status.name, status.label
     assert name == "JOINTS"
     assert words.endswith("would hit 'pole'")
-    one.obey(c.MoveJoint("arm7", "joint1", -0.5))  # a slider that moves on tries again
-    assert run(one, 400).robots["arm7"].q[0] == pytest.approx(-0.5)
+    live_session.obey(c.MoveJoint("arm7", "joint1", -0.5))  # a slider that moves on tries again
+    assert run(live_session, 400).robots["arm7"].q[0] == pytest.approx(-0.5)
 
 
 @pytest.mark.parametrize(
@@ -152,12 +152,12 @@ def test_a_motor_that_is_led_into_an_obstacle_stays_before_it(session):
 )
 def test_motions_of_joints_home_and_to_a_configuration_obey_the_limits_of_acceleration(session, name, joint, moved):
     """Also where one replaces the other on its way, and a drag that, and where one begins while the robot moves."""
-    one = session(name, {**POLE, "point": [5.0, 5.0, 0.5]}, rate=240.0)
-    mechanism, robot = one.setup.robots[name], one.robots[name]
-    begin, q, there = robot.q, [robot.q], robot.q.copy()
+    live_session = session(name, {**POLE, "point": [5.0, 5.0, 0.5]}, rate=240.0)
+    mechanism, robot = live_session.setup.robots[name], live_session.robots[name]
+    begin, q, goal = robot.q, [robot.q], robot.q.copy()
     for other, change in zip(mechanism.actuated, moved, strict=False):
-        there[mechanism.q_index(other)] += change
-    there = mechanism.close(there, mechanism.actuated)
+        goal[mechanism.q_index(other)] += change
+    goal = mechanism.close(goal, mechanism.actuated)
     at, drag = begin[mechanism.q_index(joint)], c.StartDrag(name, mechanism.end, (0, 0, 0))
     for command, ticks in (
         (c.MoveJoint(name, joint, at + 0.4), 40),
@@ -165,22 +165,22 @@ def test_motions_of_joints_home_and_to_a_configuration_obey_the_limits_of_accele
         (c.MoveHome(name), 15),
         (drag, 20),
         (c.MoveHome(name), None),
-        (c.MoveTo(name, mechanism.end, tuple(there)), 60),
+        (c.MoveTo(name, mechanism.end, tuple(goal)), 60),
         (drag, 10),
-        (c.MoveTo(name, mechanism.end, tuple(there)), None),
+        (c.MoveTo(name, mechanism.end, tuple(goal)), None),
     ):
-        one.obey(command)
+        live_session.obey(command)
         while ticks is None or ticks > 0:
-            one.tick()
+            live_session.tick()
             q.append(robot.q)
             ticks = None if ticks is None else ticks - 1
             if ticks is None and robot.motion is None:
                 break
         if isinstance(command, c.MoveHome) and ticks is None:
             assert robot.q == pytest.approx(begin, abs=1e-9)
-    assert q[-1] == pytest.approx(there, abs=1e-6)
+    assert q[-1] == pytest.approx(goal, abs=1e-6)
     v = np.array([mechanism.difference(a, b) for a, b in itertools.pairwise(q)]) * 240.0
-    columns = [mechanism.v_index(one) for one in mechanism.actuated]
+    columns = [mechanism.v_index(actuator) for actuator in mechanism.actuated]
     changes = np.abs(np.diff(np.vstack([0.0 * v[:1], v]), axis=0))[:, columns] * 240.0
     assert (changes <= motion_limits(mechanism).acceleration[columns] * (1.0 + 1e-6)).all()
     assert changes.max() > 5.0
@@ -188,37 +188,37 @@ def test_motions_of_joints_home_and_to_a_configuration_obey_the_limits_of_accele
 
 
 def test_a_disc_that_moves_by_itself_keeps_clear_too(root, closing):
-    one = closing(Session(scene_setup(load_scene(root / "robots" / "scenes" / "discs.toml"), rate=250.0)))
-    scene = one.setup.avoidance.scene
-    begin = point(one, "mobile", "mobile")
-    run(one, 0, c.StartDrag("mobile", "mobile", (0, 0, 0)))
+    live_session = closing(Session(scene_setup(load_scene(root / "robots" / "scenes" / "discs.toml"), rate=250.0)))
+    scene = live_session.setup.avoidance.scene
+    begin = point(live_session, "mobile", "mobile")
+    run(live_session, 0, c.StartDrag("mobile", "mobile", (0, 0, 0)))
     least = []
 
     def seen(state):
-        here = one.robots["mobile"].placement("mobile").translation
+        centre = live_session.robots["mobile"].placement("mobile").translation
         least.extend(
-            np.linalg.norm(here - obstacle.placement.translation) - obstacle.written["radius"] - scene.mobile
+            np.linalg.norm(centre - obstacle.placement.translation) - obstacle.written["radius"] - scene.mobile
             for obstacle in scene.obstacles
         )
 
-    lead(one, line(begin, scene.goal.translation, 200), each=2, seen=seen)
+    lead(live_session, line(begin, scene.goal.translation, 200), each=2, seen=seen)
     assert min(least) >= scene.safety
     assert min(least) < 3.0 * scene.safety
 
 
 def test_names_that_mean_something_to_the_page_or_are_taken_are_changed(session):
-    one = session("arm7", {**POLE, "name": "arm7"}, {**FLOOR, "name": "shelf/left\nside"}, {**POLE, "name": "ends'"})
-    assert list(one.robots) == ["arm7"]
-    assert list(one.obstacles) == ["arm7'", "shelf-left side", "ends'"]
-    assert decode_command('{"type": "pin", "robot": "arm7\'", "node": "arm7\'"}', one.setup) == c.Pin("arm7'", "arm7'")
-    copied = pickle.loads(pickle.dumps(one.setup))
-    assert list(copied.obstacles) == list(one.obstacles)
+    live = session("arm7", {**POLE, "name": "arm7"}, {**FLOOR, "name": "shelf/left\nside"}, {**POLE, "name": "ends'"})
+    assert list(live.robots) == ["arm7"]
+    assert list(live.obstacles) == ["arm7'", "shelf-left side", "ends'"]
+    assert decode_command('{"type": "pin", "robot": "arm7\'", "node": "arm7\'"}', live.setup) == c.Pin("arm7'", "arm7'")
+    copied = pickle.loads(pickle.dumps(live.setup))
+    assert list(copied.obstacles) == list(live.obstacles)
     assert copied.avoidance.scene.safety == SAFETY
 
 
 def test_where_something_is_in_an_obstacle_at_the_beginning_it_is_said(session):
-    one = session("arm7", {**POLE, "point": [0.24, 0.09, 0.5]})
-    status = run(one, 5).robots["arm7"].status
+    live_session = session("arm7", {**POLE, "point": [0.24, 0.09, 0.5]})
+    status = run(live_session, 5).robots["arm7"].status
     name, words = status.name, status.label
     assert name == "TOUCHING"
     assert words.startswith("'link")
@@ -254,8 +254,8 @@ def support(solid, direction):
     ball = coal.Sphere(1e-3)
     far = 1e3 * direction
     result = coal.DistanceResult()
-    here = coal.Transform3s(solid.placement.rotation, solid.placement.translation)
-    coal.distance(ball, coal.Transform3s(np.eye(3), far), solid.shape, here, coal.DistanceRequest(), result)
+    pose = coal.Transform3s(solid.placement.rotation, solid.placement.translation)
+    coal.distance(ball, coal.Transform3s(np.eye(3), far), solid.shape, pose, coal.DistanceRequest(), result)
     return result.min_distance
 
 
@@ -264,19 +264,19 @@ def test_what_is_written_of_a_shape_reads_back(shape, seed):
     rng = np.random.default_rng(seed)
     placement = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3))
     written = encode(DrawnShape.of(PlacedShape(placement, shape)))
-    found = decoder(DrawnShape, DrawnShape).decode(written).placed()
-    assert type(found.shape) is type(shape)
+    decoded = decoder(DrawnShape, DrawnShape).decode(written).placed()
+    assert type(decoded.shape) is type(shape)
     for direction in rng.normal(size=(5, 3)):
         unit = direction / np.linalg.norm(direction)
-        assert support(found, unit) == pytest.approx(support(PlacedShape(placement, shape), unit), abs=1e-6)
+        assert support(decoded, unit) == pytest.approx(support(PlacedShape(placement, shape), unit), abs=1e-6)
 
 
 def test_an_obstacle_moves_freely_in_space_in_the_plane_of_a_planar_robot_and_a_half_space_not_at_all(scene):
     ball, wall = {"kind": "sphere", "radius": 0.1}, {"kind": "half_space", "normal": [0, 1, 0], "point": [0, -1]}
     for name, dof in (("arm7", [6, 0]), ("planar_3r", [3, 0])):
         drawn = scene_setup(scene(name, ball, wall)).obstacles
-        assert [one.dof for one in drawn.values()] == dof
-        assert [DrivenObstacle(key, one, 0.01).mechanism.mobility for key, one in drawn.items()] == dof
+        assert [obstacle.dof for obstacle in drawn.values()] == dof
+        assert [DrivenObstacle(key, obstacle, 0.01).mechanism.mobility for key, obstacle in drawn.items()] == dof
 
 
 def test_what_is_drawn_in_the_plane_is_flat_where_the_robot_moves_in_it(scene):
@@ -302,15 +302,15 @@ def test_what_is_drawn_in_the_plane_is_flat_where_the_robot_moves_in_it(scene):
 def test_a_recording_keeps_the_poses_of_obstacles(robot, tmp_path):
     arm, path = robot("planar_3r"), tmp_path / "run.jsonl"
     ball = DrawnObstacle((DrawnShape.of(PlacedShape(pin.SE3.Identity(), coal.Sphere(0.1))),), pin.SE3.Identity(), 3)
-    there = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 0.4), np.array([0.2, 0.0, 0.0]))
+    moved = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 0.4), np.array([0.2, 0.0, 0.0]))
     with MissionRecorder(path, {"arm": arm}, obstacles={"ball": ball}) as recorder:
-        for time, pose in ((0.0, pin.SE3.Identity()), (1.0, there), (2.0, there)):
+        for time, pose in ((0.0, pin.SE3.Identity()), (1.0, moved), (2.0, moved)):
             recorder.write(time, {"arm": RobotSample(arm.q_home, "IDLE")}, {"ball": pose})
     assert path.read_text().count('"ball"') == 2  # in the first line, and where it moved
     recording = Recording.load(path)
     assert recording.obstacles["ball"].dof == 3
-    assert recording.placements_at(0.5)["ball"].isApprox(pin.SE3.Interpolate(pin.SE3.Identity(), there, 0.5))
-    assert recording.placements_at(9.0)["ball"].isApprox(there)
+    assert recording.placements_at(0.5)["ball"].isApprox(pin.SE3.Interpolate(pin.SE3.Identity(), moved, 0.5))
+    assert recording.placements_at(9.0)["ball"].isApprox(moved)
     path.write_text(path.read_text().replace('"obstacles":{"ball":[', '"obstacles":{"bell":['))
     with pytest.raises(MissionError, match=r"jsonl:3: obstacle 'bell' is not in the first line"):
         Recording.load(path)

@@ -30,8 +30,8 @@ from cinegen.session.regular_start import _singular_values, regular_start
 )
 def test_a_stand_is_read(text, name, stand):
     robot, node, place, turn = stand
-    found, said = parse_base_pose(text)
-    assert (found, said.robot, said.node) == (name, robot, node)
+    robot_name, said = parse_base_pose(text)
+    assert (robot_name, said.robot, said.node) == (name, robot, node)
     assert said.placement.isApprox(pin.SE3(pin.rpy.rpyToMatrix(*map(float, turn)), np.array(place, dtype=float)))
 
 
@@ -87,9 +87,9 @@ def test_robots_of_several_files_stand_side_by_side_and_those_of_one_as_it_says(
 
 def test_a_files_sensors_are_its_own(robot):
     robots = {"a": robot("delta4"), "b": robot("delta4")}
-    one = arrange(robots)
-    assert [device.name for device in one.devices] == ["1", "gamepad"]
-    assert [switch.choices for switch in one.switches] == [(None, "1", "gamepad")] * 2
+    setup = arrange(robots)
+    assert [device.name for device in setup.devices] == ["1", "gamepad"]
+    assert [switch.choices for switch in setup.switches] == [(None, "1", "gamepad")] * 2
     two = arrange(robots, {"a": "a.raff", "b": "b.raff"})
     assert [device.name for device in two.devices] == ["a.raff 1", "b.raff 1", "gamepad"]
 
@@ -115,8 +115,8 @@ def test_a_file_can_not_open_a_port_to_other_machines_but_the_command_line_can(r
     with pytest.warns(cinegen.CinegenWarning, match="every machine that reaches this port can drive the robot"):
         asked = arrange({"r": raff(ITS_SENSOR % url)}, sensors=[f"1={url}"])
     assert [device.url for device in asked.devices if device.name == "1"] == [url]
-    for own in ("tcp://127.0.0.1:7070", "tcp://[::1]:7070", "tcp://localhost:7070", "tcp://:7070"):
-        assert arrange({"r": raff(ITS_SENSOR % own)}).devices
+    for loopback in ("tcp://127.0.0.1:7070", "tcp://[::1]:7070", "tcp://localhost:7070", "tcp://:7070"):
+        assert arrange({"r": raff(ITS_SENSOR % loopback)}).devices
 
 
 @pytest.mark.parametrize(

@@ -48,17 +48,17 @@ def place(session, value, name):
 
 
 def names(session):
-    return [one.name for one in session.state().waypoints]
+    return [waypoint.name for waypoint in session.state().waypoints]
 
 
-def differs(one, other):
-    return max(np.abs(one[name] - other[name]).max() for name in one)
+def differs(first, other):
+    return max(np.abs(first[name] - other[name]).max() for name in first)
 
 
 def test_the_list_is_renamed_reordered_and_shortened(session):
     for name in ("a", "b", "c", "d"):
         session.obey(c.SaveWaypoint(name))
-    a, b, _, d = (one.id for one in session.state().waypoints)
+    a, b, _, d = (waypoint.id for waypoint in session.state().waypoints)
     session.obey(c.ChangeWaypoint(a, index=2))
     assert names(session) == ["b", "c", "a", "d"]
     session.obey(c.ChangeWaypoint(d, name="z", index=0))
@@ -69,7 +69,7 @@ def test_the_list_is_renamed_reordered_and_shortened(session):
     assert session.state().notices == ()
     for command in (c.RemoveWaypoint(a), c.MoveToWaypoint(a), c.ChangeWaypoint(a, name="x")):  # others were faster
         session.obey(command)
-    assert [one.text for one in session.state().notices] == ["this waypoint was removed"] * 3
+    assert [notice.text for notice in session.state().notices] == ["this waypoint was removed"] * 3
     for _ in range(MOST_WAYPOINTS):
         session.obey(c.SaveWaypoint("more"))
     assert len(names(session)) == MOST_WAYPOINTS
