@@ -10,18 +10,17 @@ from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any, TypeVar, cast, get_type_hints
 
-import numpy as np
 from filelock import FileLock
 from numba import njit, types
 from numba.core.registry import cpu_target
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array as Array  # kernels take it with their decorators
+from cinegen.arrays import Integers
 from cinegen.jit.memory import Memory
 from cinegen.jit.private_cache import check_private
 from cinegen.jit.whole_program import whole_program
 
-Array = NDArray[np.float64]
-Table = NDArray[np.int64]
+Table = Integers
 TABLE = types.int64[::1]
 """Numba's type of an array of integers."""
 

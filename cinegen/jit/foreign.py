@@ -18,11 +18,9 @@ import pinocchio as pin
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.jit.memory import array_at
-
-Array = NDArray[np.float64]
 
 
 def frame_of(placement: pin.SE3) -> Array:

@@ -23,8 +23,9 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from pinocchio import pinocchio_pywrap_default
 
+from cinegen.arrays import Array
 from cinegen.errors import warn
-from cinegen.jit.foreign import Array, JointKinematics, address, frame_of, frames_in_place
+from cinegen.jit.foreign import JointKinematics, address, frame_of, frames_in_place
 from cinegen.joints import joint_data
 
 _MODEL = b"N9pinocchio8ModelTplIdLi0ENS_25JointCollectionDefaultTplEEE"
