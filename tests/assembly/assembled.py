@@ -21,9 +21,9 @@ def places(mechanism: cinegen.Mechanism, q: np.ndarray, nodes: Sequence[str] | N
     return np.array([mechanism.placement(q, node).homogeneous for node in nodes or mechanism.nodes])
 
 
-def apart(one: np.ndarray, others: Sequence[np.ndarray]) -> float:
+def apart(entry: np.ndarray, others: Sequence[np.ndarray]) -> float:
     """How far it is from the nearest of the others."""
-    return min((float(np.abs(one - other).max()) for other in others), default=np.inf)
+    return min((float(np.abs(entry - other).max()) for other in others), default=np.inf)
 
 
 def sound(modes: AssemblyModes, nodes: Sequence[str] | None = None, count: int | None = None) -> list[np.ndarray]:
@@ -33,9 +33,9 @@ def sound(modes: AssemblyModes, nodes: Sequence[str] | None = None, count: int |
     for q in modes:
         assert m.closure(q) <= 1e-12
         assert np.allclose([q[m.q_index(name)] for name in m.actuated], modes.actuated, rtol=0.0, atol=1e-15)
-        there = places(m, q, nodes)
-        assert apart(there, seen) > 1e-7
-        seen.append(there)
+        poses = places(m, q, nodes)
+        assert apart(poses, seen) > 1e-7
+        seen.append(poses)
     assert count is None or len(modes) == count, modes
     assert len(modes.coincident) == len(modes)
     assert modes.counts.real == sum(modes.coincident)
@@ -53,15 +53,15 @@ def traced(modes: AssemblyModes) -> None:
 def alike(these: Sequence[np.ndarray], those: Sequence[np.ndarray], tolerance: float = 1e-7) -> None:
     """Asserts that two sets are the same."""
     assert len(these) == len(those)
-    for one in these:
-        assert apart(one, those) < tolerance
-    for one in those:
-        assert apart(one, these) < tolerance
+    for entry in these:
+        assert apart(entry, those) < tolerance
+    for entry in those:
+        assert apart(entry, these) < tolerance
 
 
 def closings(modes: AssemblyModes, starts: int, seed: int = 0) -> list[np.ndarray]:
     """What Gauss-Newton closes random configurations to, with the motors where the modes have them."""
-    m, rng, found = modes.mechanism, np.random.default_rng(seed), list[np.ndarray]()
+    m, rng, closed = modes.mechanism, np.random.default_rng(seed), list[np.ndarray]()
     asked = m.configuration(dict(zip(m.actuated, modes.actuated.tolist(), strict=True)))
     for _ in range(starts):
         q = asked.copy()
@@ -69,15 +69,15 @@ def closings(modes: AssemblyModes, starts: int, seed: int = 0) -> list[np.ndarra
             k = m.q_index(name)
             q[k] = q[k] + m.length * rng.normal() if m.is_prismatic(name) else rng.uniform(-np.pi, np.pi)
         with suppress(cinegen.ClosureError):
-            found.append(m.close(q, locked=m.actuated))
-    return found
+            closed.append(m.close(q, locked=m.actuated))
+    return closed
 
 
 def nothing_beside(modes: AssemblyModes, nodes: Sequence[str], starts: int = 30, seed: int = 0) -> None:
     """Assert that random closings find modes, and none that is not among these."""
     m = modes.mechanism
     known = [places(m, q, nodes) for q in modes]
-    found = closings(modes, starts, seed)
-    assert found, f"none of {starts} random starts was closed: nothing was compared"
-    for q in found:
+    closed = closings(modes, starts, seed)
+    assert closed, f"none of {starts} random starts was closed: nothing was compared"
+    for q in closed:
         assert apart(places(m, q, nodes), known) < _SAME, modes

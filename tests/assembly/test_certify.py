@@ -62,8 +62,8 @@ def residual(mechanism, values):
     """All equations of all loops at the joints' values, by name: many more than are independent."""
     model, known = mechanism.model, {0: mp.eye(4)}
     for j in range(1, model.njoints):
-        here = known[int(model.parents[j])] * orthonormal(model.jointPlacements[j])
-        known[j] = here * moved(model.joints[j], values[model.names[j]])
+        joint_frame = known[int(model.parents[j])] * orthonormal(model.jointPlacements[j])
+        known[j] = joint_frame * moved(model.joints[j], values[model.names[j]])
     rows = []
     for loop in mechanism.loops:
         ends = []
@@ -87,11 +87,11 @@ def refined(mechanism, actuated, q):
     passive = [name for name in mechanism.joints if name not in mechanism.actuated]
     tiny = mp.mpf(10) ** -25
     for _ in range(4):
-        here = residual(mechanism, values)
-        jacobian = mp.matrix(len(here), len(passive))
+        errors = residual(mechanism, values)
+        jacobian = mp.matrix(len(errors), len(passive))
         for k, name in enumerate(passive):
-            jacobian[:, k] = (residual(mechanism, {**values, name: values[name] + tiny}) - here) / tiny
-        step = mp.lu_solve(jacobian, -here)
+            jacobian[:, k] = (residual(mechanism, {**values, name: values[name] + tiny}) - errors) / tiny
+        step = mp.lu_solve(jacobian, -errors)
         for k, name in enumerate(passive):
             values[name] += step[k]
     return values, max(abs(row) for row in residual(mechanism, values))
@@ -153,10 +153,10 @@ def assert_derivatives(m, pose):
     equations = LoopEquations(m, Unknowns(tuple(m.joints), 1, ()), q, pose=(m.end, frame, target, pose))
     with ctx.workprec(200):
         point, step = [arb(float(q[m.q_index(name)])) for name in m.joints], arb(10) ** -25
-        here = equations.evaluate(point, True)
+        at_point = equations.evaluate(point, True)
         for k in range(len(point)):
-            there = equations.evaluate([x + step if i == k else x for i, x in enumerate(point)], False)
-            for before, after, row in zip(here.residual, there.residual, here.jacobian, strict=True):
+            at_step = equations.evaluate([x + step if i == k else x for i, x in enumerate(point)], False)
+            for before, after, row in zip(at_point.residual, at_step.residual, at_point.jacobian, strict=True):
                 assert abs(float((after - before) / step - row[k])) < 1e-15
 
 
@@ -181,8 +181,8 @@ def test_a_joint_about_an_oblique_axis_is_displaced_as_the_yardstick_has_it(kind
 def test_all_modes_of_robots_are_certified(robot, name):
     modes = assembly_modes(robot(name))
     assert modes.certified == len(modes) > 1
-    assert max(one.error for one in modes.certificates) < 1e-12
-    assert min(one.radius for one in modes.certificates) >= 1e-8
+    assert max(cert.error for cert in modes.certificates) < 1e-12
+    assert min(cert.radius for cert in modes.certificates) >= 1e-8
 
 
 MADE = {
@@ -198,7 +198,7 @@ def test_the_solution_is_in_the_box(built, made, seed):
     m = built(MADE[made](rng(seed)))
     modes = assembly_modes(m, home(m) + 0.01 * rng(seed).normal(size=len(m.actuated)))
     assert modes.certified <= sum(count == 1 for count in modes.coincident)
-    assert all(one.gap < 1e-15 for one in modes.certificates if one)  # links are at heights that round differently
+    assert all(cert.gap < 1e-15 for cert in modes.certificates if cert)  # links are at heights that round differently
     assert_enclosed(modes)
 
 
@@ -220,11 +220,11 @@ def test_equations_that_depend_by_design_are_bounded_and_counted(built, axes, co
     assert modes.certified == len(modes) == count
     assert modes.self_motions == ()  # it moves, but not with its actuated joint locked
     nothing_beside(modes, ["tool"])
-    for one in modes.certificates:
-        assert one.equations == len(joints) - 2
-        assert one.equations + one.others <= 5
-        assert one.others > 0
-        assert 0.0 < one.gap < 1e-12
+    for cert in modes.certificates:
+        assert cert.equations == len(joints) - 2
+        assert cert.equations + cert.others <= 5
+        assert cert.others > 0
+        assert 0.0 < cert.gap < 1e-12
     assert "independent equations" in modes.certification
 
 
@@ -234,7 +234,7 @@ def test_closed_forms_are_in_the_boxes(robot):
     for actuated in ([2.0, 1.0], [2.5, 0.3], [1.8, 1.4]):
         modes = assembly_modes(m, actuated)
         assert modes.certified == len(modes) == 2
-        assert all((one.others, one.gap) == (0, 0.0) for one in modes.certificates)
+        assert all((cert.others, cert.gap) == (0, 0.0) for cert in modes.certificates)
         with mpmath.workdps(DIGITS):
             first, third = map(mp.mpf, actuated)
             feet, near, far = [mp.mpf(-0.15), mp.mpf(0.15)], mp.mpf(0.25), mp.mpf(0.4)
@@ -246,7 +246,7 @@ def test_closed_forms_are_in_the_boxes(robot):
                 second, fourth = mp.arg(tip - a) - first, mp.arg(tip - b) - third
                 expected.append({"joint2": second, "joint4": fourth, "joint5": first + second - third - fourth})
             for q, certificate in zip(modes, modes.certificates, strict=True):
-                assert min(distance(m, q, one) for one in expected) <= certificate.error
+                assert min(distance(m, q, exact) for exact in expected) <= certificate.error
 
 
 # --- what is not ----------------------------------------------------------------------------------------------------
@@ -263,8 +263,8 @@ def test_nearly_double_modes_are_distinguished_or_not_certified_and_never_wrong(
         assert_enclosed(modes)
         if modes.certified == 2:
             with mpmath.workdps(DIGITS):
-                one, two = (refined(m, modes.actuated, q)[0] for q in modes)
-                assert max(abs(one[name] - two[name]) for name in one) > 10.0 ** -(exponent + 1)
+                first, second = (refined(m, modes.actuated, q)[0] for q in modes)
+                assert max(abs(first[name] - second[name]) for name in first) > 10.0 ** -(exponent + 1)
 
 
 def test_modes_that_have_just_become_complex_are_not_certified(built):
@@ -277,9 +277,9 @@ def test_modes_that_have_just_become_complex_are_not_certified(built):
     below, beyond = 0.0, float(step)
     last = assembly_modes(m, real)
     while beyond - below > 1e-16 and below < (middle := 0.5 * (below + beyond)) < beyond:
-        found = assembly_modes(m, real + middle * away)
-        if len(found):
-            below, last = middle, found
+        modes = assembly_modes(m, real + middle * away)
+        if len(modes):
+            below, last = middle, modes
         else:
             beyond = middle
     for steps in range(60):
@@ -316,8 +316,8 @@ def test_a_mode_that_is_listed_twice_counts_once(robot):
     twice = replace(modes, configurations=(q, q), coincident=(1, 1))
     assert twice.certified == 1
     # the same platform, with universal joints and balls written by other angles
-    there = places(m, q, [m.end])
-    others = [o for o in closings(modes, 200) if np.abs(places(m, o, [m.end]) - there).max() < 1e-9]
+    pose = places(m, q, [m.end])
+    others = [o for o in closings(modes, 200) if np.abs(places(m, o, [m.end]) - pose).max() < 1e-9]
     others = [o for o in others if m.distance(o, q) > 0.1]
     assert others
     for other in others:

@@ -76,10 +76,10 @@ def test_bricards_octahedra_are_flexible(built, symmetry):
     assert not modes.complete
     known = [places(m, q, ["tool"]) for q in modes]  # the isolated ones, too, though no root shows them
     assert on_self_motions(modes, [q for q in closings(modes, 25) if apart(places(m, q, ["tool"]), known) > 1e-5])
-    there = moved(m, modes.self_motions[0].configuration)
-    here = platform @ there[:3, :3].T + there[:3, 3]
-    assert np.abs(here - platform).max() > 0.01
-    middle, across = 0.5 * (base + here), here - base
+    motion = moved(m, modes.self_motions[0].configuration)
+    corners = platform @ motion[:3, :3].T + motion[:3, 3]
+    assert np.abs(corners - platform).max() > 0.01
+    middle, across = 0.5 * (base + corners), corners - base
     if symmetry == "line":
         along = np.cross(across[0], across[1]) / np.linalg.norm(np.cross(across[0], across[1]))
         assert across @ along == pytest.approx(np.zeros(3), abs=1e-9)
@@ -87,7 +87,7 @@ def test_bricards_octahedra_are_flexible(built, symmetry):
     else:
         normal = across[0] / np.linalg.norm(across[0])
         assert np.cross(across[1], normal) == pytest.approx(np.zeros(3), abs=1e-9)
-        in_plane = np.array([middle[1], base[2], here[2]]) - middle[0]
+        in_plane = np.array([middle[1], base[2], corners[2]]) - middle[0]
         assert in_plane @ normal == pytest.approx(np.zeros(3), abs=1e-9)
 
 

@@ -34,12 +34,12 @@ def test_what_is_known_is_found_without_knowing_it_too(robot, built, name, count
     """A sextic, and 40 by M. Raghavan, which monodromy is not told; the trace test says that none is missing."""
     said = []
     m = built(three_legs(rng(1), "RpR")) if name == "planar" else robot(name)
-    one, two = assembly_modes(m), assembly_modes(m, method="monodromy", report=said.append)
-    assert one.complete
-    assert one.trace_test is None
-    traced(two)
-    assert two.counts.real + two.counts.complex == count
-    alike(sound(one, [m.end]), sound(two, [m.end]))
+    by_family, by_monodromy = assembly_modes(m), assembly_modes(m, method="monodromy", report=said.append)
+    assert by_family.complete
+    assert by_family.trace_test is None
+    traced(by_monodromy)
+    assert by_monodromy.counts.real + by_monodromy.counts.complex == count
+    alike(sound(by_family, [m.end]), sound(by_monodromy, [m.end]))
     assert any("trace test" in sentence for sentence in said)
 
 
@@ -113,15 +113,15 @@ def test_a_base_that_can_move_changes_no_mode(built, raff):
     assert (fixed.floating, free.floating) == (False, True)
     assert Linkage(fixed).end == Linkage(free).end == 3
     asked = home(fixed) + 0.05
-    one, two = assembly_modes(fixed, asked), assembly_modes(free, asked)
-    sound(one, ["tool"])
-    assert len(one) > 1
-    assert np.array(two)[:, :7] == pytest.approx(np.tile(free.q_home[:7], (len(one), 1)), abs=0)
-    assert one.coincident == two.coincident
-    assert 1 in one.coincident
-    for there, expected, times in zip(two, one, one.coincident, strict=True):
+    fixed_modes, free_modes = assembly_modes(fixed, asked), assembly_modes(free, asked)
+    sound(fixed_modes, ["tool"])
+    assert len(fixed_modes) > 1
+    assert np.array(free_modes)[:, :7] == pytest.approx(np.tile(free.q_home[:7], (len(fixed_modes), 1)), abs=0)
+    assert fixed_modes.coincident == free_modes.coincident
+    assert 1 in fixed_modes.coincident
+    for q, expected, times in zip(free_modes, fixed_modes, fixed_modes.coincident, strict=True):
         exact = 1e-9 if times == 1 else 1e-6  # loops closed to 1e-12 determine a double mode to the square root of that
-        assert there[7:] == pytest.approx(expected, abs=exact)
+        assert q[7:] == pytest.approx(expected, abs=exact)
 
 
 # --- motors that are too many -------------------------------------------------------------------------------------
@@ -129,11 +129,11 @@ def test_a_base_that_can_move_changes_no_mode(built, raff):
 
 def test_motors_that_others_determine_choose_among_the_modes_or_contradict(built):
     p = np.array([[0.0, 0.0], [0.2, 0.8], [1.2, 1.0], [1.3, 0.1]])
-    one = built(ring([hinge(p[0], motor=True), *map(hinge, p[1:])]))
+    solo = built(ring([hinge(p[0], motor=True), *map(hinge, p[1:])]))
     two = built(ring([hinge(p[0], motor=True), hinge(p[1]), hinge(p[2]), hinge(p[3], motor=True)], 1))
     assert (two.mobility, len(two.actuated)) == (1, 2)
-    for q in assembly_modes(one, home(one) + 0.2):
-        moved = places(one, q, ["tool"])[0] @ np.linalg.inv(places(one, one.q_home, ["tool"])[0])  # of the coupler
+    for q in assembly_modes(solo, home(solo) + 0.2):
+        moved = places(solo, q, ["tool"])[0] @ np.linalg.inv(places(solo, solo.q_home, ["tool"])[0])  # of the coupler
         end = (moved @ [*p[2], 0.0, 1.0])[:2] - p[3]  # of the follower
         angle = np.arctan2(end[1], end[0]) - np.arctan2(*(p[2] - p[3])[::-1])
         modes = assembly_modes(two, home(two) + np.array([0.2, angle]))
@@ -141,7 +141,7 @@ def test_motors_that_others_determine_choose_among_the_modes_or_contradict(built
         assert modes.closest is None
         assert len(modes) == 1
         assert two.closure(modes[0]) <= 1e-12
-        coupler = [places(two, there, ["link2"])[0] for there in (modes[0], two.q_home)]
+        coupler = [places(two, config, ["link2"])[0] for config in (modes[0], two.q_home)]
         assert np.abs(coupler[0] @ np.linalg.inv(coupler[1]) - moved).max() < 1e-6
     none = assembly_modes(two, home(two) + np.array([0.2, 0.5]))
     assert (len(none), none.complete) == (0, True)
@@ -193,8 +193,8 @@ def test_no_claim_is_made_where_solutions_went_to_infinity_or_random_starts_met_
     homotopy, fibre = Homotopy(linkage, family), Monodromy(linkage, family.bound).fibre()
     assert homotopy._status(fibre, SolutionCounts(real=2, complex=4), False)[0]
     infinite = SolutionCounts(real=2, complex=3, infinite=1)
-    for counts, there in ((infinite, fibre), (SolutionCounts(real=6), replace(fibre, loose=1))):
-        complete, trace_test, remarks = homotopy._status(there, counts, False)
+    for counts, variant in ((infinite, fibre), (SolutionCounts(real=6), replace(fibre, loose=1))):
+        complete, trace_test, remarks = homotopy._status(variant, counts, False)
         words = "; ".join(remarks)
         assert (complete, trace_test) == (False, None)
         assert "curves of configurations are not excluded" in words or "don't determine it" in words
@@ -203,14 +203,14 @@ def test_no_claim_is_made_where_solutions_went_to_infinity_or_random_starts_met_
 def test_a_ball_joint_whose_axes_are_in_line_loses_no_mode(built):
     """Nor is one found twice: joints are locked, the platform is not."""
     plain, locked = built(tripod(rng(0))), built(tripod(rng(0), locked=(0,)))
-    one, two = assembly_modes(plain), assembly_modes(locked)
-    sound(two, ["tool"], len(one))
-    assert two.counts.multiple == 1
-    traced(two)
+    of_plain, of_locked = assembly_modes(plain), assembly_modes(locked)
+    sound(of_locked, ["tool"], len(of_plain))
+    assert of_locked.counts.multiple == 1
+    traced(of_locked)
     start = [np.linalg.inv(places(m, m.q_home, ["tool"])[0]) for m in (plain, locked)]
     alike(
-        [places(plain, q, ["tool"])[0] @ start[0] for q in one],
-        [places(locked, q, ["tool"])[0] @ start[1] for q in two],
+        [places(plain, q, ["tool"])[0] @ start[0] for q in of_plain],
+        [places(locked, q, ["tool"])[0] @ start[1] for q in of_locked],
     )
 
 

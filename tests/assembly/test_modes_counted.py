@@ -63,8 +63,8 @@ def test_a_five_bars_modes_are_where_two_circles_meet(built, seed, cut):
     first_foot, first, middle, second_foot, second = (body.place[:2, 3] for body in mechanism.bodies[:5])
     for shift in ([0.0, 0.0], [0.3, -0.2], [2.0, -1.0], [-0.9, 1.4]):
         modes = assembly_modes(m, home(m) + shift)
-        one, two = turned(shift[0], first, first_foot), turned(shift[1], second, second_foot)
-        expected = circles(one, two, np.linalg.norm(middle - first), np.linalg.norm(middle - second))
+        first_knee, second_knee = turned(shift[0], first, first_foot), turned(shift[1], second, second_foot)
+        expected = circles(first_knee, second_knee, np.linalg.norm(middle - first), np.linalg.norm(middle - second))
         seen = sound(modes, ["link3"], len(expected))
         assert modes.complete
         alike([s[0, :2, 3] for s in seen], expected, 1e-9)
@@ -82,9 +82,9 @@ def test_a_four_bar_has_the_same_two_modes_wherever_and_however_it_is_cut(built,
     modes = assembly_modes(m, home(m) + 0.2)
     crank = turned(0.2, p[1], p[0])
     expected = circles(crank, p[3], np.linalg.norm(p[2] - p[1]), np.linalg.norm(p[3] - p[2]))
-    there = places(m, m.q_home, ["tool"])[0]  # on the coupler; it carries the point p[2]
+    at_home = places(m, m.q_home, ["tool"])[0]  # on the coupler; it carries the point p[2]
     seen = sound(modes, ["tool"], len(expected))
-    local = np.linalg.inv(there) @ np.append(p[2], [0.0, 1.0])
+    local = np.linalg.inv(at_home) @ np.append(p[2], [0.0, 1.0])
     alike([(s[0] @ local)[:2] for s in seen], expected, 1e-9)
     if how == "ball":  # no plane, no family
         traced(modes)
@@ -218,8 +218,8 @@ def test_three_legs_in_a_plane_are_a_sextic(built, word, seed):
         modes = assembly_modes(m, home(m) + shift)
         start = np.linalg.inv(places(m, m.q_home, ["tool"])[0])
         seen = sound(modes, ["tool"], len(expected))
-        found = [s[0] @ start for s in seen]
-        alike([np.array([f[0, 0], f[1, 0], f[0, 3], f[1, 3]]) for f in found], expected)
+        motions = [s[0] @ start for s in seen]
+        alike([np.array([f[0, 0], f[1, 0], f[0, 3], f[1, 3]]) for f in motions], expected)
         assert modes.complete
         assert count == modes.counts.real + modes.counts.complex == 6
 
@@ -280,14 +280,14 @@ def rods_of(m, modes, word):
     lengths = []
     for q in modes:
         tool, start = places(m, q, ["tool"])[0], places(m, m.q_home, ["tool"])[0]
-        there = (tool @ np.linalg.inv(start) @ np.c_[heads, np.ones(6)].T)[:3].T
+        moved_heads = (tool @ np.linalg.inv(start) @ np.c_[heads, np.ones(6)].T)[:3].T
         if word[0] not in "rp":
-            lengths.append(np.linalg.norm(there - feet, axis=1))
+            lengths.append(np.linalg.norm(moved_heads - feet, axis=1))
         else:
             links = [f"link{name[5:]}" for name in m.actuated]
             led = places(m, q, links) @ np.linalg.inv(places(m, m.q_home, links))
             knees = np.einsum("nij,nj->ni", led, np.c_[feet, np.ones(6)])[:, :3]
-            lengths.append(np.linalg.norm(there - knees, axis=1))
+            lengths.append(np.linalg.norm(moved_heads - knees, axis=1))
     return np.array(lengths), np.linalg.norm(heads - feet, axis=1)
 
 
@@ -368,10 +368,10 @@ def test_legs_of_six_revolute_joints_have_up_to_sixteen_configurations_each(buil
     legs = [[hinge(random.uniform(-1.0, 1.0, 3), direction(random), k < 3) for k in range(6)] for _ in range(2)]
     m = built(legged(legs, cut))
     q = m.random_closed(2, seed=1)[-1]
-    found = cinegen.inverse_kinematics(m, {"tool": m.placement(q, "tool")}, all=True)
-    assert found.proved
-    assert found.counts.total == 16 * 16
-    assert len(found) == found.certified == found.counts.real
-    assert max(map(m.closure, found)) < 1e-12
-    assert max(map(max, found.errors)) < 1e-12
-    assert min(m.distance(q, other) for other in found) < 1e-9
+    solutions = cinegen.inverse_kinematics(m, {"tool": m.placement(q, "tool")}, all=True)
+    assert solutions.proved
+    assert solutions.counts.total == 16 * 16
+    assert len(solutions) == solutions.certified == solutions.counts.real
+    assert max(map(m.closure, solutions)) < 1e-12
+    assert max(map(max, solutions.errors)) < 1e-12
+    assert min(m.distance(q, other) for other in solutions) < 1e-9

@@ -56,12 +56,12 @@ def test_loops_close_and_features_are_where_the_model_has_them(robot, name):
         assert np.abs(linkage.configuration(x, motors) - q)[_turns(m, q)].max(initial=0.0) < 1e-12
         m.structure.system.evaluate(q)
         features = linkage.features(x[None], motors)[0].reshape(-1, 3)
-        for (body, direction), local, found in zip(
+        for (body, direction), local, feature in zip(
             linkage.tables.vectors, linkage.tables.local, features, strict=False
         ):
             placement = m.structure.system.data.oMi[int(body) + linkage.root]
-            there = placement.rotation @ local if direction else placement.act(local * m.length) / m.length
-            assert np.abs(found - there).max() < 1e-12
+            expected = placement.rotation @ local if direction else placement.act(local * m.length) / m.length
+            assert np.abs(feature - expected).max() < 1e-12
 
 
 def _turns(m, q):
@@ -78,10 +78,10 @@ def test_sliding_joints_come_back_from_a_solution_in_metres(built, driven):
     assert m.length > 5.0
     linkage = Linkage(m)
     for q in m.structure.samples:
-        found = linkage.configuration(linkage.unknowns(q), linkage.locked_values(q))
-        assert found[_turns(m, q)] == pytest.approx(q[_turns(m, q)], abs=1e-12)
+        restored = linkage.configuration(linkage.unknowns(q), linkage.locked_values(q))
+        assert restored[_turns(m, q)] == pytest.approx(q[_turns(m, q)], abs=1e-12)
         slider = next(m.q_index(name) for name in m.joints if m.is_prismatic(name))
-        assert found[slider] == pytest.approx(q[slider], abs=1e-12)
+        assert restored[slider] == pytest.approx(q[slider], abs=1e-12)
     assert any(np.abs(q[slider]) > 0.1 for q in m.structure.samples)
 
 
@@ -136,9 +136,9 @@ def test_the_trace_test_finds_what_is_missing(hybrid):
     traced = trace.run(led[:14])
     assert traced.complete
     assert traced.degree == fibre.traced.degree
-    found = DistinctSolutions(lambda solutions: linkage.features(solutions, trace.locked))
-    assert found.add(traced.solutions) == 16
-    assert found.add(led) == 0
+    distinct = DistinctSolutions(lambda solutions: linkage.features(solutions, trace.locked))
+    assert distinct.add(traced.solutions) == 16
+    assert distinct.add(led) == 0
 
 
 def test_what_ends_in_a_double_point_is_found_there(hybrid):
@@ -148,8 +148,8 @@ def test_what_ends_in_a_double_point_is_found_there(hybrid):
     goal[~linkage.driving] = start[~linkage.driving]
 
     def real(s):
-        found = path_ends(linkage, fibre.solutions, fibre.locked, start + s * (goal - start))
-        return int((np.abs(found.features.imag).max(axis=1) < 1e-6).sum())
+        ends = path_ends(linkage, fibre.solutions, fibre.locked, start + s * (goal - start))
+        return int((np.abs(ends.features.imag).max(axis=1) < 1e-6).sum())
 
     low, high, many = 0.0, 1.0, real(0.0)
     assert real(1.0) != many
@@ -157,7 +157,7 @@ def test_what_ends_in_a_double_point_is_found_there(hybrid):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if real(middle) == many else (low, middle)
     for s in (low, high):
-        found = path_ends(linkage, fibre.solutions, fibre.locked, start + s * (goal - start))
-        assert found.count(ARRIVED) + found.count(SINGULAR) == 16
-        between = np.abs(found.features[:, None] - found.features[None]).max(axis=2) + np.eye(16)
+        ends = path_ends(linkage, fibre.solutions, fibre.locked, start + s * (goal - start))
+        assert ends.count(ARRIVED) + ends.count(SINGULAR) == 16
+        between = np.abs(ends.features[:, None] - ends.features[None]).max(axis=2) + np.eye(16)
         assert (between.min(axis=1) < 1e-4).sum() >= 2

@@ -36,11 +36,11 @@ def unlisted(modes: AssemblyModes) -> list[np.ndarray]:
     return [q for q in closings(modes, STARTS) if apart(places(modes.mechanism, q), known) > 1e-5]
 
 
-def on_self_motions(modes: AssemblyModes, found: list[np.ndarray]) -> bool:
+def on_self_motions(modes: AssemblyModes, configurations: list[np.ndarray]) -> bool:
     """Whether configurations lie on self-motions."""
     linkage = Linkage(modes.mechanism)
-    search = SelfMotions(linkage, linkage.locked_values(modes[0] if len(modes) else found[0]))
-    return all(search.dimension(linkage.unknowns(q)) > 0 for q in found)
+    search = SelfMotions(linkage, linkage.locked_values(modes[0] if len(modes) else configurations[0]))
+    return all(search.dimension(linkage.unknowns(q)) > 0 for q in configurations)
 
 
 def four_bar(crank, coupler, rocker, ground):
@@ -88,8 +88,8 @@ def test_curves_are_found_whole_whichever_planes_are_drawn(root):
     for seed in range(4):
         search = SelfMotions(linkage, linkage.locked_values(m.q_home))
         search._rng = rng(seed)
-        found = search.through(list(search.random_solutions()[1]))
-        assert [(one.dimension, one.degree) for one in found] == [(1, 2)] * 2
+        motions = search.through(list(search.random_solutions()[1]))
+        assert [(motion.dimension, motion.degree) for motion in motions] == [(1, 2)] * 2
 
 
 def test_a_flat_parallelogram_is_a_double_mode_and_moves_only_infinitesimally(built):
@@ -111,7 +111,7 @@ def test_a_platform_like_its_base_translates_on_equal_legs_and_has_isolated_mode
     assert {translation: 1}[translation] == 1  # a key, as what it holds is not compared
     assert not modes.complete
     kept = [q for q, alone in zip(modes, modes.isolated, strict=True) if alone]
-    others = [q for q in unlisted(modes) if apart(places(m, q), [places(m, one) for one in kept]) > 1e-5]
+    others = [q for q in unlisted(modes) if apart(places(m, q), [places(m, mode) for mode in kept]) > 1e-5]
     assert on_self_motions(modes, others)
 
 

@@ -24,10 +24,10 @@ def turn(angle) -> pin.SE3:
 
 def closed(steps, angles) -> tuple[list[pin.SE3], np.ndarray]:
     """A loop that is closed at these angles: the last placement brings it back."""
-    there = pin.SE3.Identity()
+    placement = pin.SE3.Identity()
     for k, (constant, angle) in enumerate(zip(steps, angles, strict=True)):
-        there = there * turn(angle) * (constant if k < 5 else pin.SE3.Identity())
-    return [*steps[:5], there.inverse()], np.array(angles)
+        placement = placement * turn(angle) * (constant if k < 5 else pin.SE3.Identity())
+    return [*steps[:5], placement.inverse()], np.array(angles)
 
 
 def counted(loop):
@@ -36,14 +36,14 @@ def counted(loop):
 
 
 def gap(loop, angles) -> float:
-    there = pin.SE3.Identity()
+    placement = pin.SE3.Identity()
     for constant, angle in zip(loop, angles, strict=True):
-        there = there * turn(angle) * constant
-    return float(np.abs(there.homogeneous - np.eye(4)).max())
+        placement = placement * turn(angle) * constant
+    return float(np.abs(placement.homogeneous - np.eye(4)).max())
 
 
-def near(one, other) -> float:
-    return float(np.abs((one - other + math.pi) % (2.0 * math.pi) - math.pi).max())
+def near(angles, other) -> float:
+    return float(np.abs((angles - other + math.pi) % (2.0 * math.pi) - math.pi).max())
 
 
 def general(rng):
@@ -64,12 +64,12 @@ def almost_parallel(rng, off):
 def test_as_many_closures_as_real_roots_and_the_known_one_is_among_them(made, seed):
     rng = np.random.default_rng(seed)
     loop, angles = closed(made(rng), rng.uniform(-3.0, 3.0, 6))
-    found = counted(loop)
-    assert len(found.angles) == found.real
-    assert found.real % 2 == 0
-    assert max(gap(loop, one) for one in found.angles) < 1e-12
-    assert min(near(one, angles) for one in found.angles) < 1e-10
-    assert all(near(one, other) > 1e-6 for k, one in enumerate(found.angles) for other in found.angles[:k])
+    roots = counted(loop)
+    assert len(roots.angles) == roots.real
+    assert roots.real % 2 == 0
+    assert max(gap(loop, solved) for solved in roots.angles) < 1e-12
+    assert min(near(solved, angles) for solved in roots.angles) < 1e-10
+    assert all(near(solved, other) > 1e-6 for k, solved in enumerate(roots.angles) for other in roots.angles[:k])
 
 
 @settings(max_examples=10)
@@ -77,11 +77,11 @@ def test_as_many_closures_as_real_roots_and_the_known_one_is_among_them(made, se
 def test_closures_do_not_depend_on_where_the_loop_begins(seed, exponent, first):
     rng = np.random.default_rng(seed)
     loop, angles = closed(almost_parallel(rng, 10.0**exponent), rng.uniform(-3.0, 3.0, 6))
-    found, turned = counted(loop), counted([*loop[first:], *loop[:first]])
-    assert found.real == turned.real
-    assert min(near(one, angles) for one in found.angles) < 1e-6
-    for one in found.angles:
-        assert min(near(np.roll(one, -first), other) for other in turned.angles) < 1e-6
+    roots, turned = counted(loop), counted([*loop[first:], *loop[:first]])
+    assert roots.real == turned.real
+    assert min(near(solved, angles) for solved in roots.angles) < 1e-6
+    for solved in roots.angles:
+        assert min(near(np.roll(solved, -first), other) for other in turned.angles) < 1e-6
 
 
 def test_a_loop_that_can_not_be_closed_has_no_real_root():
@@ -115,5 +115,5 @@ def test_a_loop_whose_first_and_last_axis_are_one_line_turns_about_it_and_is_not
 def test_two_closures_that_coincide_are_both_found_though_rounding_may_make_them_complex():
     """At angles of 0 all axes are at right angles to x, about which nothing rotates: a singularity."""
     loop, angles = closed(general(np.random.default_rng(3)), np.zeros(6))
-    found = counted(loop)
-    assert sum(near(one, angles) < 1e-6 for one in found.angles) == 2
+    roots = counted(loop)
+    assert sum(near(solved, angles) < 1e-6 for solved in roots.angles) == 2

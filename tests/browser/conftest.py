@@ -94,7 +94,7 @@ def tab(browser, spare):
             hear(page, "console", lambda message: wrong.append(message.text) if message.type == "error" else None)
         if offline:
             local = ("file:", "data:", "blob:")
-            hear(page, "request", lambda one: None if one.url.startswith(local) else wrong.append(one.url))
+            hear(page, "request", lambda sent: None if sent.url.startswith(local) else wrong.append(sent.url))
         if prepare is not None:
             prepare(page)
         page.goto(address)
@@ -104,8 +104,8 @@ def tab(browser, spare):
     yield open_tab
     for context in contexts:
         context.close()
-    for one in heard:
-        one[0].remove_listener(*one[1:])
+    for listener in heard:
+        listener[0].remove_listener(*listener[1:])
     if not spares:
         spare.mouse.up()
         spare.evaluate("try { localStorage.clear(); } catch {}")

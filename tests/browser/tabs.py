@@ -97,14 +97,14 @@ def picture(page, name):
 
 def find(page, name, node):
     """Where a part that stands still can be touched, as `WHERE` says, once it is drawn there."""
-    found = [None]
+    spots = [None]
 
     def stays():
-        found.append(page.evaluate(WHERE, [name, node]))
-        return found[-1] is not None and found[-1] == found[-2]
+        spots.append(page.evaluate(WHERE, [name, node]))
+        return spots[-1] is not None and spots[-1] == spots[-2]
 
     assert becomes(page, stays), f"{node} of {name} can't be seen"
-    return found[-1]
+    return spots[-1]
 
 
 def grab(page, cockpit, name, node):

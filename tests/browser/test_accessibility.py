@@ -42,35 +42,35 @@ def open_tab(tab):
 
 def in_both_schemes(page, state, scope=None):
     """Return the violations of a page (or of what is in a scope) in a state, in light and in dark colours."""
-    found = []
+    faults = []
     for scheme in SCHEMES:
         page.emulate_media(color_scheme=scheme)
-        found += [f"{state}, {scheme}: {text}" for text in violations(page, scope)]
-    return found
+        faults += [f"{state}, {scheme}: {text}" for text in violations(page, scope)]
+    return faults
 
 
 def ranges(page):
     """Return the name, least and largest value that screen readers get of each slider and number field."""
     nodes = page.context.new_cdp_session(page).send("Accessibility.getFullAXTree")["nodes"]
-    found = []
+    controls = []
     for node in nodes:
         if node.get("role", {}).get("value") in ("slider", "spinbutton"):
-            properties = {one["name"]: one["value"].get("value") for one in node["properties"]}
-            found.append((node["name"]["value"], properties["valuemin"], properties["valuemax"]))
-    return found
+            properties = {entry["name"]: entry["value"].get("value") for entry in node["properties"]}
+            controls.append((node["name"]["value"], properties["valuemin"], properties["valuemax"]))
+    return controls
 
 
 def test_sliders_and_number_fields_of_a_page_without_a_server_have_names_units_and_ranges(robot, open_tab, page_of):
     mechanism = robot("scara")
     page = open_tab(page_of("scara"))
-    found = ranges(page)
+    controls = ranges(page)
     for joint in mechanism.actuated:
         i = mechanism.q_index(joint)
         limits = np.degrees([mechanism.limits.lower[i], mechanism.limits.upper[i]])
         for name in (f"{joint} of scara", f"{joint} of scara, in degrees"):
-            (one,) = [values for title, *values in found if title == name]
+            (shown,) = [values for title, *values in controls if title == name]
             if np.isfinite(limits).all():  # else a range about home
-                assert one == pytest.approx(limits, abs=1e-3)
+                assert shown == pytest.approx(limits, abs=1e-3)
     texts = dict(page.evaluate(SPOKEN))
     tools(page, "tasks")
     texts |= dict(page.evaluate(SPOKEN))
@@ -99,14 +99,14 @@ def test_the_served_page(cockpit, open_tab):
     assert becomes(page, "document.querySelector('[data-task]') !== null")
     page.evaluate("""for (const id of ["crowd", "cover"]) document.getElementById(id).hidden = false;
       document.getElementById("cover").textContent = "The connection is lost.";""")
-    found = []
+    faults = []
     for name in TABS:
         tools(page, name)
-        found += in_both_schemes(page, name)
+        faults += in_both_schemes(page, name)
     page.click("#help")
-    found += in_both_schemes(page, "help", "#keys")
+    faults += in_both_schemes(page, "help", "#keys")
     page.keyboard.press("Escape")
-    assert found == []
+    assert faults == []
 
 
 @pytest.mark.slow
@@ -115,11 +115,11 @@ def test_every_page_of_the_site(root, browser):
     if not site.is_dir():
         pytest.skip("the site is not built: `make docs` builds it")
     others = [site / name for name in ("live", "source", "_modules", "_static")]
-    found = []
+    faults = []
     for path in sorted(site.rglob("*.html")):
         if not any(path.is_relative_to(other) for other in others):
             page = browser.new_page()
             page.goto(path.as_uri())
-            found += in_both_schemes(page, path.stem)
+            faults += in_both_schemes(page, path.stem)
             page.close()
-    assert found == []
+    assert faults == []

@@ -20,53 +20,55 @@ def easiest(cockpit, name, node, at):
         motions = np.linalg.svd(mechanism.structure.system.evaluate(q)[1])[2][mechanism.loop_rank :].T
     step = 1e-6
     moved = [pin.integrate(mechanism.model, q, step * motion * mechanism.scale) for motion in motions.T]
-    here = mechanism.placement(q, node).act(at)
-    rates = np.array([(mechanism.placement(there, node).act(at) - here) / step for there in moved])
+    at_start = mechanism.placement(q, node).act(at)
+    rates = np.array([(mechanism.placement(q_moved, node).act(at) - at_start) / step for q_moved in moved])
     return np.linalg.svd(rates)[2][0]
 
 
 def test_a_part_is_named_follows_the_mouse_and_is_undone_the_gizmo_moves_a_pin_holds_and_escape_lets_go(cockpit, tab):
     name, node = "delta4", "link5"  # the platform
-    one = cockpit(name, "five_bar")
-    page = tab(one)
-    before = {other: robot.q for other, robot in one.state.robots.items()}
+    session = cockpit(name, "five_bar")
+    page = tab(session)
+    before = {other: robot.q for other, robot in session.state.robots.items()}
     page.mouse.move(*find(page, name, node)[:2])
     assert becomes(page, lambda: "platform" in page.inner_text(".labels"))
-    x, y, touched = grab(page, one, name, node)
-    (task,) = held(one, name)
+    x, y, touched = grab(page, session, name, node)
+    (task,) = held(session, name)
     assert task.node == node
-    start = place(one, name, node, task.offset.translation)
-    assert np.linalg.norm(touched - start) < 0.3 * one.setup.robots[name].length
-    way = easiest(one, name, node, task.offset.translation)
+    start = place(session, name, node, task.offset.translation)
+    assert np.linalg.norm(touched - start) < 0.3 * session.setup.robots[name].length
+    way = easiest(session, name, node, task.offset.translation)
     near, far = np.array(page.evaluate(PIXELS, [start.tolist(), (start + way * 1e-2).tolist()]))
     way_seen = (far - near) / np.linalg.norm(far - near)
     for i in range(1, 6):
         page.mouse.move(x + 6 + 5 * i * way_seen[0], y + 4 + 5 * i * way_seen[1])
-    assert becomes(page, lambda: np.abs(held(one, name)[0].target.translation - task.target.translation).max() > 0.0)
-    rests(page, one)
-    (task,) = held(one, name)
+    assert becomes(
+        page, lambda: np.abs(held(session, name)[0].target.translation - task.target.translation).max() > 0.0
+    )
+    rests(page, session)
+    (task,) = held(session, name)
     wanted = task.target.translation - start
-    moved = place(one, name, node, task.offset.translation) - start
+    moved = place(session, name, node, task.offset.translation) - start
     assert moved @ wanted > 0.1 * wanted @ wanted  # the right way
     assert np.linalg.norm(wanted - moved) < np.linalg.norm(wanted)
-    assert one.state.robots[name].closure < 1e-10
+    assert session.state.robots[name].closure < 1e-10
     picture(page, f"drag_{name}_{node}")
     page.mouse.up()
-    assert becomes(page, lambda: not one.state.robots[name].tasks)
-    assert np.array_equal(one.state.robots["five_bar"].q, before["five_bar"])
+    assert becomes(page, lambda: not session.state.robots[name].tasks)
+    assert np.array_equal(session.state.robots["five_bar"].q, before["five_bar"])
     # and what has happened is undone
     page.keyboard.press("Control+z")
-    assert becomes(page, lambda: np.abs(one.state.robots[name].q - before[name]).max() < 1e-9)
+    assert becomes(page, lambda: np.abs(session.state.robots[name].q - before[name]).max() < 1e-9)
     page.keyboard.press("Control+Shift+z")
-    assert becomes(page, lambda: one.state.undo == 1 and one.state.moving is None)
+    assert becomes(page, lambda: session.state.undo == 1 and session.state.moving is None)
     page.keyboard.press("Control+z")
-    assert becomes(page, lambda: one.state.undo == 0 and one.state.moving is None)
+    assert becomes(page, lambda: session.state.undo == 0 and session.state.moving is None)
     # a click selects: a gizmo is there
     x, y, *_ = find(page, "delta4", "link5")
     page.mouse.click(x, y)
     assert becomes(page, lambda: page.is_visible("#selection") and "platform" in page.inner_text("#selection"))
     picture(page, "gizmo")
-    start = place(one, "delta4", "link5")
+    start = place(session, "delta4", "link5")
     # the arrow along z, where the gizmo draws it
     arrow = page.evaluate("""() => {
       const { viewer, gizmo: { handles } } = cockpit;
@@ -90,22 +92,22 @@ def test_a_part_is_named_follows_the_mouse_and_is_undone_the_gizmo_moves_a_pin_h
     page.mouse.down()
     page.mouse.move(arrow[0], arrow[1] + 12, steps=4)
     page.mouse.move(arrow[0], arrow[1] + 30, steps=6)
-    assert becomes(page, lambda: held(one, "delta4"))
-    assert becomes(page, lambda: place(one, "delta4", "link5")[2] < start[2] - 0.02)
+    assert becomes(page, lambda: held(session, "delta4"))
+    assert becomes(page, lambda: place(session, "delta4", "link5")[2] < start[2] - 0.02)
     page.keyboard.press("p")
-    assert becomes(page, lambda: held(one, "delta4", "pin"))
+    assert becomes(page, lambda: held(session, "delta4", "pin"))
     page.mouse.up()
-    moved = place(one, "delta4", "link5") - start
+    moved = place(session, "delta4", "link5") - start
     assert np.abs(moved[:2]).max() < 0.1 * abs(moved[2])
-    number = held(one, "delta4", "pin")[0].id
+    number = held(session, "delta4", "pin")[0].id
     tools(page, "tasks")
     page.click(f"[data-task='{number}'] button")
     page.click("#fold")
-    assert becomes(page, lambda: not one.state.robots["delta4"].tasks)
+    assert becomes(page, lambda: not session.state.robots["delta4"].tasks)
     page.keyboard.press("Escape")  # selects nothing: no arrow is before the part
-    grab(page, one, "delta4", "link5")
+    grab(page, session, "delta4", "link5")
     page.keyboard.press("Escape")
-    assert becomes(page, lambda: not one.state.robots["delta4"].tasks)
+    assert becomes(page, lambda: not session.state.robots["delta4"].tasks)
     page.mouse.up()
     before = page.evaluate("cockpit.viewer.camera.matrixWorld.toArray()")
     box = page.locator("canvas").first.bounding_box()
@@ -114,7 +116,7 @@ def test_a_part_is_named_follows_the_mouse_and_is_undone_the_gizmo_moves_a_pin_h
     page.mouse.move(box["x"] + 60, box["y"] + box["height"] - 30, steps=4)
     page.mouse.up()
     assert becomes(page, lambda: page.evaluate("cockpit.viewer.camera.matrixWorld.toArray()") != before)
-    assert not one.state.robots["delta4"].tasks
+    assert not session.state.robots["delta4"].tasks
 
 
 RING = """([axis, from, to, steps]) => {
@@ -135,8 +137,8 @@ RING = """([axis, from, to, steps]) => {
 
 
 def test_a_padlock_locks_a_joint_a_ring_of_the_gizmo_rotates_and_many_labels_find_room(cockpit, tab):
-    one = cockpit("arm7")
-    page = tab(one)
+    session = cockpit("arm7")
+    page = tab(session)
     tools(page, "pose")
     lock = page.locator('[data-lock="arm7/joint2"]')
     slider, text = (page.locator(f'[data-joint="arm7/joint2"] input[type={kind}]') for kind in ("range", "number"))
@@ -144,15 +146,15 @@ def test_a_padlock_locks_a_joint_a_ring_of_the_gizmo_rotates_and_many_labels_fin
     lock.click()
     assert becomes(page, lambda: lock.get_attribute("aria-pressed") == "true" and slider.is_disabled())
     assert text.is_disabled()
-    assert one.state.robots["arm7"].locked == ("joint2",)
-    before = one.state.robots["arm7"].q
+    assert session.state.robots["arm7"].locked == ("joint2",)
+    before = session.state.robots["arm7"].q
     page.locator('[data-joint="arm7/joint3"] input[type=number]').fill("20")
     page.keyboard.press("Enter")
-    assert becomes(page, lambda: abs(one.state.robots["arm7"].q[2] - np.radians(20.0)) < 1e-3)
-    assert one.state.robots["arm7"].q[1] == before[1]
+    assert becomes(page, lambda: abs(session.state.robots["arm7"].q[2] - np.radians(20.0)) < 1e-3)
+    assert session.state.robots["arm7"].q[1] == before[1]
     lock.click()
     assert becomes(page, lambda: lock.get_attribute("aria-pressed") == "false" and slider.is_enabled())
-    assert one.state.robots["arm7"].locked == ()
+    assert session.state.robots["arm7"].locked == ()
     # as the pointer goes around it
     page.evaluate("cockpit.select('arm7', 'tool')")
     page.keyboard.press("e")
@@ -163,7 +165,7 @@ def test_a_padlock_locks_a_joint_a_ring_of_the_gizmo_rotates_and_many_labels_fin
     for point in path[1:]:
         page.mouse.move(*point)
     x, y, z, w = page.evaluate("cockpit.gizmo.proxy.quaternion.toArray()")
-    assert becomes(page, lambda: held(one, "arm7"))
+    assert becomes(page, lambda: held(session, "arm7"))
     page.mouse.up()
     assert 2.0 * math.atan2(z, w) == pytest.approx(1.0, abs=0.02)
     assert (x, y) == pytest.approx((0.0, 0.0), abs=1e-6)
@@ -184,22 +186,22 @@ def test_a_padlock_locks_a_joint_a_ring_of_the_gizmo_rotates_and_many_labels_fin
 
 
 def test_panel_sliders_switches_frames_and_meters(cockpit, tab):
-    one = cockpit("five_bar", follow="circle")
-    page = tab(one)
+    session = cockpit("five_bar", follow="circle")
+    page = tab(session)
     tools(page, "tasks")
     assert page.eval_on_selector("[data-switch='five_bar/tool'] select", "(box) => box.value") == "path"
     page.select_option("[data-switch='five_bar/tool'] select", "gamepad")
-    assert becomes(page, lambda: one.state.switches["five_bar", "tool"] == "gamepad")
+    assert becomes(page, lambda: session.state.switches["five_bar", "tool"] == "gamepad")
     page.select_option("[data-switch='five_bar/tool'] select", "")
-    assert becomes(page, lambda: one.state.switches["five_bar", "tool"] is None)
+    assert becomes(page, lambda: session.state.switches["five_bar", "tool"] is None)
     page.select_option("#frame", "tool")
-    assert becomes(page, lambda: one.state.settings.frame == "tool")
-    home = one.setup.robots["five_bar"].q_home
+    assert becomes(page, lambda: session.state.settings.frame == "tool")
+    home = session.setup.robots["five_bar"].q_home
     page.click("#home")  # elsewhere on the circle the joint alone may meet a limit of the passive ones
-    assert becomes(page, lambda: np.abs(one.state.robots["five_bar"].q - home).max() < 1e-9)
+    assert becomes(page, lambda: np.abs(session.state.robots["five_bar"].q - home).max() < 1e-9)
     tools(page, "pose")
-    i = one.setup.robots["five_bar"].q_index("joint1")
-    before = one.state.robots["five_bar"].q[i]
+    i = session.setup.robots["five_bar"].q_index("joint1")
+    before = session.state.robots["five_bar"].q[i]
     slider = page.locator("[data-joint='five_bar/joint1'] input[type=range]")
     slider.scroll_into_view_if_needed()
     box = slider.bounding_box()
@@ -207,24 +209,24 @@ def test_panel_sliders_switches_frames_and_meters(cockpit, tab):
     page.mouse.down()
     page.mouse.move(box["x"] + box["width"] * 0.7, box["y"] + box["height"] / 2, steps=5)
     page.mouse.up()
-    assert becomes(page, lambda: abs(one.state.robots["five_bar"].q[i] - before) > 0.05)
-    assert becomes(page, lambda: one.state.moving is None)
-    assert one.state.robots["five_bar"].closure < 1e-10
-    assert becomes(page, lambda: one.hub.controller is not None)  # the page was not dropped
+    assert becomes(page, lambda: abs(session.state.robots["five_bar"].q[i] - before) > 0.05)
+    assert becomes(page, lambda: session.state.moving is None)
+    assert session.state.robots["five_bar"].closure < 1e-10
+    assert becomes(page, lambda: session.hub.controller is not None)  # the page was not dropped
     tools(page, "analyse")
     for kind in ("type1", "type2"):
         meter = page.locator(f"[data-meter='five_bar/{kind}']")
         assert float(meter.get_attribute("aria-valuenow")) > 0.0
     assert "0.0" in page.inner_text("#gap")
     page.click("#home")
-    assert becomes(page, lambda: np.abs(one.state.robots["five_bar"].q - home).max() < 1e-9)
+    assert becomes(page, lambda: np.abs(session.state.robots["five_bar"].q - home).max() < 1e-9)
     picture(page, "panel")
 
 
 def test_a_second_browser_sees_it_is_told_how_to_drive_and_takes_control(cockpit, tab):
-    one = cockpit("five_bar")
-    first, second = tab(one), tab(one)
-    grab(first, one, "five_bar", "link4")
+    session = cockpit("five_bar")
+    first, second = tab(session), tab(session)
+    grab(first, session, "five_bar", "link4")
     assert becomes(second, lambda: second.evaluate("document.documentElement.dataset.control") == "other")
     assert becomes(second, lambda: second.evaluate("cockpit.state.tasks.length") == 1)
     second.press("body", "h")
@@ -233,13 +235,13 @@ def test_a_second_browser_sees_it_is_told_how_to_drive_and_takes_control(cockpit
     picture(second, "another_hand")
     button.click()  # what the message says
     assert becomes(second, lambda: second.evaluate("document.documentElement.dataset.control") == "mine")
-    assert becomes(first, lambda: not one.state.robots["five_bar"].tasks)
+    assert becomes(first, lambda: not session.state.robots["five_bar"].tasks)
     first.mouse.up()
 
 
 def test_the_view_only_address_shows_the_robots_and_drives_nothing(cockpit, tab):
-    one = cockpit("five_bar")
-    page, home = tab(one.view_url), one.state.robots["five_bar"].q
+    session = cockpit("five_bar")
+    page, home = tab(session.view_url), session.state.robots["five_bar"].q
     assert becomes(page, lambda: page.evaluate("document.documentElement.dataset.control") == "other")
     assert page.locator("#crowd").inner_text().strip() == "This page only shows the robots."
     assert not page.locator("#take-control").is_visible()
@@ -252,19 +254,19 @@ def test_the_view_only_address_shows_the_robots_and_drives_nothing(cockpit, tab)
     page.evaluate(f"cockpit.presentation.session.send({move})")
     refused = "this address only shows the robots: ask for the one with which to drive them"
     assert becomes(page, lambda: refused in page.locator("#toasts").inner_text())
-    assert (one.state.robots["five_bar"].q == home).all()
-    assert page.get_attribute("#page-copy", "href") == one.view_url.replace("?", "snapshot.html?")
+    assert (session.state.robots["five_bar"].q == home).all()
+    assert page.get_attribute("#page-copy", "href") == session.view_url.replace("?", "snapshot.html?")
 
 
 def test_the_buttons_lead_from_mode_to_mode(robot, cockpit, tab, tmp_path):
     modes = cinegen.assembly_modes(robot("five_bar"))
     record_modes(modes, tmp_path / "modes.jsonl", "five_bar")
     stops = [(0.0 if k == 0 else k + 1.0, f"mode {k + 1} of {len(modes)}") for k in range(len(modes))]
-    one = cockpit(setup=replay_setup(tmp_path / "modes.jsonl", stops=stops))
-    page = tab(one)
+    session = cockpit(setup=replay_setup(tmp_path / "modes.jsonl", stops=stops))
+    page = tab(session)
     for button, wanted in (("#after", 2), ("#before", 1)):
         page.click(button)
         assert becomes(page, lambda n=wanted: page.text_content("#stop") == f"mode {n} of {len(modes)}")
-        assert becomes(page, lambda n=wanted: np.abs(one.state.robots["five_bar"].q - modes[n - 1]).max() < 1e-9)
+        assert becomes(page, lambda n=wanted: np.abs(session.state.robots["five_bar"].q - modes[n - 1]).max() < 1e-9)
     assert page.is_hidden("#hint")  # nothing can be dragged
     picture(page, "modes")

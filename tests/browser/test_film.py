@@ -15,16 +15,16 @@ SIZE = (320, 180)
 
 def test_frames_show_the_robot_as_it_moves(robot, tmp_path):
     setup = arrange({"arm": robot("planar_3r")}, follow="line")
-    told = []
-    assert film(setup, tmp_path / "frames", 0.2, SIZE, progress=told.append) == tmp_path / "frames"
+    progress = []
+    assert film(setup, tmp_path / "frames", 0.2, SIZE, progress=progress.append) == tmp_path / "frames"
     pictures = sorted((tmp_path / "frames").iterdir())
     assert len(pictures) == round(0.2 * FPS)
     drawn = [np.asarray(Image.open(picture).convert("RGB")).astype(int) for picture in pictures]
     assert all(picture.shape == (SIZE[1], SIZE[0], 3) for picture in drawn)
     assert np.mean(drawn[0].max(axis=2) - drawn[0].min(axis=2) > 60) > 0.002  # a robot in colours
     assert np.abs(drawn[-1] - drawn[0]).max() > 60  # that has moved
-    assert told[-1] == pytest.approx(1.0)
-    assert told == sorted(told)
+    assert progress[-1] == pytest.approx(1.0)
+    assert progress == sorted(progress)
 
 
 def test_a_robot_at_rest_is_filmed(robot, tmp_path):

@@ -87,12 +87,12 @@ def assert_pictures_are_settled(page):
     """Every picture that was seen is the last one, when nothing moves any more."""
     assert becomes(page, RESTS)
     pictures = page.evaluate("pictures")
-    assert [one["labels"] for one in pictures] == [pictures[-1]["labels"]] * len(pictures)
+    assert [frame["labels"] for frame in pictures] == [pictures[-1]["labels"]] * len(pictures)
     assert all(place for _, place in pictures[-1]["labels"])
     settled = np.array(pictures[-1]["data"], dtype=float)
     assert np.ptp(settled) > 100.0
-    for one in pictures:
-        assert np.abs(np.array(one["data"]) - settled).max() < FAR
+    for frame in pictures:
+        assert np.abs(np.array(frame["data"]) - settled).max() < FAR
 
 
 def test_every_picture_that_is_seen_has_all_of_the_robot_where_it_stays(cockpit, tab):
@@ -137,7 +137,7 @@ def test_a_lost_connection_is_the_status_until_the_session_is_found_again(robot,
           new MutationObserver(note).observe(chip, { attributes: true });
         }""")
         cockpit.title = "another robot"
-        cockpit.server.call(lambda: [one.connection.close(1001, "cut") for one in cockpit.hub.clients.values()])
+        cockpit.server.call(lambda: [client.connection.close(1001, "cut") for client in cockpit.hub.clients.values()])
         assert becomes(page, "document.title === 'another robot'")
         assert page.inner_text("#title") == page.get_attribute("#title", "title") == "another robot"
         assert becomes(page, "document.getElementById('status').dataset.tone === 'none'")

@@ -37,14 +37,14 @@ POLE = {"name": "pole", "kind": "capsule", "radius": 0.03, "length": 1.0, "point
 def setup(robot):
     """`setup("delta4")`: what `cinegen drive` shows; "scene" has an obstacle, "panda" is of another package."""
 
-    def found(name):
+    def setup_of(name):
         if name == "scene":
             said = {"robot": "arm7.raff", "goal": {"point": [0.3, 0.3, 0.3]}, "obstacle": [POLE]}
             return scene_setup(scene_of(said, mechanism=robot("arm7")))
         mechanism = cinegen.load(name) if name == "panda" else robot(name)
         return arrange({name: mechanism}, follow="circle" if name == "delta4" else None)
 
-    return found
+    return setup_of
 
 
 @pytest.mark.parametrize("name", ["delta4", "panda", "two_arms", "scene"])
@@ -53,8 +53,8 @@ def test_it_has_few_words_and_controls(cockpit, setup, tab, name):
     for width, height in SIZES:
         page.set_viewport_size({"width": width, "height": height})
         assert becomes(page, f"innerWidth === {width}")
-        found = page.evaluate(COUNTED)
+        counted = page.evaluate(COUNTED)
         picture(page, f"first_screen_{name}_{width}")
-        assert 0 < len(found["words"]) <= MOST_WORDS, found["words"]
-        assert 0 < len(found["controls"]) <= MOST_CONTROLS, found["controls"]
+        assert 0 < len(counted["words"]) <= MOST_WORDS, counted["words"]
+        assert 0 < len(counted["controls"]) <= MOST_CONTROLS, counted["controls"]
         assert becomes(page, UNCOVERED)

@@ -16,10 +16,10 @@ pytestmark = needs_emulator
 def page_with_headset(tab):
     """`page_with_headset(cockpit)`: a page, and the headset that its browser has."""
 
-    def opened(one):
-        found = []
-        page = tab(one, prepare=lambda page: found.append(Headset(page)))
-        return page, *found
+    def opened(session):
+        headsets = []
+        page = tab(session, prepare=lambda page: headsets.append(Headset(page)))
+        return page, *headsets
 
     return opened
 
@@ -29,12 +29,12 @@ def worn(cockpit, page_with_headset):
     """`worn("delta4")`: a robot's session, its page, and a headset that shows it, with both controllers in front."""
 
     def open_worn(*names):
-        one = cockpit(*names, follow=None)
-        page, headset = page_with_headset(one)
+        session = cockpit(*names, follow=None)
+        page, headset = page_with_headset(session)
         headset.enter()
         headset.put("right", RIGHT)
         headset.put("left", LEFT)
-        return one, page, headset
+        return session, page, headset
 
     return open_worn
 
@@ -45,18 +45,18 @@ def in_robots(way, scale):
     return np.array([x, -z, y]) / scale
 
 
-def grasp(one, page, headset, side, name, node, strength=0.75, button="trigger"):
+def grasp(session, page, headset, side, name, node, strength=0.75, button="trigger"):
     """Point at a node and press a button; the task, once there is one."""
     headset.aim(side, name, node)
-    before = {task.id for task in held(one, name)}
+    before = {task.id for task in held(session, name)}
     headset.press(side, strength, button)
-    assert becomes(page, lambda: {task.id for task in held(one, name)} - before)
-    return next(task for task in held(one, name) if task.id not in before)
+    assert becomes(page, lambda: {task.id for task in held(session, name)} - before)
+    return next(task for task in held(session, name) if task.id not in before)
 
 
 def test_a_controller_takes_a_part_drags_it_and_lets_it_go_and_the_page_comes_back(cockpit, page_with_headset):
-    one = cockpit("delta4", follow=None)
-    page, headset = page_with_headset(one)
+    session = cockpit("delta4", follow=None)
+    page, headset = page_with_headset(session)
     appearance = "[cockpit.viewer.scene.matrix.toArray(), cockpit.viewer.camera.matrixWorld.toArray(), \
         cockpit.viewer.renderer.domElement.width, cockpit.viewer.scene.background.getHex()]"
     page.evaluate("cockpit.view.setCamera(cockpit.view.cameraNumbers())")  # as a person who moves it
@@ -64,29 +64,29 @@ def test_a_controller_takes_a_part_drags_it_and_lets_it_go_and_the_page_comes_ba
     headset.enter()
     assert page.get_attribute("html", "data-headset") == "immersive-vr"
     headset.put("right", RIGHT)
-    task = grasp(one, page, headset, "right", "delta4", "link5")
-    start = place(one, "delta4", "link5", task.offset.translation)
+    task = grasp(session, page, headset, "right", "delta4", "link5")
+    start = place(session, "delta4", "link5", task.offset.translation)
     assert task.weight == pytest.approx(2.0)  # three quarters pressed: 4 ** 0.5
     headset.press("right", 0.25)
-    assert becomes(page, lambda: held(one, "delta4")[0].weight == 0.5)
+    assert becomes(page, lambda: held(session, "delta4")[0].weight == 0.5)
     way = np.array([0.03, 0.02, 0.02])
     headset.put("right", np.array(RIGHT) + way)
     expected = start + in_robots(way, headset.scale())
 
     def off():
-        return np.linalg.norm(place(one, "delta4", "link5", task.offset.translation) - expected)
+        return np.linalg.norm(place(session, "delta4", "link5", task.offset.translation) - expected)
 
     assert becomes(page, lambda: off() < EXACT)
-    assert one.state.robots["delta4"].closure < 1e-10
+    assert session.state.robots["delta4"].closure < 1e-10
     assert becomes(page, lambda: headset.panel()["label"] == "following")
     headset.press("right", 0.0)
-    assert becomes(page, lambda: not held(one, "delta4"))
-    rests(page, one, 1e-7)
+    assert becomes(page, lambda: not held(session, "delta4"))
+    rests(page, session, 1e-7)
     assert off() < EXACT
     page.evaluate("cockpit.presentation.end()")
     assert becomes(page, lambda: page.get_attribute("html", "data-headset") is None)
     assert becomes(page, lambda: np.allclose(np.hstack(page.evaluate(appearance)), np.hstack(before), atol=1e-9))
-    grab(page, one, "delta4", "link5")  # by the mouse
+    grab(page, session, "delta4", "link5")  # by the mouse
 
 
 @pytest.mark.slow
@@ -120,40 +120,40 @@ def test_two_hands_that_hold_the_world_scale_and_rotate_it(worn):
 
 @pytest.mark.slow
 def test_one_user_has_a_browser_and_one_a_headset(worn, tab):
-    one, page, headset = worn("delta4")
-    seated = tab(one)
+    session, page, headset = worn("delta4")
+    seated = tab(session)
     assert not seated.is_visible("#enter-vr")
     assert not seated.is_visible("#enter-ar")
-    assert one.hub.rate == pytest.approx(90.0)
-    task = grasp(one, page, headset, "right", "delta4", "link5")
+    assert session.hub.rate == pytest.approx(90.0)
+    task = grasp(session, page, headset, "right", "delta4", "link5")
     headset.put("right", np.add(RIGHT, [0.0, -0.03, 0.0]))
-    rests(page, one, 1e-7)
+    rests(page, session, 1e-7)
     shown = "cockpit.state.tasks.map((task) => task.position).flat()"
-    at = place(one, "delta4", "link5", task.offset.translation)
+    at = place(session, "delta4", "link5", task.offset.translation)
     assert becomes(seated, lambda: np.allclose(seated.evaluate(shown), at, atol=1e-6))
     assert seated.get_attribute("html", "data-control") == "other"
     seated.click("#take-control")
     assert becomes(page, lambda: page.get_attribute("html", "data-control") == "other")
-    assert becomes(page, lambda: not held(one, "delta4"))
+    assert becomes(page, lambda: not held(session, "delta4"))
     headset.press("right", 0.0)
     headset.aim("right", "delta4", "link5")
     headset.press("right", 1.0)
     assert "Press A or X to take it" in headset.panel()["lines"][1]
-    assert not held(one, "delta4")
+    assert not held(session, "delta4")
     headset.press("right", 0.0)
     headset.press("right", 1.0, "a-button")
     assert becomes(page, lambda: page.get_attribute("html", "data-control") == "mine")
     headset.press("right", 0.0, "a-button")
-    grasp(one, page, headset, "right", "delta4", "link5")
+    grasp(session, page, headset, "right", "delta4", "link5")
     page.evaluate("cockpit.presentation.end()")
-    assert becomes(seated, lambda: not held(one, "delta4"))  # who takes off the headset lets go
-    assert becomes(seated, lambda: one.hub.rate == 60.0)
+    assert becomes(seated, lambda: not held(session, "delta4"))  # who takes off the headset lets go
+    assert becomes(seated, lambda: session.hub.rate == 60.0)
 
 
 @pytest.mark.slow
 def test_a_hand_pinches_parts_and_the_room_is_behind_them_in_augmented_reality(cockpit, page_with_headset):
-    one = cockpit("five_bar", follow=None)
-    page, headset = page_with_headset(one)
+    session = cockpit("five_bar", follow=None)
+    page, headset = page_with_headset(session)
     page.evaluate("device.primaryInputMode = 'hand'")
     headset.enter("ar")
     assert page.get_attribute("html", "data-headset") == "immersive-ar"
@@ -161,9 +161,9 @@ def test_a_hand_pinches_parts_and_the_room_is_behind_them_in_augmented_reality(c
     headset.put("right", RIGHT, hand=True)
     headset.aim("right", "five_bar", "link4")
     page.evaluate("device.hands.right.updatePinchValue(1)")
-    assert becomes(page, lambda: held(one, "five_bar"))
-    assert held(one, "five_bar")[0].weight == 1.0  # a pinch has no strength
+    assert becomes(page, lambda: held(session, "five_bar"))
+    assert held(session, "five_bar")[0].weight == 1.0  # a pinch has no strength
     page.evaluate("device.hands.right.updatePinchValue(0)")
-    assert becomes(page, lambda: not held(one, "five_bar"))
+    assert becomes(page, lambda: not held(session, "five_bar"))
     page.evaluate("cockpit.presentation.end()")
     assert becomes(page, lambda: page.evaluate("cockpit.viewer.scene.background !== null"))

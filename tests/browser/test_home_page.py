@@ -56,7 +56,7 @@ def test_all_that_is_loaded_is_light_and_the_robot_comes_last(address, tab):
     live.wait_for(state="attached", timeout=180_000)
     asked = page.evaluate("performance.getEntriesByName(document.querySelector('iframe').src)[0].startTime")
     loaded = page.evaluate("performance.getEntriesByType('navigation')[0].loadEventStart")
-    sizes = {one.url.rpartition("/")[2]: len(one.body()) for one in responses if one.ok}
+    sizes = {response.url.rpartition("/")[2]: len(response.body()) for response in responses if response.ok}
     assert {HERO, "delta4.html", "icon.svg", "index.html"} <= set(sizes)
     assert sum(sizes.values()) <= HEAVIEST, sizes
     assert asked > loaded > 0.0

@@ -20,41 +20,41 @@ def announced(page):
 
 
 def test_arrow_keys_move_a_part_and_are_undone(cockpit, tab):
-    one = cockpit("delta4", follow=None)
-    page = tab(one)
-    home = one.state.robots["delta4"].q
+    session = cockpit("delta4", follow=None)
+    page = tab(session)
+    home = session.state.robots["delta4"].q
     page.locator("#scene canvas").focus()
     page.keyboard.press("Shift+N")  # the last part
     assert becomes(page, lambda: "platform" in page.inner_text("#selection"))
-    start = place(one, "delta4", "platform")
+    start = place(session, "delta4", "platform")
     step = 0.02  # m: a hundredth of the characteristic length, 4.04 m, down to 1, 2 or 5 times a power of ten
     for _ in range(3):
         page.keyboard.press("ArrowRight")
     page.keyboard.press("Alt+ArrowUp")
-    assert becomes(page, lambda: held(one, "delta4"))
+    assert becomes(page, lambda: held(session, "delta4"))
     page.keyboard.press("Shift+ArrowDown")
     page.keyboard.press("PageDown")
     wanted = start + step * np.array([3.0, 0.1, -2.0])
-    assert becomes(page, lambda: np.abs(place(one, "delta4", "platform") - wanted).max() < 1e-4)
+    assert becomes(page, lambda: np.abs(place(session, "delta4", "platform") - wanted).max() < 1e-4)
     x, y, z = (f"{'minus ' if value < 0 else ''}{abs(1000 * value):.1f} millimetres" for value in wanted)
     assert becomes(page, lambda: f"platform: x {x}, y {y}, z {z}" in announced(page))  # the keys rest: the drag ends
-    assert becomes(page, lambda: not one.state.robots["delta4"].tasks)
-    assert one.state.robots["delta4"].closure < 1e-10
-    assert one.state.undo == 1  # all of it is one step
+    assert becomes(page, lambda: not session.state.robots["delta4"].tasks)
+    assert session.state.robots["delta4"].closure < 1e-10
+    assert session.state.undo == 1  # all of it is one step
     page.keyboard.press("Control+z")
-    assert becomes(page, lambda: np.abs(one.state.robots["delta4"].q - home).max() < 1e-9)
+    assert becomes(page, lambda: np.abs(session.state.robots["delta4"].q - home).max() < 1e-9)
     page.keyboard.down("ArrowRight")
-    assert becomes(page, lambda: held(one, "delta4"))
+    assert becomes(page, lambda: held(session, "delta4"))
     page.keyboard.press("Escape")
-    assert becomes(page, lambda: not one.state.robots["delta4"].tasks)
+    assert becomes(page, lambda: not session.state.robots["delta4"].tasks)
     page.keyboard.up("ArrowRight")
     page.keyboard.press("Escape")  # selects nothing: arrows rotate the view
     before = page.evaluate("cockpit.viewer.camera.matrixWorld.toArray()")
     page.keyboard.press("ArrowLeft")
     assert becomes(page, lambda: page.evaluate("cockpit.viewer.camera.matrixWorld.toArray()") != before)
     page.keyboard.press(" ")
-    assert becomes(page, lambda: one.state.paused)
-    assert not one.state.robots["delta4"].tasks
+    assert becomes(page, lambda: session.state.paused)
+    assert not session.state.robots["delta4"].tasks
 
 
 def test_rotations_and_the_order_of_focus_without_a_server(robot, tab, page_of):
@@ -68,8 +68,8 @@ def test_rotations_and_the_order_of_focus_without_a_server(robot, tab, page_of):
         if order[-1] is None:
             break
     assert order[-1] is None  # the focus leaves the page
-    assert [one["name"] for one in order[:-1] if not one["ring"]] == []
-    where = [one["where"] for one in order[:-1]]
+    assert [stop["name"] for stop in order[:-1] if not stop["ring"]] == []
+    where = [stop["where"] for stop in order[:-1]]
     assert list(dict.fromkeys(where)) == ["bar", "scene", "panel"]
     page.evaluate("cockpit.select('rx90', 'tool')")
     page.keyboard.press("w")  # the arrow keys are the scene's

@@ -71,16 +71,16 @@ def test_nothing_covers_the_toolbar_and_no_text_is_cut(page_of, tab):
     page = tab(page_of("rx90"))
     page.evaluate(PREPARE)
     page.evaluate("cockpit.select('rx90', 'tool')")
-    found = []
+    faults = []
     for width, height in SIZES:
         page.set_viewport_size({"width": width, "height": height})
         assert becomes(page, f"innerWidth === {width} && innerHeight === {height}")
         page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
         roomy = width >= 900 and height >= 560
         for shown in (*TOGETHER, *([ALL] if roomy else [])):
-            found += [f"{width}x{height}, {' '.join(shown)}: {fault}" for fault in page.evaluate(FAULTS, shown)]
-        found += [f"{width}x{height}: {text} is cut" for text in page.evaluate(CUT)]
-    assert found == []
+            faults += [f"{width}x{height}, {' '.join(shown)}: {fault}" for fault in page.evaluate(FAULTS, shown)]
+        faults += [f"{width}x{height}: {text} is cut" for text in page.evaluate(CUT)]
+    assert faults == []
     assert page.evaluate("parseFloat(getComputedStyle(document.documentElement).fontSize)") >= 16
 
 

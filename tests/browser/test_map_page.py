@@ -32,47 +32,47 @@ def seen(tab):
 
 def point(tab):
     """Move the pointer to a cell; return its pixels, and the cell's number in the map."""
-    found = []
+    cell = []
 
     def is_met():
-        found[:] = tab.evaluate(CELL) or []
-        if not found:  # the first picture is not drawn yet
+        cell[:] = tab.evaluate(CELL) or []
+        if not cell:  # the first picture is not drawn yet
             return False
-        tab.mouse.move(found[0] - 1, found[1])
-        tab.mouse.move(found[0], found[1])
+        tab.mouse.move(cell[0] - 1, cell[1])
+        tab.mouse.move(cell[0], cell[1])
         tab.wait_for_timeout(150)
-        return tab.get_attribute("html", "data-cell") == str(found[2])
+        return tab.get_attribute("html", "data-cell") == str(cell[2])
 
     assert becomes(tab, is_met), "no cell can be pointed at"
-    return found
+    return cell
 
 
 def test_a_click_on_a_tile_brings_the_robot_there_with_its_loops_closed(robot, cockpit, tab, tmp_path):
     path = tmp_path / "five_bar.zarr"
     make_map(MapSpecification(robot("five_bar"), SLICE, ("sigma_1", "margin")), path, workers=1)
-    one = cockpit(setup=map_setup(path))
-    page, shown = tab(one), one.map
+    session = cockpit(setup=map_setup(path))
+    page, shown = tab(session), session.map
     cloud = shown.cells()
     assert seen(page) == len(cloud.arrays["numbers"])
     x, y, number = point(page)
     value = cloud.arrays["value sigma_1"][cloud.arrays["numbers"].tolist().index(number)]
     assert f"sigma_1{float(f'{value:.3g}'):g}" in page.text_content("#legend .cell")
     picture(page, "map_of_linkage")
-    goal, states = json.loads(shown.cell(number))["q"], [one.state.robots["linkage"]]
+    goal, states = json.loads(shown.cell(number))["q"], [session.state.robots["linkage"]]
     page.mouse.click(x, y)
 
-    def there():
-        states.append(one.state.robots["linkage"])
+    def arrived():
+        states.append(session.state.robots["linkage"])
         return states[-1].q.tolist() == goal
 
-    assert becomes(page, there)
+    assert becomes(page, arrived)
     assert max(state.closure for state in states) < 1e-9
     passed = {tuple(state.q.tolist()) for state in states} - {tuple(states[0].q.tolist()), tuple(goal)}
     assert passed  # it was led there
-    assert one.state.notices == ()
-    assert becomes(page, lambda: one.state.moving is None)
+    assert session.state.notices == ()
+    assert becomes(page, lambda: session.state.moving is None)
     page.keyboard.press("Control+z")
-    assert becomes(page, lambda: np.allclose(one.state.robots["linkage"].q, states[0].q, atol=1e-6))
+    assert becomes(page, lambda: np.allclose(session.state.robots["linkage"].q, states[0].q, atol=1e-6))
     # coloured, cut and hidden as is wished
     assert page.text_content("#map-note") == f"{len(cloud.arrays['numbers']):,} of 180 cells reached"
     tools(page, "analyse")

@@ -32,25 +32,25 @@ class Hand:
 
 def test_each_task_takes_three_clicks_at_most(cockpit, tab, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    one = cockpit("delta4", follow=None)
-    page = tab(one)
+    session = cockpit("delta4", follow=None)
+    page = tab(session)
     page.context.grant_permissions(["clipboard-read", "clipboard-write"])
     hand, clicks = Hand(page), {}
-    robot, home = one.state.robots["delta4"], one.state.robots["delta4"].q
+    robot, home = session.state.robots["delta4"], session.state.robots["delta4"].q
 
-    grab(page, one, "delta4", "link5")
+    grab(page, session, "delta4", "link5")
     page.mouse.up()
-    rests(page, one)
+    rests(page, session)
     clicks["drag"] = hand.done()
     hand.press("#undo")
-    assert becomes(page, lambda: np.abs(one.state.robots["delta4"].q - home).max() < 1e-9)
+    assert becomes(page, lambda: np.abs(session.state.robots["delta4"].q - home).max() < 1e-9)
     clicks["undo"] = hand.done()
 
     hand.point("delta4", "link5")
     hand.press("#pin")
-    assert becomes(page, lambda: held(one, "delta4", "pin"))
+    assert becomes(page, lambda: held(session, "delta4", "pin"))
     clicks["pin a part and drag another"] = hand.done()
-    grab(page, one, "delta4", "link8")
+    grab(page, session, "delta4", "link8")
     page.mouse.up()
 
     hand.point("delta4", "link5")
@@ -60,7 +60,7 @@ def test_each_task_takes_three_clicks_at_most(cockpit, tab, tmp_path, monkeypatc
 
     hand.press("#fold")
     hand.press("[data-lock='delta4/joint1']")
-    assert becomes(page, lambda: one.state.robots["delta4"].locked == ("joint1",))
+    assert becomes(page, lambda: session.state.robots["delta4"].locked == ("joint1",))
     clicks["lock a joint"] = hand.done()
 
     hand.press("#measure-mode")
@@ -73,21 +73,21 @@ def test_each_task_takes_three_clicks_at_most(cockpit, tab, tmp_path, monkeypatc
     hand.press("#fold")
     hand.press("#tab-record")
     hand.press("#record")
-    assert becomes(page, lambda: one.state.recording is not None)
+    assert becomes(page, lambda: session.state.recording is not None)
     assert becomes(page, "document.getElementById('record').ariaPressed === 'true'")
     clicks["record"] = hand.done()
     hand.press("#fold")  # the tab is remembered
     hand.press("#record")
-    assert becomes(page, lambda: one.state.recording is None)
+    assert becomes(page, lambda: session.state.recording is None)
     clicks["end the recording"] = hand.done()
     for saved in (1, 2):
         hand.press("#fold")
         hand.press("#save-waypoint")
-        assert becomes(page, lambda saved=saved: len(one.state.waypoints) == saved)
+        assert becomes(page, lambda saved=saved: len(session.state.waypoints) == saved)
         clicks[f"save waypoint {saved}"] = hand.done()
     hand.press("#fold")
     hand.press("#play-waypoints")
-    assert becomes(page, lambda: one.state.waypoint is not None)
+    assert becomes(page, lambda: session.state.waypoint is not None)
     clicks["replay"] = hand.done()
 
     hand.press("#fold")
@@ -110,17 +110,17 @@ COLOURS = """() => {
 
 
 def test_one_label_says_why_it_stops_an_arc_shows_the_limit_and_no_part_is_repainted(cockpit, tab):
-    one = cockpit("delta4", follow=None)
-    page = tab(one)
+    session = cockpit("delta4", follow=None)
+    page = tab(session)
     before = page.evaluate(COLOURS)
     assert page.evaluate(VISIBLE) == ["Drag any part"]
-    x, y, *_ = grab(page, one, "delta4", "link5")
+    x, y, *_ = grab(page, session, "delta4", "link5")
     page.mouse.move(x + 250, y - 200, steps=8)
-    assert becomes(page, lambda: one.state.robots["delta4"].status.name == "AT_LIMIT")
+    assert becomes(page, lambda: session.state.robots["delta4"].status.name == "AT_LIMIT")
     words = "at the limit of "
     assert becomes(page, lambda: page.inner_text("#status").startswith(words))
     assert becomes(page, lambda: [text.startswith(words) for text in page.evaluate(VISIBLE)] == [True])
-    saturated = one.state.robots["delta4"].saturated
+    saturated = session.state.robots["delta4"].saturated
     shown = """cockpit.view.stage.children.filter((one) => one.visible && one.name.startsWith('limits '))
       .map((one) => one.name)"""
     assert becomes(page, lambda: {f"limits {joint}" for joint in saturated} <= set(page.evaluate(shown)))
@@ -132,21 +132,21 @@ def test_one_label_says_why_it_stops_an_arc_shows_the_limit_and_no_part_is_repai
 
 
 def test_the_base_is_fixed_and_says_so(cockpit, tab):
-    one = cockpit("delta4", follow=None)
-    page = tab(one)
+    session = cockpit("delta4", follow=None)
+    page = tab(session)
     x, y, *_ = find(page, "delta4", "base")
     page.mouse.move(x, y)
     page.mouse.down()
     page.mouse.move(x + 30, y + 20, steps=4)
     assert becomes(page, lambda: "fixed" in page.evaluate(VISIBLE))
-    assert not one.state.robots["delta4"].tasks
+    assert not session.state.robots["delta4"].tasks
     page.mouse.up()
     assert becomes(page, lambda: "fixed" not in page.evaluate(VISIBLE))
     page.evaluate("cockpit.select('delta4', 'base')")
     page.focus("#scene canvas")
     page.keyboard.press("ArrowRight")
     assert becomes(page, lambda: "base is fixed" in page.inner_text("#toasts"))
-    assert not one.state.robots["delta4"].tasks
+    assert not session.state.robots["delta4"].tasks
 
 
 def clock(page):
@@ -155,23 +155,23 @@ def clock(page):
 
 
 def test_a_hand_shows_once_how_to_drag_and_moves_nothing(cockpit, tab):
-    one = cockpit("delta4", follow=None)
-    page, home = tab(one, prepare=clock, reduced_motion="no-preference"), one.state.robots["delta4"].q
+    session = cockpit("delta4", follow=None)
+    page, home = tab(session, prepare=clock, reduced_motion="no-preference"), session.state.robots["delta4"].q
     page.clock.pause_at(page.evaluate("Date.now() / 1000 + 3"))  # the hand stays until time goes on
     hand = "document.getElementById('hand') !== null"
     assert becomes(page, lambda: page.evaluate(hand) or page.clock.fast_forward(3000))
     page.clock.resume()
     page.clock.fast_forward(2600)
     assert becomes(page, "document.getElementById('hand') === null")
-    assert (one.state.robots["delta4"].q == home).all()
+    assert (session.state.robots["delta4"].q == home).all()
     assert page.evaluate("document.documentElement.dataset.control") == "free"
-    assert one.state.undo == 0
+    assert session.state.undo == 0
     assert page.evaluate("localStorage.getItem('cinegen.hints')") == '["hand"]'
-    still = tab(one, prepare=clock, reduced_motion="reduce", viewport={"width": 500, "height": 400})
+    still = tab(session, prepare=clock, reduced_motion="reduce", viewport={"width": 500, "height": 400})
     still.clock.fast_forward(4000)
     assert still.evaluate("localStorage.getItem('cinegen.hints')") is None
     still.emulate_media(reduced_motion="no-preference")
-    still.goto(f"{one.url}&camera=1")  # frames of a film
+    still.goto(f"{session.url}&camera=1")  # frames of a film
     assert becomes(still, READY)
     still.clock.fast_forward(4000)
     assert still.evaluate("localStorage.getItem('cinegen.hints')") is None
@@ -197,8 +197,8 @@ def test_the_hand_drags_a_ghost_of_what_is_at_the_end_while_the_robot_moves(cock
 
 @pytest.fixture
 def arm(cockpit, tab):
-    one = cockpit("arm7", follow=None)
-    return one, tab(one)
+    session = cockpit("arm7", follow=None)
+    return session, tab(session)
 
 
 def test_the_toolbar_stands_beside_its_part_hides_it_and_looks_at_it(arm):
@@ -254,8 +254,8 @@ def touch(line, kind, *points):
 
 
 def test_fingers_two_rotate_the_view_or_beside_the_robot_shift_it_one_that_rests_selects_and_one_drags(cockpit, tab):
-    one = cockpit("delta4", follow=None)
-    page = tab(one, viewport={"width": 390, "height": 844}, has_touch=True)
+    session = cockpit("delta4", follow=None)
+    page = tab(session, viewport={"width": 390, "height": 844}, has_touch=True)
     x, y, *_ = find(page, "delta4", "link5")
     line = page.context.new_cdp_session(page)
 
@@ -272,7 +272,7 @@ def test_fingers_two_rotate_the_view_or_beside_the_robot_shift_it_one_that_rests
         touch(line, "touchEnd")
         assert (np.linalg.norm(seen()[1] - middle) > 1e-3) == shifts
         assert (np.linalg.norm(seen()[0] - offset) > 1e-3) != shifts
-    assert not one.state.robots["delta4"].tasks
+    assert not session.state.robots["delta4"].tasks
     assert not page.is_visible("#selection")
     x, y, *_ = find(page, "delta4", "link5")
     touch(line, "touchStart", (x, y))
@@ -282,9 +282,9 @@ def test_fingers_two_rotate_the_view_or_beside_the_robot_shift_it_one_that_rests
     touch(line, "touchStart", (x, y))
     for step in range(1, 8):
         touch(line, "touchMove", (x + 3 * step, y + 3 * step))
-    assert becomes(page, lambda: held(one, "delta4"))
+    assert becomes(page, lambda: held(session, "delta4"))
     touch(line, "touchEnd")
-    assert becomes(page, lambda: not one.state.robots["delta4"].tasks)
+    assert becomes(page, lambda: not session.state.robots["delta4"].tasks)
     sizes = page.evaluate("""() => [...document.querySelectorAll("button")].filter((one) => one.checkVisibility())
       .map((one) => [one.id, one.offsetWidth, one.offsetHeight]).filter(([, wide, high]) => wide < 44 || high < 44)""")
     assert sizes == []

@@ -30,7 +30,7 @@ def test_waypoints_are_saved_renamed_reordered_played_and_recorded(five_bar, tab
 
     def listed(*names):
         """The session and the page have the same waypoints."""
-        return [one.name for one in five_bar.state.waypoints] == list(names) == rows.all_inner_texts()
+        return [waypoint.name for waypoint in five_bar.state.waypoints] == list(names) == rows.all_inner_texts()
 
     tools(page, "record")
     rows = page.locator("#waypoints .go")
@@ -91,8 +91,8 @@ def test_a_link_has_the_camera_and_offers_its_configuration(five_bar, tab):
     page.evaluate("camera => cockpit.view.setCamera(camera)", CAMERA)
     move = "([joint, value]) => cockpit.send({ type: 'move_joint', robot: 'five_bar', joint, value })"
     page.evaluate(move, [first, home + 0.2])
-    there = f"Math.abs(cockpit.report.robots.five_bar.q[{index}] - {{}}) < 1e-9"
-    assert becomes(page, there.format(home + 0.2))
+    is_at = f"Math.abs(cockpit.report.robots.five_bar.q[{index}] - {{}}) < 1e-9"
+    assert becomes(page, is_at.format(home + 0.2))
     page.click("#copy-link")
     assert becomes(page, lambda: "token" in page.inner_text("#toasts"))
     link = page.evaluate("navigator.clipboard.readText()")
@@ -103,7 +103,7 @@ def test_a_link_has_the_camera_and_offers_its_configuration(five_bar, tab):
     assert shared == link.replace(five_bar.url, five_bar.view_url)
     page.evaluate("cockpit.send({ type: 'move_home' })")
     page.evaluate("cockpit.frame()")
-    assert becomes(page, there.format(home))
+    assert becomes(page, is_at.format(home))
     assert not page.evaluate(NEAR, CAMERA)
     page.goto("about:blank")
     page.goto(link, timeout=60_000)
@@ -138,7 +138,7 @@ def test_users_see_who_points_at_a_part(five_bar, tab):
 
     def seen():
         """What the other user sees of the page's."""
-        return next((one for one in other.users if one["client"] == page.evaluate("cockpit.hello.client")), {})
+        return next((user for user in other.users if user["client"] == page.evaluate("cockpit.hello.client")), {})
 
     assert becomes(page, lambda: page.evaluate("cockpit.report.clients === 2"))
     x, y, *point = find(page, "five_bar", "link4")

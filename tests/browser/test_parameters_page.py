@@ -41,6 +41,6 @@ def test_the_matrix_is_that_of_python(page):
         assert off[:3, 3].max() <= 0.5001e-2  # two
         assert (off[3] == 0.0).all()
         text = page.locator("#raff").inner_text()
-        found = PATTERN.findall(text.partition("{ parameters {")[2].partition("}")[0])
-        written = {name: int(value) for name, value in found}
+        pairs = PATTERN.findall(text.partition("{ parameters {")[2].partition("}")[0])
+        written = {name: int(value) for name, value in pairs}
         assert written == {name: value for name, value in zip(NAMES, values, strict=True) if value}

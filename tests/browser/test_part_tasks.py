@@ -20,7 +20,7 @@ def pose(duo, node):
 
 
 def described(duo):
-    return [one.description.__struct_config__.tag for one in duo.state.robots["duo"].described]
+    return [task.description.__struct_config__.tag for task in duo.state.robots["duo"].described]
 
 
 def select(page, node):

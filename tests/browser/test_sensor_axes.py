@@ -32,7 +32,7 @@ def test_axes_are_inverted_swapped_and_scaled_and_survive_a_reload_and_a_save(tm
         card.locator("summary").click()
 
     def axes():
-        return next(one.axes for one in cockpit.state.sensors if one.id == "1")
+        return next(sensor.axes for sensor in cockpit.state.sensors if sensor.id == "1")
 
     def shown():
         return [

@@ -22,8 +22,8 @@ def test_names_in_code_font_lead_to_entries_of_the_reference(site):
     for page in [*site.glob("*.html"), *site.glob("howto/*.html")]:
         for path, anchor in LINK.findall(page.read_text(encoding="utf-8")):
             if "reference/api/" in path:
-                there = (page.parent / path).read_text(encoding="utf-8")
-                assert f'id="{anchor}"' in there, (page.name, anchor)
+                text = (page.parent / path).read_text(encoding="utf-8")
+                assert f'id="{anchor}"' in text, (page.name, anchor)
                 count += 1
     assert count > 100
 

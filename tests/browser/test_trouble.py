@@ -19,10 +19,10 @@ def cover(page, text):
 
 
 def test_a_session_that_has_ended_one_with_another_token_and_one_of_another_robot(cockpit, tab):
-    one = cockpit("five_bar", token="first")
-    page = tab(one, strict=False)
-    port = one.server.port
-    one.close()
+    session = cockpit("five_bar", token="first")
+    page = tab(session, strict=False)
+    port = session.server.port
+    session.close()
     assert cover(page, "start cinegen drive again, and open the address that it prints")
     with cockpit("five_bar", port=port, token="second"):
         assert cover(page, "open the address that cinegen drive printed last")
@@ -32,9 +32,9 @@ def test_a_session_that_has_ended_one_with_another_token_and_one_of_another_robo
         refused = "This address lacks the session's token: open the one that cinegen drive printed."
         assert page.inner_text("p") == refused
         picture(page, "refused")
-    one = cockpit("five_bar", port=port, token="t")
-    page = tab(one, strict=False, viewport={"width": 800, "height": 500})
-    one.close()
+    session = cockpit("five_bar", port=port, token="t")
+    page = tab(session, strict=False, viewport={"width": 800, "height": 500})
+    session.close()
     with cockpit("scara", port=port, token="t"):
         assert becomes(page, "document.getElementById('toasts').textContent.includes('it drives scara')")
         assert page.is_hidden("#cover")
@@ -42,8 +42,8 @@ def test_a_session_that_has_ended_one_with_another_token_and_one_of_another_robo
 
 def test_a_mesh_that_is_lost_is_told_in_the_page(cockpit, tab):
     with pytest.warns(cinegen.CinegenWarning, match="is not found"):
-        one = cockpit(setup=arrange({"arm": cinegen.load(LOST_MESH)}))
-    page = tab(one)
+        session = cockpit(setup=arrange({"arm": cinegen.load(LOST_MESH)}))
+    page = tab(session)
     toast = page.locator("#toasts .toast").first.inner_text()
     assert "mesh 'lost.stl' is not found" in toast
     assert "sticks are drawn instead" in toast

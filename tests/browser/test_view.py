@@ -215,5 +215,5 @@ def test_robots_that_are_drawn_again_and_again_take_no_more_memory(cockpit, tab)
         assert becomes(page, "!cockpit.viewer.needs_render && cockpit.view.resolution.complete")
         taken.append(page.evaluate(MEMORY))
     programs, *others = zip(*taken[1:], strict=True)
-    assert [len(set(one)) for one in others] == [1, 1, 1]
+    assert [len(set(series)) for series in others] == [1, 1, 1]
     assert programs[-1] <= programs[0] + 2  # one more for what is drawn while something moves

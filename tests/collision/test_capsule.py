@@ -20,8 +20,8 @@ def test_every_point_is_inside(seed, count, size, width, height):
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(count, 3)) * [1.0, 10.0**width, 10.0**height] * 10.0**size
     points = Rotation.random(random_state=seed).apply(points) + rng.normal(size=3)
-    found = around(points)
-    assert outside(seen(found.placement, points), found.shape).max() <= 1e-12
+    capsule = around(points)
+    assert outside(seen(capsule.placement, points), capsule.shape).max() <= 1e-12
 
 
 @settings(max_examples=40)
@@ -29,12 +29,12 @@ def test_every_point_is_inside(seed, count, size, width, height):
 def test_a_capsule_is_found_again_from_points_of_its_surface(seed, radius, length):
     rng, pose = np.random.default_rng(seed), Rotation.random(random_state=seed)
     points = pose.apply(surface(coal.Capsule(radius, length), rng, 2000)) + rng.normal(size=3)
-    found = around(points)
-    assert found.volume <= 1.01 * math.pi * radius**2 * (length + 4.0 / 3.0 * radius)
-    assert found.radius == pytest.approx(radius, rel=0.02)
-    assert found.length + 2.0 * found.radius == pytest.approx(length + 2.0 * radius, rel=0.02)
+    capsule = around(points)
+    assert capsule.volume <= 1.01 * math.pi * radius**2 * (length + 4.0 / 3.0 * radius)
+    assert capsule.radius == pytest.approx(radius, rel=0.02)
+    assert capsule.length + 2.0 * capsule.radius == pytest.approx(length + 2.0 * radius, rel=0.02)
     if length > radius:
-        assert abs(found.axis @ pose.as_matrix()[:, 2]) > math.cos(0.03)
+        assert abs(capsule.axis @ pose.as_matrix()[:, 2]) > math.cos(0.03)
 
 
 # --- convex hull ------------------------------------------------------------------------------------------------------

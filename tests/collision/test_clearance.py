@@ -76,8 +76,8 @@ def random_scene(rng, shapes=SHAPES):
         some(kind, pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3)), 0.3)
         for kind in ("ball", "box", "capsule")
     ]
-    own = [(i, k) for k in range(len(bodies)) for i in range(k)]
-    return tree, bodies, obstacles_of([*obstacles, wall([0.0, 0.0, 1.0], -1.0)]), own
+    self_pairs = [(i, k) for k in range(len(bodies)) for i in range(k)]
+    return tree, bodies, obstacles_of([*obstacles, wall([0.0, 0.0, 1.0], -1.0)]), self_pairs
 
 
 def configuration(name, rng):
@@ -125,7 +125,7 @@ def test_without_obstacles_nothing_is_near():
     q = np.zeros(2)
     assert clearance.least(q) == np.inf
     assert clearance.near(q, 1.0).rows.shape == (0, 2)
-    assert all(found.shape == (0,) for found in clearance.motion_bounds(q, q + 1.0))
+    assert all(array.shape == (0,) for array in clearance.motion_bounds(q, q + 1.0))
     vortices = Vortices(clearance, 1.0, 0.1)
     assert (vortices.deflect(q, np.ones(2), frozenset) == 1.0).all()
     assert len(vortices.states) == 0
@@ -160,23 +160,23 @@ def test_rows_of_nearest_points_are_how_distances_change(name):
         q = configuration(name, rng)
         near = clearance.near(q, 3.0 * load(name).length)
         pairs, distances, rows = near.pairs.copy(), near.distances.copy(), near.rows.copy()
-        here = clearance.distances(q)
+        at_q = clearance.distances(q)
         slopes = np.zeros((len(clearance.pairs), nv))
         curved = np.zeros(len(clearance.pairs))
         for j in range(nv):
             way = step * np.eye(nv)[j]
             ahead, behind = (clearance.distances(pin.integrate(load(name).model, q, s * way)) for s in (1.0, -1.0))
             slopes[:, j] = (ahead - behind) / (2.0 * step)
-            curved = np.maximum(curved, np.abs(ahead + behind - 2.0 * here) / step)
+            curved = np.maximum(curved, np.abs(ahead + behind - 2.0 * at_q) / step)
         for pair, i in zip(*np.unique(near.pairs, return_index=True), strict=True):  # the first: the nearest points
             assert pairs[i] == pair
-            assert distances[i] == here[pair]
+            assert distances[i] == at_q[pair]
             shapes = {type(clearance.bodies[int(b)].shape) for b in clearance.pairs[pair]}
             if (
                 clearance.memory.excess[pair] != 0.0
             ):  # not of these shapes: in test_exact_distances, to the same tolerance
                 continue
-            if here[pair] < 1e-3 or curved[pair] > 0.01 or not shapes <= {coal.Capsule, coal.Sphere, coal.Box}:
+            if at_q[pair] < 1e-3 or curved[pair] > 0.01 or not shapes <= {coal.Capsule, coal.Sphere, coal.Box}:
                 continue
             assert rows[i] == pytest.approx(-slopes[pair], abs=2e-4 * load(name).length), clearance.names(pair)
             checked += 1
@@ -223,17 +223,17 @@ def test_a_motion_that_keeps_all_rows_of_a_link_keeps_its_distance(seed):
 @given(seed=seeds, size=st.sampled_from([1e-3, 0.05, 0.5, 3.0]))
 def test_no_distance_changes_more_than_its_bound_anywhere_on_the_way(seed, size):
     rng = np.random.default_rng(seed)
-    tree, bodies, given_, own = random_scene(rng, SHAPES[:1])
-    clearance = Clearance(tree, bodies, given_, own)
+    tree, bodies, given_, self_pairs = random_scene(rng, SHAPES[:1])
+    clearance = Clearance(tree, bodies, given_, self_pairs)
     q = pin.integrate(tree.model, pin.neutral(tree.model), rng.normal(size=tree.model.nv))
     motion = size * rng.normal(size=tree.model.nv)
     to = pin.integrate(tree.model, q, motion)
-    before, ways = (found.copy() for found in clearance.motion_bounds(q, to))
+    before, bounds = (array.copy() for array in clearance.motion_bounds(q, to))
     assert before == pytest.approx(measured(clearance, q), abs=1e-9)
     seen = np.array([clearance.distances(pin.interpolate(tree.model, q, to, t)) for t in np.linspace(0.0, 1.0, 41)])
     # coal looks for overlaps with a tolerance of its own
-    assert (np.abs(seen - before) <= ways + 1e-5).all()
-    assert (np.abs(np.diff(seen, axis=0)).sum(axis=0) <= ways + 4e-4).all()  # not even all ups and downs together
+    assert (np.abs(seen - before) <= bounds + 1e-5).all()
+    assert (np.abs(np.diff(seen, axis=0)).sum(axis=0) <= bounds + 4e-4).all()  # not even all ups and downs together
 
 
 def check_uncertain(clearance, q, motion, straight, safety, rng):
@@ -255,8 +255,8 @@ def check_uncertain(clearance, q, motion, straight, safety, rng):
 @given(seed=seeds, size=st.sampled_from([1e-3, 0.02, 0.1, 0.5]))
 def test_pairs_that_are_certain_keep_the_distance_whatever_was_measured_before(seed, size):
     rng = np.random.default_rng(seed)
-    tree, bodies, given_, own = random_scene(rng)
-    clearance = Clearance(tree, bodies, given_, own)
+    tree, bodies, given_, self_pairs = random_scene(rng)
+    clearance = Clearance(tree, bodies, given_, self_pairs)
     q = pin.integrate(tree.model, pin.neutral(tree.model), rng.normal(size=tree.model.nv))
     for step in range(6):
         q = pin.integrate(tree.model, q, 0.5 * size * rng.normal(size=tree.model.nv))
@@ -265,17 +265,17 @@ def test_pairs_that_are_certain_keep_the_distance_whatever_was_measured_before(s
             moved = clearance.bodies[len(bodies) + i].placement * pin.exp6(size * rng.normal(size=6))
             given_[i] = given_[i].moved(moved)
             clearance.move(i, moved)
-            fresh = Clearance(tree, bodies, given_, own)
+            fresh = Clearance(tree, bodies, given_, self_pairs)
             clearance.bodies = fresh.bodies  # for the yardstick only, which places bodies by these
         straight = size * rng.normal(size=tree.model.nv)
         motion = np.abs(straight) * rng.choice([1.0, 1.3])
         safety = float(rng.choice([1e-9, 0.01, 0.1]))
         check_uncertain(clearance, q, motion, (None, straight)[step % 2], safety, rng)
         if step % 4 == 3:
-            found = measured(clearance, q)
-            assert set(np.flatnonzero(found < 0.1 - 1e-5)) <= set(clearance.nearer(q, 0.1).tolist())
-            assert set(clearance.nearer(q, 0.1).tolist()) <= set(np.flatnonzero(found < 0.1 + 1e-5))
-            assert clearance.distances(q) == pytest.approx(found, abs=1e-5)
+            expected = measured(clearance, q)
+            assert set(np.flatnonzero(expected < 0.1 - 1e-5)) <= set(clearance.nearer(q, 0.1).tolist())
+            assert set(clearance.nearer(q, 0.1).tolist()) <= set(np.flatnonzero(expected < 0.1 + 1e-5))
+            assert clearance.distances(q) == pytest.approx(expected, abs=1e-5)
 
 
 @pytest.mark.parametrize("name", ["arm7", "delta4", "gough", "two_arms"])

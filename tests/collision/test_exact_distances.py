@@ -117,9 +117,9 @@ def grasping(gap, **more):
 
 
 def test_a_gripper_may_be_almost_closed_while_obstacles_are_kept_away():
-    given = grasping(2e-3)
-    assert (given.safety, given.self_clearance) == (0.01, 1e-3)
-    assert clearance_of(given).least(given.start) >= given.safety
+    scene = grasping(2e-3)
+    assert (scene.safety, scene.self_clearance) == (0.01, 1e-3)
+    assert clearance_of(scene).least(scene.start) >= scene.safety
     nearer = grasping(0.5e-3)
     assert clearance_of(nearer).least(nearer.start) < nearer.safety
     strict = grasping(2e-3, self_clearance=5e-3)
@@ -192,8 +192,8 @@ def test_the_depth_of_two_boxes_is_no_less_than_that_of_the_deepest_corner(depth
 def test_the_report_has_the_depth_at_home_of_the_panda_and_no_other_pair():
     """The hand is some centimetres inside of link 5 in the URDF's zero configuration."""
     pairs = collision_report(load(PANDA))["pairs"]
-    touching = {frozenset(one["links"]): one for one in pairs if "depth_at_home" in one}
-    assert all(0.0 <= one["depth_at_home_at_least"] <= one["depth_at_home"] for one in touching.values())
+    touching = {frozenset(pair["links"]): pair for pair in pairs if "depth_at_home" in pair}
+    assert all(0.0 <= pair["depth_at_home_at_least"] <= pair["depth_at_home"] for pair in touching.values())
     hand = touching[frozenset(("panda_link5", "panda_hand"))]
     assert 0.03 < hand["depth_at_home_at_least"] < hand["depth_at_home"] < 0.06
     fingers = touching[frozenset(("panda_leftfinger", "panda_rightfinger"))]

@@ -95,8 +95,8 @@ def test_nothing_that_can_be_hit_is_outside_of_the_bodies_which_are_called_by_th
     assert order == sorted(order)
     for piece in mechanism.collision.geometryObjects:
         points = placed(piece.placement, surface(piece.geometry, rng))
-        own = [body for body in bodies if body.joint == piece.parentJoint]
-        assert min(outside(seen(body.placement, points), body.shape).max() for body in own) <= 1e-9, piece.name
+        candidates = [body for body in bodies if body.joint == piece.parentJoint]
+        assert min(outside(seen(body.placement, points), body.shape).max() for body in candidates) <= 1e-9, piece.name
 
 
 @pytest.mark.parametrize("name", SOME)

@@ -28,8 +28,8 @@ def talos():
 
 
 def scene(mechanism, start, goal, **more):
-    there = mechanism.placement(goal, mechanism.end)
-    aim = {"point": there.translation.tolist(), "rpy": pin.rpy.matrixToRpy(there.rotation).tolist()}
+    pose = mechanism.placement(goal, mechanism.end)
+    aim = {"point": pose.translation.tolist(), "rpy": pin.rpy.matrixToRpy(pose.rotation).tolist()}
     return scene_of({"start": {"joints": start}, "goal": aim, "node": mechanism.end, **more}, mechanism=mechanism)
 
 
@@ -68,8 +68,8 @@ def test_first_contact_is_where_coal_finds_it():
 
 def test_no_random_configuration_with_touching_meshes_is_called_clear():
     model = panda().model
-    given = scene(panda(), READY, panda().configuration(READY))
-    check, clearance = MeshCheck(given), clearance_of(given)
+    problem = scene(panda(), READY, panda().configuration(READY))
+    check, clearance = MeshCheck(problem), clearance_of(problem)
     rng = np.random.default_rng(0)
     touching = 0
     for q in rng.uniform(model.lowerPositionLimit, model.upperPositionLimit, size=(200, model.nq)):
@@ -82,12 +82,12 @@ def test_no_random_configuration_with_touching_meshes_is_called_clear():
 
 def test_links_whose_solids_always_overlap_are_checked_by_their_meshes():
     """The hull of Talos's arm_left_3 always holds a part of arm_left_5: only the meshes tell them apart."""
-    given = scene(talos(), {}, talos().q_home)
-    clearance = clearance_of(given)
+    problem = scene(talos(), {}, talos().q_home)
+    clearance = clearance_of(problem)
     both = frozenset(("arm_left_3_link", "arm_left_5_link"))
     (pair,) = [pair for pair in range(len(clearance.pairs)) if both == set(clearance.names(pair))]
     assert clearance.distances(talos().q_home)[pair] > 0.0
-    check = MeshCheck(given)
+    check = MeshCheck(problem)
     assert both not in map(frozenset, check.unchecked)
     free = LocalIK(talos()).samples(20, np.random.default_rng(3))
     beyond = np.random.default_rng(0).uniform(-np.pi, np.pi, size=(60, talos().model.nq))  # limits apart
@@ -110,12 +110,12 @@ def test_links_that_touch_in_every_configuration_are_not_checked_and_named():
 def test_collisions_that_a_scene_allows_are_not_checked():
     named = {"allowed_collisions": [["panda_link5", "panda_hand"], ["panda_link7", "panda_link5"]]}
     named["allowed_collisions"] += [["panda_link5", f"panda_{side}finger"] for side in ("left", "right")]
-    given = scene(panda(), READY, panda().configuration(READY), **named)
-    assert given.document()["allowed_collisions"] == named["allowed_collisions"]
+    problem = scene(panda(), READY, panda().configuration(READY), **named)
+    assert problem.document()["allowed_collisions"] == named["allowed_collisions"]
     folded = panda().configuration(FOLDED)
     assert MeshCheck(scene(panda(), READY, panda().configuration(READY))).contact(folded)
-    assert MeshCheck(given).contact(folded) == ""
-    clearance = clearance_of(given)
+    assert MeshCheck(problem).contact(folded) == ""
+    clearance = clearance_of(problem)
     names = {frozenset(clearance.names(pair)) for pair in range(len(clearance.pairs))}
     assert names.isdisjoint(map(frozenset, named["allowed_collisions"]))
 
@@ -127,8 +127,8 @@ def test_a_path_with_contact_is_never_reported_as_reached(monkeypatch):
     """Even if no pair of links were kept clear while planning."""
     bodies = cinegen.collision.clearance.links_of(panda())[0]
     monkeypatch.setattr(cinegen.collision.clearance, "links_of", lambda mechanism: (bodies, ()))
-    found = plan(scene(panda(), READY, panda().configuration(FOLDED)), attempts=2, planner="vortex", shorten=False)
-    assert [one.status for one in found.attempts] == [PlanStatus.IN_COLLISION] * 2
-    assert not found
-    assert "check against the meshes" in found.reason
-    assert not touch_along(found.path)
+    planned = plan(scene(panda(), READY, panda().configuration(FOLDED)), attempts=2, planner="vortex", shorten=False)
+    assert [attempt.status for attempt in planned.attempts] == [PlanStatus.IN_COLLISION] * 2
+    assert not planned
+    assert "check against the meshes" in planned.reason
+    assert not touch_along(planned.path)

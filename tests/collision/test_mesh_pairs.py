@@ -21,8 +21,8 @@ def names(bodies, pairs):
 @pytest.mark.parametrize("name", ["delta4", "two_arms", PANDA])
 def test_both_selections_of_pairs_agree_but_for_links_at_a_constant_distance(name):
     mechanism = load(name)
-    own, others = mechanism.structure.derived(mesh_pairs), mechanism.structure.derived(link_pairs)
-    by_meshes = names(own.bodies, own.pairs)
+    mesh_based, others = mechanism.structure.derived(mesh_pairs), mechanism.structure.derived(link_pairs)
+    by_meshes = names(mesh_based.bodies, mesh_based.pairs)
     by_distance = names(others.bodies, others.of(PairReason.CHECKED))
     rigid = names(others.bodies, others.of(PairReason.RIGID))
     assert by_distance - by_meshes == set()
@@ -42,9 +42,9 @@ def test_both_selections_of_pairs_agree_but_for_links_at_a_constant_distance(nam
 )
 def test_the_reason_of_an_srdf_is_verified(chain, srdf, is_checked):
     mechanism = cinegen.load(chain(srdf))
-    found = mechanism.structure.derived(mesh_pairs)
-    assert (frozenset("ac") in names(found.bodies, found.pairs)) == is_checked
-    assert (("a", "c") in found.unchecked) != is_checked
+    selection = mechanism.structure.derived(mesh_pairs)
+    assert (frozenset("ac") in names(selection.bodies, selection.pairs)) == is_checked
+    assert (("a", "c") in selection.unchecked) != is_checked
 
 
 # --- along a motion ------------------------------------------------------------------------------------------------
@@ -58,6 +58,6 @@ def test_a_sheet_of_a_tenth_of_a_millimetre_is_not_passed_through():
     sheet = {"kind": "box", "size": [0.02, 1e-4, 0.02], "point": middle.tolist()}
     check = MeshCheck(scene(model, READY | {"panda_joint1": -0.6}, ends[0], obstacle=[sheet]))
     assert check.contact(ends[0]) == check.contact(ends[1]) == ""
-    found = check.first_contact(np.array(ends))
-    assert found is not None
-    assert "box 1" in found.reason
+    contact = check.first_contact(np.array(ends))
+    assert contact is not None
+    assert "box 1" in contact.reason

@@ -90,16 +90,16 @@ def test_points_are_as_far_from_an_obstacle_as_geometry_says(case, seed):
     scene = scene_with({"kind": case.split()[0], **shape, "point": point, "rpy": rpy})
     (obstacle,) = scene.obstacles
     seen = rng.normal(size=3) * 2.0
-    there = pin.rpy.rpyToMatrix(rpy) @ seen + point
+    in_world = pin.rpy.rpyToMatrix(rpy) @ seen + point
     if truth(seen) > 0.0:
-        assert to_point(obstacle.bodies, there) == pytest.approx(truth(seen), abs=2e-5)
+        assert to_point(obstacle.bodies, in_world) == pytest.approx(truth(seen), abs=2e-5)
     else:
-        assert to_point(obstacle.bodies, there) <= 1e-9
+        assert to_point(obstacle.bodies, in_world) <= 1e-9
     # moved, it is as far from the point that moved with it
     away = pin.SE3.Random()
     moved = obstacle.moved(away)
     assert moved.placement is not away
-    assert to_point(moved.bodies, away.act(seen)) == pytest.approx(to_point(obstacle.bodies, there), abs=2e-5)
+    assert to_point(moved.bodies, away.act(seen)) == pytest.approx(to_point(obstacle.bodies, in_world), abs=2e-5)
 
 
 # --- meshes -----------------------------------------------------------------------------------------------------------
@@ -172,11 +172,11 @@ def test_what_a_scene_writes_reads_back_as_the_same(seed):
         assert _close(after.document(), before.document())
         assert (after.start == before.start).all()
         assert after.goal.isApprox(before.goal, 1e-12)
-        for one, other in zip(before.obstacles, after.obstacles, strict=True):
-            assert (one.name, one.kind, len(one.pieces)) == (other.name, other.kind, len(other.pieces))
-            assert one.placement.isApprox(other.placement, 1e-12)
+        for original, other in zip(before.obstacles, after.obstacles, strict=True):
+            assert (original.name, original.kind, len(original.pieces)) == (other.name, other.kind, len(other.pieces))
+            assert original.placement.isApprox(other.placement, 1e-12)
             for p in rng.normal(size=(3, 3)) * 2:
-                assert to_point(one.bodies, p) == pytest.approx(to_point(other.bodies, p), abs=1e-5)
+                assert to_point(original.bodies, p) == pytest.approx(to_point(other.bodies, p), abs=1e-5)
 
 
 def _close(a, b):
@@ -202,10 +202,10 @@ def test_another_robot_is_an_obstacle_at_its_joint_values_and_base_pose(robot, r
     bodies = link_bodies(other)
     expected = Clearance(other, bodies, [near]).least(q)
     moving = [body for body, link in zip(obstacle.bodies, bodies, strict=True) if link.joint]
-    found = [apart(body.shape, body.placement, coal.Sphere(0.05), at(*ball)) for body in moving]
-    assert min(found) == pytest.approx(expected, abs=1e-6)
+    distances = [apart(body.shape, body.placement, coal.Sphere(0.05), at(*ball)) for body in moving]
+    assert min(distances) == pytest.approx(expected, abs=1e-6)
     (again,) = scene_of(made.document(), root).obstacles
-    assert [one.placement for one in again.bodies] == [one.placement for one in obstacle.bodies]
+    assert [body.placement for body in again.bodies] == [body.placement for body in obstacle.bodies]
 
 
 # --- obstacle meshes --------------------------------------------------------------------------------------------------
@@ -251,11 +251,11 @@ def test_a_ball_is_as_far_from_a_mesh_that_is_not_convex_as_from_its_nearest_tri
         across = np.linalg.norm(points, axis=1)
         inside = mesh.is_watertight & (across > INNER) & (across < OUTER * math.cos(math.pi / 24))
         for point, distance, is_inside in zip(points, truth, inside, strict=True):
-            found = clearance.least(point[:2])
+            least = clearance.least(point[:2])
             if is_inside or distance < 0.0:
-                assert found <= 1e-9
+                assert least <= 1e-9
             elif across[0] < INNER or across[0] > OUTER:
-                assert found == pytest.approx(distance, abs=1e-6)
+                assert least == pytest.approx(distance, abs=1e-6)
 
 
 def test_a_path_leads_out_of_a_pipe_whose_hull_fills_it(tmp_path):
@@ -266,9 +266,9 @@ def test_a_path_leads_out_of_a_pipe_whose_hull_fills_it(tmp_path):
     shape.export(tmp_path / "c.ply")
     values = {"mobile": {"radius": RADIUS}, "goal": {"point": [-1.0, 0.1]}, "start": {"point": [-0.1, 0.1]}}
     scene = scene_of(values | {"obstacle": [{"kind": "mesh", "file": "c.ply"}]}, tmp_path)
-    found = plan(scene)
-    assert found
-    fine = np.vstack([np.linspace(a, b, 20) for a, b in zip(found.path, found.path[1:], strict=False)])
+    planned = plan(scene)
+    assert planned
+    fine = np.vstack([np.linspace(a, b, 20) for a, b in zip(planned.path, planned.path[1:], strict=False)])
     points = np.column_stack([fine[:: max(1, len(fine) // 60)], np.zeros(len(fine[:: max(1, len(fine) // 60)]))])
     assert to_triangles(shape.triangles, points).min() >= RADIUS + scene.safety - 1e-6
 
@@ -286,17 +286,17 @@ def test_the_distance_of_a_ball_from_points_is_never_overestimated_nor_by_more_t
     clearance = clearance_of(scene, is_exact=True)
     for q in rng.uniform(-1.0, 1.0, size=(20, 2)):
         truth = float(np.linalg.norm(points - [*q, 0.0], axis=1).min()) - RADIUS
-        found = clearance.least(q)
-        assert found <= max(truth, 0.0) + 1e-9
-        if found > 0.0:
-            assert found >= truth - math.sqrt(3.0) * size - 1e-9
+        least = clearance.least(q)
+        assert least <= max(truth, 0.0) + 1e-9
+        if least > 0.0:
+            assert least >= truth - math.sqrt(3.0) * size - 1e-9
 
 
 def test_a_speck_inside_of_a_link_is_in_collision():
     """It touches no triangle of the link's mesh, and the block to which it belongs lies outside of the link."""
     mechanism = load(UR5)
     q = mechanism.q_home
-    link = next(one for one in mechanism.collision.geometryObjects if one.parentJoint == 2)
+    link = next(geom for geom in mechanism.collision.geometryObjects if geom.parentJoint == 2)
     mesh = trimesh.load_mesh(link.meshPath, process=True)
     data = mechanism.model.createData()
     pin.forwardKinematics(mechanism.model, data, q)
@@ -319,12 +319,12 @@ def test_points_are_read_from_files(tmp_path, suffix):
         np.savetxt(path, points)
     ball = {"radius": 0.01}
     read = scene_with({"kind": "points", "file": path.name, "scale": 0.5}, folder=tmp_path, mobile=ball)
-    given = scene_with({"kind": "points", "points": (0.5 * points).tolist()}, mobile=ball)
+    inline = scene_with({"kind": "points", "points": (0.5 * points).tolist()}, mobile=ball)
     for q in np.random.default_rng(2).normal(size=(20, 2)):
-        first, second = (clearance_of(scene, True).least(q) for scene in (read, given))
+        first, second = (clearance_of(scene, True).least(q) for scene in (read, inline))
         assert first == pytest.approx(second, abs=1e-5)
-    again = scene_of(json.loads(json.dumps(given.document())))
-    assert clearance_of(again).least(np.zeros(2)) == clearance_of(given).least(np.zeros(2))
+    again = scene_of(json.loads(json.dumps(inline.document())))
+    assert clearance_of(again).least(np.zeros(2)) == clearance_of(inline).least(np.zeros(2))
 
 
 def test_what_is_wrong_with_triangles_and_points_is_reported(tmp_path):

@@ -42,7 +42,7 @@ def test_scenes_of_the_figures_read_back_as_the_same(root, tmp_path, name):
     for a, b in zip(again.obstacles, scene.obstacles, strict=True):
         assert (a.name, a.written) == (b.name, b.written)
         assert a.placement.isApprox(b.placement, 1e-15)
-    said = [{k: v for k, v in one.document().items() if k != "obstacle"} for one in (scene, again)]
+    said = [{k: v for k, v in loaded.document().items() if k != "obstacle"} for loaded in (scene, again)]
     assert said[0] == said[1]
 
 
@@ -152,10 +152,10 @@ SENSELESS = [
 @pytest.mark.parametrize(("name", "values", "said"), SENSELESS, ids=[row[2] for row in SENSELESS])
 def test_what_makes_no_sense_is_refused_by_its_key(robot, name, values, said):
     if name:
-        given = {"goal": {"point": [0.4, 0.3, 0.4]}} | values
+        document = {"goal": {"point": [0.4, 0.3, 0.4]}} | values
     else:
-        given = {"mobile": {"radius": 0.0}, "goal": {"point": [1.0, 0.0]}, "obstacle": values}
-    words = refusal(given, mechanism=robot(name) if name else None)
+        document = {"mobile": {"radius": 0.0}, "goal": {"point": [1.0, 0.0]}, "obstacle": values}
+    words = refusal(document, mechanism=robot(name) if name else None)
     assert words.startswith("scene: ")
     assert said in words
 
@@ -191,7 +191,7 @@ def test_a_robot_that_is_shipped_is_found_by_its_name_from_any_folder(tmp_path, 
     scene.write_text(f"robot = 'planar_3r'\ngoal = {{ point = [0.6, 0.3] }}\n{other}")
     loaded = load_scene(scene)
     assert loaded.mechanism.name == robot("planar_3r").name
-    assert [one.kind for one in loaded.obstacles] == ["robot"]
+    assert [obstacle.kind for obstacle in loaded.obstacles] == ["robot"]
     assert "did you mean 'planar_3r'" in refusal({"robot": "planar_3", "goal": {"point": [0, 0]}}, tmp_path)
     (tmp_path / "planar_3r").write_text("mine")  # a file of that name comes first
     with pytest.raises(SceneError, match="a RAFF file begins with"):
@@ -364,10 +364,10 @@ def test_an_angle_is_that_of_the_nodes_x_axis_seen_from_above(robot, angle, seed
     if np.linalg.norm(x[:2]) < 1e-3:
         return
     scene = _begins(arm, start, goal={"point": [0.1, 0.2, 0.3], "angle": angle})
-    there = scene.goal.rotation
-    assert math.atan2(there[1, 0], there[0, 0]) == pytest.approx(math.remainder(angle, 2 * math.pi), abs=1e-9)
+    rotation = scene.goal.rotation
+    assert math.atan2(rotation[1, 0], rotation[0, 0]) == pytest.approx(math.remainder(angle, 2 * math.pi), abs=1e-9)
     # turned about the vertical only: every axis rises as it did
-    assert there[2] == pytest.approx(arm.placement(q, arm.end).rotation[2], abs=1e-12)
+    assert rotation[2] == pytest.approx(arm.placement(q, arm.end).rotation[2], abs=1e-12)
     again = scene_of(scene.document(), ".", arm)
     assert again.goal.isApprox(scene.goal, 1e-9)
 

@@ -27,7 +27,7 @@ of_each_kind = pytest.mark.parametrize("name", [*sorted(FEWER), PANDA, SOLO])
 
 
 @cache
-def found(name):
+def pairs_of(name):
     mechanism = load(name)
     return mechanism, *links_of(mechanism)
 
@@ -35,7 +35,7 @@ def found(name):
 def poses(mechanism, bodies, q):
     data = mechanism.model.createData()
     pin.forwardKinematics(mechanism.model, data, q)
-    return [data.oMi[one.joint] * one.placement for one in bodies]
+    return [data.oMi[body.joint] * body.placement for body in bodies]
 
 
 def distance(bodies, at, i, k):
@@ -47,7 +47,7 @@ def distance(bodies, at, i, k):
 
 @of_each_kind
 def test_pairs_are_in_order_of_different_joints_and_never_of_neighbours(name):
-    mechanism, bodies, pairs = found(name)
+    mechanism, bodies, pairs = pairs_of(name)
     assert pairs == tuple(sorted(set(pairs)))
     described = "<collision" in mechanism.source.urdf
     near, connected = neighbours(mechanism, not described), adjacent_links(mechanism.source.urdf)
@@ -62,7 +62,7 @@ def test_pairs_are_in_order_of_different_joints_and_never_of_neighbours(name):
 
 @of_each_kind
 def test_what_is_left_out_touches_in_every_configuration_or_never_moves(name):
-    mechanism, bodies, pairs = found(name)
+    mechanism, bodies, pairs = pairs_of(name)
     near = neighbours(mechanism)
     left_out = [
         (i, k)
@@ -138,11 +138,11 @@ def test_neighbours_that_are_none_in_the_tree_or_by_a_loop_share_a_point(name):
     ],
 )
 def test_all_pairs_of_links_that_an_srdf_watches_are_watched(name, srdf):
-    _, bodies, pairs = found(name)
+    _, bodies, pairs = pairs_of(name)
     entries = etree.parse(SHARE / srdf).iter("disable_collisions")
     disabled = {frozenset((entry.get("link1"), entry.get("link2"))) for entry in entries}
     links = {body.name for body in bodies}
-    fixed = {frozenset((one.name, other.name)) for one in bodies for other in bodies if one.joint == other.joint}
+    fixed = {frozenset((body.name, other.name)) for body in bodies for other in bodies if body.joint == other.joint}
     watched = {frozenset(pair) for pair in combinations(links, 2)} - disabled - fixed
     ours = {frozenset((bodies[i].name, bodies[k].name)) for i, k in pairs}
     assert len(watched) >= 10
@@ -154,7 +154,7 @@ def test_all_pairs_of_links_that_an_srdf_watches_are_watched(name, srdf):
 
 def test_what_stands_in_the_world_may_be_hit_by_a_link_further_out():
     arm = load("planar_3r")
-    _, bodies, pairs = found("planar_3r")
+    _, bodies, pairs = pairs_of("planar_3r")
     with_base = {bodies[k].name for i, k in pairs if bodies[i].joint == 0}
     assert with_base == {"link2", "link3"} & {body.name for body in bodies}
     last = bodies[max(k for i, k in pairs if bodies[i].joint == 0)]
@@ -172,7 +172,7 @@ PANDA_URDF, PANDA_SRDF = SHARE / "panda_description/urdf/panda.urdf", SHARE / "p
 LINKS = "abcde"
 BOX = '<collision><geometry><box size="0.1 0.1 0.3"/></geometry></collision>'
 CHAIN = urdf_text(
-    [UrdfJoint(one + other, one, other, "0 0 0.4", "0 1 0") for one, other in pairwise(LINKS)],
+    [UrdfJoint(parent + other, parent, other, "0 0 0.4", "0 1 0") for parent, other in pairwise(LINKS)],
     dict.fromkeys(LINKS, BOX),
     "chain",
 )
@@ -216,8 +216,8 @@ def test_a_pair_that_the_srdf_next_to_the_urdf_disables_is_not_checked(chain):
 
 def test_the_srdf_that_is_named_replaces_the_one_next_to_the_urdf(chain, tmp_path):
     chain('<disable_collisions link1="a" link2="d"/>', "other.srdf")
-    found = cinegen.load(chain(AC), srdf=tmp_path / "other.srdf")
-    assert disabled(found) == {"ad"}
+    mechanism = cinegen.load(chain(AC), srdf=tmp_path / "other.srdf")
+    assert disabled(mechanism) == {"ad"}
     assert disabled(cinegen.load(chain(AC), ignore=["chain.srdf"])) == set()
 
 
@@ -225,9 +225,9 @@ def test_a_link_disabled_by_default_is_checked_against_those_enabled_again(chain
     """As in MoveIt's AllowedCollisionMatrix: disabled pairs are disabled whatever is enabled."""
     srdf = '<disable_default_collisions link="a"/><enable_collisions link1="a" link2="c"/>'
     srdf += '<enable_collisions link1="d" link2="a"/><disable_collisions link1="a" link2="d" reason="User"/>'
-    found = cinegen.load(chain(srdf))
-    assert disabled(found) == {"ab", "ad", "ae"}
-    assert reasons(found)["ab"] is PairReason.ADJACENT
+    mechanism = cinegen.load(chain(srdf))
+    assert disabled(mechanism) == {"ab", "ad", "ae"}
+    assert reasons(mechanism)["ab"] is PairReason.ADJACENT
 
 
 def test_the_srdf_stays_with_the_mechanism(chain):
@@ -265,8 +265,8 @@ def test_other_files_are_not_taken_for_an_srdf(chain, tmp_path):
 def test_moveits_srdf_of_the_panda_is_read_as_its_file_lists_it():
     mechanism = cinegen.load(PANDA_URDF, srdf=PANDA_SRDF)
     listed = {
-        frozenset((one.get("link1"), one.get("link2"))): one.get("reason")
-        for one in etree.parse(PANDA_SRDF).iter("disable_collisions")
+        frozenset((entry.get("link1"), entry.get("link2"))): entry.get("reason")
+        for entry in etree.parse(PANDA_SRDF).iter("disable_collisions")
     }
     assert disabled_by_srdf(mechanism) == listed
     assert len(listed) == 35
@@ -281,7 +281,7 @@ def test_moveits_srdf_of_the_panda_is_read_as_its_file_lists_it():
 def test_info_lists_disabled_pairs_with_the_reason(chain, typed):
     urdf = str(chain(AC + '<disable_collisions link1="b" link2="d"/>'))
     said = typed("info", urdf, "--collision", "--json")
-    pairs = {"".join(one["links"]): one["reason"] for one in json.loads(said.out)[0]["collision"]["pairs"]}
+    pairs = {"".join(pair["links"]): pair["reason"] for pair in json.loads(said.out)[0]["collision"]["pairs"]}
     assert set(pairs) == {"".join(pair) for pair in combinations(LINKS, 2)}
     assert pairs["ac"] == "disabled by chain.srdf: Never"
     assert pairs["bd"] == "disabled by chain.srdf: no reason given"

@@ -53,8 +53,8 @@ def test_whatever_leads_it_nothing_comes_nearer_than_the_safety_distance(
 ):
     """Targets that stand, leap now and then, or in every tick, near and ten lengths away."""
     mechanism, rng = robot(name), np.random.default_rng(seed)
-    own = name in ("arm7", "planar_3r")
-    clearance = among(name, around(name, seed % 7), own=own)
+    self_checked = name in ("arm7", "planar_3r")
+    clearance = among(name, around(name, seed % 7), own=self_checked)
     safety = min(0.02 * mechanism.length, 0.5 * clearance.least(mechanism.q_home))
     solver = kept(clearance, safety, acceleration=20.0 if accelerated else None)
     if wishing:

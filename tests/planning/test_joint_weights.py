@@ -40,13 +40,13 @@ def test_a_heavy_joint_moves_less(planner):
     robot, moved = cinegen.load("planar_3r"), []
     for weights in ({"joint1": 50.0}, {"joint3": 50.0}):
         values = {"goal": {"point": [0.3, 0.35]}, "start": {"joints": {"joint2": 0.9}}, "weights": weights}
-        found = plan(scene_of(values, mechanism=robot), planner=planner, seconds=20.0)
-        assert found
-        steps = np.diff(found.path, axis=0)
+        planned = plan(scene_of(values, mechanism=robot), planner=planner, seconds=20.0)
+        assert planned
+        steps = np.diff(planned.path, axis=0)
         moved.append(np.abs(steps).sum(axis=0))
         factors = np.array([weights.get(name, 1.0) for name in robot.joints])
-        assert found.weighted_motion == pytest.approx(np.linalg.norm(steps * factors, axis=1).sum())
-        assert found.motion == pytest.approx(np.linalg.norm(steps, axis=1).sum())
+        assert planned.weighted_motion == pytest.approx(np.linalg.norm(steps * factors, axis=1).sum())
+        assert planned.motion == pytest.approx(np.linalg.norm(steps, axis=1).sum())
     assert moved[0][0] < moved[1][0]
     assert moved[1][2] < moved[0][2]
 
@@ -56,7 +56,7 @@ def test_fields_refuse_weights_and_are_left_out_without_being_asked(arm):
     heavy = scene(arm, wall, weights={"joint1": 5.0}, start={"joints": {"joint1": -0.6}})
     with pytest.raises(PlanningError, match="weights of joints need RRT-Connect, not a field"):
         plan(heavy, planner="vortex")
-    strategies = {one.strategy for one in plan(heavy, seconds=20.0).attempts}
+    strategies = {attempt.strategy for attempt in plan(heavy, seconds=20.0).attempts}
     assert strategies <= {"RRT-Connect", "LBKPIECE", "all joints straight to the goal"}
     plan(scene(arm, weights={"joint1": 1.0}), planner="vortex", steps=3)  # changes nothing
 
@@ -71,17 +71,17 @@ def test_weights_are_written_and_read_again_and_wrong_ones_reported(arm):
 # Goals that are regions, and constraints of the node all along a path; judged by Pinocchio's placements.
 
 
-def placements(given, path, step=0.01):
+def placements(problem, path, step=0.01):
     """Poses of the node on a path, joints straight between two configurations."""
-    model, found = given.mechanism.model, []
-    data, frame = model.createData(), given.mechanism.frame_id(given.node)
-    for q in along(given.mechanism, path, step):
+    model, poses = problem.mechanism.model, []
+    data, frame = model.createData(), problem.mechanism.frame_id(problem.node)
+    for q in along(problem.mechanism, path, step):
         pin.framesForwardKinematics(model, data, q)
-        found.append(data.oMf[frame].copy())
-    return found
+        poses.append(data.oMf[frame].copy())
+    return poses
 
 
-def here(arm):
+def start_pose(arm):
     return arm.placement(arm.configuration(START), arm.end)
 
 
@@ -90,16 +90,16 @@ def here(arm):
 
 def test_a_goal_region_is_reached_at_any_of_its_points_and_orientations(arm):
     goal = {"point": [0.35, 0.35, 0.4], "tolerance": [0.05, 0.0, 0.1], "rpy": [math.pi, 0.0, 0.0], "cone": 0.3}
-    given = scene(arm, POST, goal=goal)
-    found = plan(given)
-    assert found.status is PlanStatus.REACHED
-    end = placements(given, found.path)[-1]
+    problem = scene(arm, POST, goal=goal)
+    planned = plan(problem)
+    assert planned.status is PlanStatus.REACHED
+    end = placements(problem, planned.path)[-1]
     beyond = np.abs(end.translation - goal["point"]) - goal["tolerance"]
     assert beyond.max() < 1e-4
     assert math.acos(-end.rotation[2, 2]) < 0.3 + 1e-4
-    first = next(goal_poses(given))
+    first = next(goal_poses(problem))
     assert math.acos(-first.rotation[2, 2]) == pytest.approx(0.3), "the nearest orientation to the start comes first"
-    again = scene_of(given.document(), mechanism=arm)
+    again = scene_of(problem.document(), mechanism=arm)
     assert again.tolerance.tolist() == goal["tolerance"]
     assert again.cone == pytest.approx(0.3)
 
@@ -108,21 +108,21 @@ def test_a_goal_region_is_reached_at_any_of_its_points_and_orientations(arm):
 
 
 def test_an_upright_node_only_rotates_about_the_vertical_around_a_post(arm):
-    start = here(arm).rotation
-    goal = here(arm).translation * [1.0, -1.0, 1.0]
+    start = start_pose(arm).rotation
+    goal = start_pose(arm).translation * [1.0, -1.0, 1.0]
     free, upright = (scene(arm, POST, goal={"point": goal.tolist()}, path={"upright": flag}) for flag in (False, True))
     tilts = []
-    for given in (free, upright):
-        found = plan(given, seconds=60.0)
-        assert found.status is PlanStatus.REACHED
-        assert found.clearance >= given.safety
-        assert np.linalg.norm(found.trace[-1] - goal) < 1e-4
-        turns = [one.rotation @ start.T for one in placements(given, found.path)]
+    for problem in (free, upright):
+        planned = plan(problem, seconds=60.0)
+        assert planned.status is PlanStatus.REACHED
+        assert planned.clearance >= problem.safety
+        assert np.linalg.norm(planned.trace[-1] - goal) < 1e-4
+        turns = [pose.rotation @ start.T for pose in placements(problem, planned.path)]
         tilts.append(max(math.atan2(math.hypot(turn[0, 2], turn[1, 2]), turn[2, 2]) for turn in turns))
     assert tilts[0] > 0.05  # without the constraint the node tilts
     assert tilts[1] < 2e-3
     clearance = clearance_of(upright)
-    assert min(clearance.least(q) for q in found.path) >= upright.safety
+    assert min(clearance.least(q) for q in planned.path) >= upright.safety
 
 
 @pytest.mark.parametrize(
@@ -131,15 +131,15 @@ def test_an_upright_node_only_rotates_about_the_vertical_around_a_post(arm):
     ids=["line", "plane"],
 )
 def test_a_node_stays_on_a_line_and_in_a_plane(arm, path, offset):
-    start = here(arm).translation
-    given = scene(arm, goal={"point": (start + offset).tolist()}, path=path)
-    found = plan(given, seconds=60.0)
-    assert found.status is PlanStatus.REACHED
-    moved = np.array([one.translation for one in placements(given, found.path)]) - start
+    start = start_pose(arm).translation
+    problem = scene(arm, goal={"point": (start + offset).tolist()}, path=path)
+    planned = plan(problem, seconds=60.0)
+    assert planned.status is PlanStatus.REACHED
+    moved = np.array([pose.translation for pose in placements(problem, planned.path)]) - start
     off = moved[:, [0, 2]] if "line" in path else moved[:, [2]]
     assert np.abs(off).max() < 1e-3
     assert np.linalg.norm(moved[-1] - offset) < 1e-4
-    again = scene_of(given.document(), mechanism=arm).path_constraints
+    again = scene_of(problem.document(), mechanism=arm).path_constraints
     ((key, direction),) = path.items()
     assert getattr(again, key) == pytest.approx(np.array(direction) / np.linalg.norm(direction))
 
@@ -177,9 +177,9 @@ def test_a_held_object_that_stands_on_a_table_is_lifted_if_they_may_touch(arm):
     assert refused.status is PlanStatus.START_IN_COLLISION
     assert "if they may touch, add 'board' to touches of 'bar'" in refused.reason
     allowed = carrying(arm, BAR | {"touches": ["board"]}, **asked)
-    found = plan(allowed, seconds=60.0)
-    assert found
-    assert min(held_to_wall(arm, q) for q in along(arm, found.path, 0.02)) >= 0.005 - 1e-6
+    planned = plan(allowed, seconds=60.0)
+    assert planned
+    assert min(held_to_wall(arm, q) for q in along(arm, planned.path, 0.02)) >= 0.005 - 1e-6
     names = {frozenset(clearance_of(allowed).names(pair)) for pair in clearance_of(allowed).every_pair}
     assert frozenset(("bar", "board")) not in names
     assert {frozenset(("bar", "wall")), frozenset((arm.end, "wall"))} & names
@@ -194,8 +194,8 @@ def test_a_held_object_is_as_far_from_a_wall_as_coal_measures(arm):
     for _ in range(20):
         q = rng.uniform(arm.model.lowerPositionLimit, arm.model.upperPositionLimit)
         truth = held_to_wall(arm, q)
-        found = clearance.distances(q)[pair]
-        assert found == pytest.approx(truth, abs=1e-5) if truth > 0.0 else found <= 1e-9
+        distance = clearance.distances(q)[pair]
+        assert distance == pytest.approx(truth, abs=1e-5) if truth > 0.0 else distance <= 1e-9
 
 
 def test_what_is_attached_is_written_and_read_again(arm):
@@ -203,8 +203,8 @@ def test_what_is_attached_is_written_and_read_again(arm):
     before = carrying(arm, BAR, ball, {"kind": "sphere", "radius": 0.01, "point": [0, 0, 1]})
     after = scene_of(json.loads(json.dumps(before.document())), mechanism=arm)
     assert after.document() == before.document()
-    assert [one.name for one in after.attached] == ["bar", "ball", "attached 3"]
-    assert [one.node for one in after.attached] == [arm.end, arm.nodes[-2], arm.end]
+    assert [held.name for held in after.attached] == ["bar", "ball", "attached 3"]
+    assert [held.node for held in after.attached] == [arm.end, arm.nodes[-2], arm.end]
     assert clearance_of(after).least(arm.q_home) == clearance_of(before).least(arm.q_home)
 
 
@@ -241,13 +241,13 @@ def errors(mechanism, task, path) -> tuple[float, float]:
 
 def test_a_tool_that_goes_round_a_box_stays_within_a_cone(robot):
     arm = robot("arm7")
-    here = arm.placement(arm.q_home, "tool")
-    box = {"name": "box", "kind": "box", "size": [0.25, 0.25, 0.4], "point": turned(here, 0.6).translation.tolist()}
-    task, largest = AxisAlong("tool", (0.0, 0.0, 1.0), here.rotation.T[:, 2]), []
+    home = arm.placement(arm.q_home, "tool")
+    box = {"name": "box", "kind": "box", "size": [0.25, 0.25, 0.4], "point": turned(home, 0.6).translation.tolist()}
+    task, largest = AxisAlong("tool", (0.0, 0.0, 1.0), home.rotation.T[:, 2]), []
     for tasks in ([Range(task, radius=CONE)], []):
-        found = plan(arm, turned(here, 1.2), obstacles=[box], tasks=tasks, seconds=60.0)
-        assert found.status is PlanStatus.REACHED
-        largest.append(errors(arm, task, found.path))
+        planned = plan(arm, turned(home, 1.2), obstacles=[box], tasks=tasks, seconds=60.0)
+        assert planned.status is PlanStatus.REACHED
+        largest.append(errors(arm, task, planned.path))
     assert largest[0][0] <= CONE + 1e-6
     assert largest[0][1] < CONE + 1e-3
     assert largest[1][0] > CONE  # it is no accident
@@ -256,14 +256,14 @@ def test_a_tool_that_goes_round_a_box_stays_within_a_cone(robot):
 def test_a_platform_stays_in_a_plane(robot):
     """Loops and a task together."""
     gough = robot("gough")
-    here = gough.placement(gough.q_home, gough.end)
-    task = PointInPlane(gough.end, here.translation, (0.0, 0.6, 0.8))
-    goal = here * pin.SE3(pin.exp3(np.array([0.05, -0.1, 0.1])), np.zeros(3))
-    goal.translation = here.translation + 0.04 * gough.length * np.array([1.0, 0.8, -0.6])
-    found = plan(gough, goal, tasks=[task])
-    assert found.status is PlanStatus.REACHED
-    assert max(gough.closure(q) for q in found.path) <= 1e-11
-    along, between = errors(gough, task, found.path)
+    home = gough.placement(gough.q_home, gough.end)
+    task = PointInPlane(gough.end, home.translation, (0.0, 0.6, 0.8))
+    goal = home * pin.SE3(pin.exp3(np.array([0.05, -0.1, 0.1])), np.zeros(3))
+    goal.translation = home.translation + 0.04 * gough.length * np.array([1.0, 0.8, -0.6])
+    planned = plan(gough, goal, tasks=[task])
+    assert planned.status is PlanStatus.REACHED
+    assert max(gough.closure(q) for q in planned.path) <= 1e-11
+    along, between = errors(gough, task, planned.path)
     assert along < 1e-6
     assert between < 1e-4
 
@@ -271,9 +271,9 @@ def test_a_platform_stays_in_a_plane(robot):
 def test_what_can_t_be_kept_is_refused(robot):
     arm = robot("arm7")
     goal = turned(arm.placement(arm.q_home, "tool"), 0.5)
-    found = plan(arm, goal, tasks=[AxisAlong("tool", (1.0, 0.0, 0.0))])
-    assert found.status is PlanStatus.OUT_OF_REACH
-    assert "not satisfied at the start" in found.reason
+    planned = plan(arm, goal, tasks=[AxisAlong("tool", (1.0, 0.0, 0.0))])
+    assert planned.status is PlanStatus.OUT_OF_REACH
+    assert "not satisfied at the start" in planned.reason
     with pytest.raises(PlanningError, match=r"error\(state\) and jacobian\(state\)"):
         plan(arm, goal, tasks=["upright"])
     with pytest.raises(PlanningError, match="constraints along a path need RRT-Connect"):

@@ -37,7 +37,7 @@ def files(benchmark, tmp_path):
     constraints = [{"joint_name": name, "position": value} for name, value in zip(names, GOAL, strict=True)]
     asked = {"start_state": {"joint_state": state}, "goal_constraints": [{"joint_constraints": constraints}]}
     srdf = etree.parse(benchmark.DESCRIPTION / "srdf/panda.srdf")
-    allowed = {frozenset((one.get("link1"), one.get("link2"))) for one in srdf.iter("disable_collisions")}
+    allowed = {frozenset((entry.get("link1"), entry.get("link2"))) for entry in srdf.iter("disable_collisions")}
     links = sorted(set().union(*allowed))
     things = [
         {
@@ -47,7 +47,7 @@ def files(benchmark, tmp_path):
         }
         for i, (kind, size, position, orientation) in enumerate(BOOKSHELF)
     ]
-    matrix = [[frozenset((one, other)) in allowed for other in links] for one in links]
+    matrix = [[frozenset((link, other)) in allowed for other in links] for link in links]
     world = {
         "allowed_collision_matrix": {"entry_names": links, "entry_values": matrix},
         "world": {"collision_objects": things},
@@ -60,17 +60,17 @@ def files(benchmark, tmp_path):
 
 def test_problems_are_solved_without_contact_of_meshes(benchmark, files):
     scene, judge = benchmark.read(*files, 1e-3), benchmark.Judge(files[1])
-    fixed = [one for one in judge._geometry.geometryObjects if one.parentJoint == 0 and "link0" not in one.name]
-    bodies = list(itertools.chain.from_iterable(one.bodies for one in scene.obstacles))
-    for one, body in zip(fixed, bodies, strict=True):
-        assert one.placement.isApprox(body.placement, 1e-9)
-        assert one.geometry.computeVolume() == pytest.approx(body.shape.computeVolume())
-    found = plan(scene, seconds=60.0)
-    assert found.status is PlanStatus.REACHED
-    assert found.clearance >= scene.safety
-    end, goal = (scene.mechanism.values(q) for q in (found.path[-1], scene.goal_configuration))
+    fixed = [geom for geom in judge._geometry.geometryObjects if geom.parentJoint == 0 and "link0" not in geom.name]
+    bodies = list(itertools.chain.from_iterable(obstacle.bodies for obstacle in scene.obstacles))
+    for geom, body in zip(fixed, bodies, strict=True):
+        assert geom.placement.isApprox(body.placement, 1e-9)
+        assert geom.geometry.computeVolume() == pytest.approx(body.shape.computeVolume())
+    planned = plan(scene, seconds=60.0)
+    assert planned.status is PlanStatus.REACHED
+    assert planned.clearance >= scene.safety
+    end, goal = (scene.mechanism.values(q) for q in (planned.path[-1], scene.goal_configuration))
     off = [end[name] - goal[name] for name in scene.goal_joints]
     assert off == pytest.approx([0.0] * len(off), abs=1e-9)
-    assert judge.is_free(found.path)
+    assert judge.is_free(planned.path)
     straight = np.array([scene.start, scene.goal_configuration])
     assert not judge.is_free(straight)  # the judge sees contact where there is some

@@ -23,13 +23,13 @@ from cinegen.planning.sampling.path_sampler import PathSampler
 
 def walls(*corners):
     """Boxes, 0.1 m thick, from corner to corner."""
-    found = []
+    boxes = []
     for i, (a, b) in enumerate(itertools.pairwise(np.array(corners, dtype=float))):
         size = [float(np.linalg.norm(b - a)) + 0.1, 0.1]
         angle = math.atan2(b[1] - a[1], b[0] - a[0])
         middle = ((a + b) / 2).tolist()
-        found.append({"name": f"wall {i}", "kind": "box", "size": size, "point": middle, "angle": angle})
-    return found
+        boxes.append({"name": f"wall {i}", "kind": "box", "size": size, "point": middle, "angle": angle})
+    return boxes
 
 
 SPIRAL = walls((1, 1), (2, 1), (2, 2), (0, 2), (0, 0), (3, 0), (3, 3), (-1, 3), (-1, -1), (4, -1))
@@ -41,16 +41,16 @@ SPIRAL = walls((1, 1), (2, 1), (2, 2), (0, 2), (0, 0), (3, 0), (3, 3), (-1, 3), 
 @pytest.mark.parametrize("name", ["rod", "generic"])
 def test_the_scenes_of_the_figures_are_solved(root, name):
     scene = load_scene(root / f"robots/scenes/{name}.toml")
-    found = plan(scene, planner=Planner.RRT_CONNECT)
-    assert found.status is PlanStatus.REACHED
-    assert np.array_equal(found.path[0], scene.start)
-    off = scene.mechanism.placement(found.path[-1], scene.node).translation - scene.goal.translation
+    planned = plan(scene, planner=Planner.RRT_CONNECT)
+    assert planned.status is PlanStatus.REACHED
+    assert np.array_equal(planned.path[0], scene.start)
+    off = scene.mechanism.placement(planned.path[-1], scene.node).translation - scene.goal.translation
     assert np.linalg.norm(off[: scene.translation]) < 1e-4
-    assert found.clearance >= scene.safety
+    assert planned.clearance >= scene.safety
     clearance = clearance_of(scene)
-    assert min(clearance.least(q) for q in along(scene.mechanism, found.path, 2e-3)) >= found.clearance
+    assert min(clearance.least(q) for q in along(scene.mechanism, planned.path, 2e-3)) >= planned.clearance
     model = scene.mechanism.model
-    assert ((found.path >= model.lowerPositionLimit) & (found.path <= model.upperPositionLimit)).all()
+    assert ((planned.path >= model.lowerPositionLimit) & (planned.path <= model.upperPositionLimit)).all()
 
 
 def test_a_joint_without_limits_goes_the_long_way_round(tmp_path):
@@ -62,24 +62,24 @@ def test_a_joint_without_limits_goes_the_long_way_round(tmp_path):
     aim = 2.5  # rad: the short way there leads through the post, the other is longer than half a turn
     goal = {"point": [math.cos(aim), math.sin(aim)]}
     scene = scene_of({"robot": "hand.urdf", "node": "tip", "goal": goal, "obstacle": [post]}, tmp_path)
-    found = plan(scene, planner=Planner.RRT_CONNECT)
-    assert found.status is PlanStatus.REACHED
-    assert found.path[-1, 0] == pytest.approx(aim - 2.0 * math.pi, abs=1e-4)
-    assert found.clearance >= scene.safety
+    planned = plan(scene, planner=Planner.RRT_CONNECT)
+    assert planned.status is PlanStatus.REACHED
+    assert planned.path[-1, 0] == pytest.approx(aim - 2.0 * math.pi, abs=1e-4)
+    assert planned.clearance >= scene.safety
 
 
 def test_methods_in_turn_find_the_same_path_whenever_they_are_interrupted():
     values = {"mobile": {"radius": 0.15}, "safety": 0.05, "start": {"point": [1.0, 1.5]}, "goal": {"point": [5.0, 1.0]}}
     scene = scene_of(values | {"obstacle": SPIRAL})
-    clearance, found = clearance_of(scene), []
+    clearance, outcomes = clearance_of(scene), []
     for turn in (600.0, 1e-4):
         sampler = PathSampler(scene, clearance, [np.array([5.0, 1.0])], 0, is_alternating=True)
         assert sampler.method == "RRT-Connect and LBKPIECE"
         while not sampler.search(time.monotonic() + turn):
             pass
-        found.append((sampler.method, sampler.path))
-    (one, path), (other, again) = found
-    assert one == other
+        outcomes.append((sampler.method, sampler.path))
+    (method, path), (other, again) = outcomes
+    assert method == other
     assert np.array_equal(path, again)
 
 
@@ -89,17 +89,17 @@ def test_methods_in_turn_find_the_same_path_whenever_they_are_interrupted():
 def test_a_crank_and_its_coupler_turn_with_the_loop_closed(robot):
     """One freedom, and joints without limits that the loop turns too."""
     mechanism = robot("four_bar")
-    there = mechanism.q_home.copy()
+    q_goal = mechanism.q_home.copy()
     for _ in range(20):
-        there[mechanism.q_index("joint1")] += 0.1
-        there = mechanism.close(there, locked=["joint1"])
-    goal = mechanism.placement(there, "tool").translation[:2].tolist()
+        q_goal[mechanism.q_index("joint1")] += 0.1
+        q_goal = mechanism.close(q_goal, locked=["joint1"])
+    goal = mechanism.placement(q_goal, "tool").translation[:2].tolist()
     scene = scene_of({"node": "tool", "safety": 0.002, "goal": {"point": goal}}, mechanism=mechanism)
-    found = plan(scene, planner=Planner.RRT_CONNECT)
-    assert found.status is PlanStatus.REACHED
-    assert max(mechanism.closure(q) for q in found.path) < 1e-9
-    assert found.path[-1] == pytest.approx(there, abs=1e-3)
-    assert found.clearance >= 0.002
+    planned = plan(scene, planner=Planner.RRT_CONNECT)
+    assert planned.status is PlanStatus.REACHED
+    assert max(mechanism.closure(q) for q in planned.path) < 1e-9
+    assert planned.path[-1] == pytest.approx(q_goal, abs=1e-3)
+    assert planned.clearance >= 0.002
 
 
 # --- edges -----------------------------------------------------------------------------------------------------------
@@ -122,17 +122,17 @@ def test_an_edge_is_clear_all_along_and_none_is_where_something_is_too_near(rod,
     low, high = model.lowerPositionLimit, model.upperPositionLimit
     begin, end = low + np.array(parts).reshape(2, 3) * (high - low)
     assume(np.abs(end - begin).max() > 1e-3)
-    found = clear_motion(clearance, begin, end, scene.safety)
+    motion = clear_motion(clearance, begin, end, scene.safety)
     least = min(clearance.least(q) for q in along(scene.mechanism, [begin, end], 2e-3))
-    assert (found is None) == (clear_motion(clearance, end, begin, scene.safety) is None)
-    if found is None:
+    assert (motion is None) == (clear_motion(clearance, end, begin, scene.safety) is None)
+    if motion is None:
         assert least < scene.safety + 1e-3  # what it can't tell for sure within a hair's breadth, it refuses
         return
     assert least >= scene.safety
-    assert np.array_equal(found[[0, -1]], [begin, end])
-    part = (found - begin) @ (end - begin) / ((end - begin) @ (end - begin))
+    assert np.array_equal(motion[[0, -1]], [begin, end])
+    part = (motion - begin) @ (end - begin) / ((end - begin) @ (end - begin))
     assert (np.diff(part) > 0.0).all()
-    assert found == pytest.approx(begin + part[:, None] * (end - begin))
+    assert motion == pytest.approx(begin + part[:, None] * (end - begin))
 
 
 def test_an_edge_never_leads_to_another_assembly_mode(root):

@@ -39,12 +39,12 @@ def test_a_trap_that_stops_vortices_is_left_by_sampling_without_being_asked():
     scene = trap()
     assert not plan(scene, planner="vortex")
     texts = []
-    found = plan(scene, report=texts.append)
-    assert found.status is PlanStatus.REACHED
-    assert found.attempts[-1].strategy in ("RRT-Connect", "LBKPIECE")
-    assert found.attempts[0].status in (PlanStatus.INTERRUPTED, PlanStatus.STUCK, PlanStatus.CIRCLED)
+    planned = plan(scene, report=texts.append)
+    assert planned.status is PlanStatus.REACHED
+    assert planned.attempts[-1].strategy in ("RRT-Connect", "LBKPIECE")
+    assert planned.attempts[0].status in (PlanStatus.INTERRUPTED, PlanStatus.STUCK, PlanStatus.CIRCLED)
     assert any(text.endswith(", in turn with RRT-Connect and LBKPIECE") for text in texts)
-    assert found.clearance >= scene.safety
+    assert planned.clearance >= scene.safety
     # a rope around the U, whose walls end at x = -1 and 1.05 and y = 1.05, 0.11 m from it
     corners = [
         (0.0, 0.0),
@@ -57,16 +57,16 @@ def test_a_trap_that_stops_vortices_is_left_by_sampling_without_being_asked():
         (2.0, 0.0),
     ]
     rope = sum(math.dist(*ends) for ends in itertools.pairwise(corners))
-    assert found.length < 1.05 * rope
+    assert planned.length < 1.05 * rope
 
 
 def test_a_cell_without_a_door_ends_at_the_time_limit():
     scene = trap(4)
-    found = plan(scene, seconds=0.5)
-    assert not found
-    assert found.status is PlanStatus.TIME_LIMIT
-    assert "RRT-Connect and LBKPIECE found no path in 0.5 s" in found.reason
-    assert np.array_equal(found.path, scene.start[None])
+    planned = plan(scene, seconds=0.5)
+    assert not planned
+    assert planned.status is PlanStatus.TIME_LIMIT
+    assert "RRT-Connect and LBKPIECE found no path in 0.5 s" in planned.reason
+    assert np.array_equal(planned.path, scene.start[None])
 
 
 @pytest.mark.parametrize("name", ["planar_3r", "arm7"])
@@ -83,11 +83,11 @@ def test_steps_to_a_configuration_are_short_and_end_there(name):
 def test_where_nothing_is_in_between_joints_move_straight():
     values = {"node": "panda_hand", "start": {"joints": PANDA_READY}, "goal": {"joints": AIM}}
     scene = scene_of(values, mechanism=load(PANDA))
-    found = plan(scene)
-    assert [one.strategy for one in found.attempts] == ["all joints straight to the goal"]
-    assert found.field is None
-    straight = found.path[0] + np.linspace(0.0, 1.0, len(found.path))[:, None] * (found.path[-1] - found.path[0])
-    assert found.path == pytest.approx(straight, abs=1e-9)
+    direct = plan(scene)
+    assert [attempt.strategy for attempt in direct.attempts] == ["all joints straight to the goal"]
+    assert direct.field is None
+    straight = direct.path[0] + np.linspace(0.0, 1.0, len(direct.path))[:, None] * (direct.path[-1] - direct.path[0])
+    assert direct.path == pytest.approx(straight, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -102,10 +102,10 @@ def test_what_makes_no_sense_is_refused(keys, reason):
 
 def test_without_ompl_the_reason_names_what_was_not_tried(monkeypatch):
     monkeypatch.setattr("cinegen.planning.planner.find_spec", lambda name: None)
-    found = plan(trap())
-    assert not found
-    assert "no configurations were sampled: " in found.reason
-    assert 'install "cinegen[sampling]"' in found.reason
+    planned = plan(trap())
+    assert not planned
+    assert "no configurations were sampled: " in planned.reason
+    assert 'install "cinegen[sampling]"' in planned.reason
 
 
 # --- joint values -------------------------------------------------------------------------------------------------
@@ -116,23 +116,23 @@ def test_joint_values_are_reached_exactly_around_a_post_and_fingers_do_not_move(
     values = {"node": "panda_hand", "start": {"joints": start}, "goal": {"joints": AIM}, "obstacle": [POST]}
     around_post = scene_of(values, mechanism=load(PANDA))
     mechanism = around_post.mechanism
-    found = plan(around_post)
-    assert found.status is PlanStatus.REACHED
-    assert found.attempts[-1].strategy != "all joints straight to the goal"
+    planned = plan(around_post)
+    assert planned.status is PlanStatus.REACHED
+    assert planned.attempts[-1].strategy != "all joints straight to the goal"
     end = {**AIM, "panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02}
-    assert mechanism.values(found.path[-1]) == pytest.approx(end, abs=1e-9)
-    fingers = found.path[:, [mechanism.q_index(f"panda_finger_joint{i}") for i in (1, 2)]]
+    assert mechanism.values(planned.path[-1]) == pytest.approx(end, abs=1e-9)
+    fingers = planned.path[:, [mechanism.q_index(f"panda_finger_joint{i}") for i in (1, 2)]]
     assert (fingers == 0.02).all()
-    assert found.clearance >= around_post.safety
-    assert (found.clearances >= found.clearance).all()
+    assert planned.clearance >= around_post.safety
+    assert (planned.clearances >= planned.clearance).all()
 
 
 def test_joint_values_are_reached_exactly_from_a_start_within_their_tolerance():
     mechanism = cinegen.load("planar_3r")
     end = mechanism.values(mechanism.q_home + 5e-5)
-    found = plan(scene_of({"goal": {"joints": end}}, mechanism=mechanism), planner="vortex")
-    assert found.status is PlanStatus.REACHED
-    assert mechanism.values(found.path[-1]) == pytest.approx(end, abs=1e-12)
+    planned = plan(scene_of({"goal": {"joints": end}}, mechanism=mechanism), planner="vortex")
+    assert planned.status is PlanStatus.REACHED
+    assert mechanism.values(planned.path[-1]) == pytest.approx(end, abs=1e-12)
 
 
 def test_joints_that_do_not_move_the_node_are_locked_by_default():
@@ -153,9 +153,9 @@ def test_some_joint_values_leave_the_others_free(root):
     post = {"kind": "disc", "radius": 0.1, "point": [0.6, 0.55]}
     values = {"node": "tool", "start": {"joints": {"joint1": 0.0}}, "goal": {"joints": {"joint3": 1.0}}}
     scene = scene_of(values | {"robot": "robots/planar_3r.raff", "obstacle": [post]}, root)
-    found = plan(scene)
-    assert found.status is PlanStatus.REACHED
-    assert scene.mechanism.values(found.path[-1])["joint3"] == pytest.approx(1.0, abs=1e-4)
+    planned = plan(scene)
+    assert planned.status is PlanStatus.REACHED
+    assert scene.mechanism.values(planned.path[-1])["joint3"] == pytest.approx(1.0, abs=1e-4)
 
 
 # --- shortcuts ----------------------------------------------------------------------------------------------------
@@ -185,8 +185,8 @@ def test_links_that_cannot_separate_are_no_collision():
     closed = {**PANDA_READY, "panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
     values = {"node": "panda_hand", "start": {"joints": closed}, "goal": {"joints": AIM}}
     assert clearance_of(scene_of(values, mechanism=load(PANDA))).least(load(PANDA).configuration(closed)) < 0.01
-    found = plan(scene_of(values, mechanism=load(PANDA)))
-    assert found.status is PlanStatus.REACHED
+    planned = plan(scene_of(values, mechanism=load(PANDA)))
+    assert planned.status is PlanStatus.REACHED
 
 
 # --- plan of a mechanism ----------------------------------------------------------------------------------------------
@@ -212,7 +212,7 @@ def test_one_line_plans_to_a_point_a_pose_and_joint_values(arm):
     to_joints = cinegen.plan(arm, {"joint1": 0.5}, start=end, obstacles=[BALL])
     assert to_joints.path[0] == pytest.approx(end)
     assert to_joints.path[-1][arm.q_index("joint1")] == pytest.approx(0.5)
-    assert [one.name for one in to_joints.scene.obstacles] == ["ball"]
+    assert [obstacle.name for obstacle in to_joints.scene.obstacles] == ["ball"]
     assert to_point.path[0] == pytest.approx(arm.q_home)
 
 
@@ -221,7 +221,7 @@ def test_other_keys_of_a_file_and_obstacles_of_a_scene_are_taken(arm):
     goal = {"point": [0.4, 0.2, 0.4], "tolerance": [0.1, 0.1, 0.1]}
     scene = scene_for(arm, goal, obstacles=[made, {**BALL, "name": "other"}], safety=0.02, locked=["joint3"])
     assert (scene.safety, scene.locked, scene.node) == (0.02, ("joint3",), arm.end)
-    assert sorted(one.name for one in scene.obstacles) == ["ball", "other"]
+    assert sorted(obstacle.name for obstacle in scene.obstacles) == ["ball", "other"]
     assert scene.tolerance == pytest.approx(0.1)
     with pytest.raises(SceneError, match="'ball' is the name of two"):
         scene_for(arm, goal, obstacles=[made, BALL])
@@ -229,7 +229,7 @@ def test_other_keys_of_a_file_and_obstacles_of_a_scene_are_taken(arm):
 
 def test_what_is_missing_or_given_twice_is_reported(arm):
     scene = scene_for(arm, [0.4, 0.2, 0.4])
-    for given, keys, message in [
+    for robot_or_scene, keys, message in [
         (arm, {}, "goal is missing: write plan"),
         (scene, {"goal": [0, 0, 1]}, "give them only with a mechanism"),
         (arm, {"goal": [0, 0]}, "goal must be a pose"),
@@ -238,7 +238,7 @@ def test_what_is_missing_or_given_twice_is_reported(arm):
         (arm, {"goal": [0, 0, 1], "node": "hand"}, "'hand' is not a node of"),
     ]:
         with pytest.raises(SceneError, match=message):
-            plan(given, **keys)
+            plan(robot_or_scene, **keys)
 
 
 # --- motions of closed mechanisms -------------------------------------------------------------------------------------

@@ -25,7 +25,7 @@ EXACT = 3e-6  # m: as exact as coal's distances to hulls and cylinders are
 
 def scene(name, *obstacles, **more):
     mechanism = load(name)
-    listed = [{"name": f"o{i}", **one} for i, one in enumerate(obstacles)]
+    listed = [{"name": f"o{i}", **obstacle} for i, obstacle in enumerate(obstacles)]
     document = {"safety": SAFETY, "start": {}, "goal": {"point": [0.0, 0.0, 0.0]}, "obstacle": listed, **more}
     return scene_of(document, mechanism=mechanism)
 
@@ -45,15 +45,15 @@ def moved(task, translation):
 
 def balls_about(name, node, rng):
     """Four balls near a node at home, none of them too near."""
-    mechanism, found = load(name), []
+    mechanism, balls = load(name), []
     home = mechanism.placement(mechanism.q_home, node).translation
-    while len(found) < 4:
+    while len(balls) < 4:
         away = rng.normal(size=3) * (1.0, 1.0, 0.0 if name == "planar_3r" else 1.0)
         place = home + rng.uniform(0.13, 0.45) * mechanism.length * away / np.linalg.norm(away)
         ball = {"kind": "sphere", "radius": 0.08 * mechanism.length, "point": place.tolist()}
         if clearance_of(scene(name, ball)).least(mechanism.q_home) > 1.5 * SAFETY:
-            found.append(ball)
-    return found
+            balls.append(ball)
+    return balls
 
 
 @pytest.mark.parametrize(
@@ -174,9 +174,9 @@ def test_a_fault_of_its_own_is_reported_and_it_stays_clear(monkeypatch, caplog):
         assert [type(error) for error in step.exceptions] == [ZeroDivisionError]
         assert step.closure <= 1e-10
         assert clearance.least(step.q) >= SAFETY
-    found = [record for record in caplog.records if record.name == "cinegen"]
-    assert len(found) == 1
-    assert "around obstacles of arm: ZeroDivisionError: of the package's own" in found[0].getMessage()
+    records = [record for record in caplog.records if record.name == "cinegen"]
+    assert len(records) == 1
+    assert "around obstacles of arm: ZeroDivisionError: of the package's own" in records[0].getMessage()
     assert "in broken" in caplog.text
     monkeypatch.undo()
     assert solver.step().exceptions == ()
@@ -257,7 +257,7 @@ def test_the_status_and_the_threat_where_a_collision_is_not_avoided(name):
     if name == "delta4":  # its platform gets out of the way of slower ones
         begin, velocity = mechanism.placement(solver.q, node).translation - [0.0, 0.0, 0.8], np.array([0.0, 0.0, 8.0])
     else:
-        body = next(one for one in clearance.links if one.joint == 1)
+        body = next(link for link in clearance.links if link.joint == 1)
         data = mechanism.model.createData()
         pin.forwardKinematics(mechanism.model, data, solver.q)
         begin = data.oMi[1].act(np.asarray(body.centre)) - np.array([0.0, 0.8, 0.0])
@@ -298,8 +298,8 @@ def test_an_arm_whose_fingers_are_coupled_obeys_its_limits():
     brake together, but not as long as the arm, whose joints brake alone."""
     panda = example_robots.load(PANDA)
     start = {"joints": dict(zip(panda.actuated, READY, strict=True))}
-    given = {"safety": 0.01, "start": start, "goal": {"point": [0.0, 0.0, 0.0]}, "obstacle": OBSTACLES}
-    scene = scene_of(given, mechanism=panda)
+    document = {"safety": 0.01, "start": start, "goal": {"point": [0.0, 0.0, 0.0]}, "obstacle": OBSTACLES}
+    scene = scene_of(document, mechanism=panda)
     solver, rng = AvoidingSolver(clearance_of(scene), DT, 0.01, q=scene.start), np.random.default_rng(0)
     hand = solver.add_task("panda_hand", rotation=0, axes="world")
     finger = solver.add_task("panda_leftfinger", rotation=0, axes="world")
@@ -353,7 +353,7 @@ def test_no_distance_below_the_safety_distance_is_overlooked(spin):
         turn = pin.exp3(np.array([0.0, 0.0, spin * INSTANT]))
         motion.update(pin.SE3(turn @ pose.rotation, pose.translation + velocity * INSTANT), 1, INSTANT)
         assert encounters.follow({0: motion}, 1)
-        found = encounters.meet(q, v, manoeuvre)
+        meeting = encounters.meet(q, v, manoeuvre)
         moved = joints.roll_out(v, manoeuvre, times).moved
         dense = np.array([
             to_shape(mechanism, clearance.links, q + by, coal.Box(*BOX), motion.pose(1, float(t)))
@@ -364,11 +364,11 @@ def test_no_distance_below_the_safety_distance_is_overlooked(spin):
         outcomes.append(dense.min() < SAFETY)
         low = np.flatnonzero(dense < SAFETY - STRIDE)
         if len(low):
-            assert found.first <= low[0] * INSTANT + 1e-9
-            assert found.place is not None
+            assert meeting.first <= low[0] * INSTANT + 1e-9
+            assert meeting.place is not None
         if dense.min() >= SAFETY:
-            assert found.first == np.inf
-        assert found.least >= dense.min() - 1e-6 or dense.min() <= 0.0  # no instant is made up
+            assert meeting.first == np.inf
+        assert meeting.least >= dense.min() - 1e-6 or dense.min() <= 0.0  # no instant is made up
     assert any(outcomes)
     assert not all(outcomes)
 
@@ -389,21 +389,21 @@ def _course(mechanism, q, rng):
 def test_a_manoeuvre_is_what_its_ticks_add_up_to(seed):
     _, joints = reacting("planar_3r", DT)
     rng = np.random.default_rng(seed)
-    own = np.round(rng.uniform(-1.0, 1.0, 3), 2)
-    one = Manoeuvre(rng.uniform(-1.0, 1.0, 3) * joints.limits, np.full(3, 48 * DT))
-    whole, v, moved, speeds = one, own.copy(), np.zeros(3), []
+    v_start = np.round(rng.uniform(-1.0, 1.0, 3), 2)
+    remaining = Manoeuvre(rng.uniform(-1.0, 1.0, 3) * joints.limits, np.full(3, 48 * DT))
+    whole, v, moved, speeds = remaining, v_start.copy(), np.zeros(3), []
     for _ in range(120):
-        after = joints.next_velocity(v, one)
+        after = joints.next_velocity(v, remaining)
         assert (np.abs(after - v) <= joints.limits * DT * (1.0 + 1e-9)).all()
-        v, one = after, one.after(DT)
+        v, remaining = after, remaining.after(DT)
         moved += v * DT
         speeds.append(np.abs(v))
-    rolled = joints.roll_out(own, whole, np.array([120 * DT]))
+    rolled = joints.roll_out(v_start, whole, np.array([120 * DT]))
     assert rolled.velocity[0] == pytest.approx(v, abs=1e-9)
     assert rolled.moved[0] == pytest.approx(moved, abs=2e-4)  # a phase may end within a tick
-    assert (np.max(speeds, axis=0) <= joints.fastest_between(own, whole, 0.0, 120 * DT) + 1e-9).all()
-    end = joints.duration(own, whole)
-    last = np.abs(joints.roll_out(own, whole, np.array([0.99 * end, end])).velocity).max(axis=1)
+    assert (np.max(speeds, axis=0) <= joints.fastest_between(v_start, whole, 0.0, 120 * DT) + 1e-9).all()
+    end = joints.duration(v_start, whole)
+    last = np.abs(joints.roll_out(v_start, whole, np.array([0.99 * end, end])).velocity).max(axis=1)
     assert last[1] <= 1e-9 < last[0]
 
 
@@ -431,7 +431,7 @@ def test_a_thin_obstacle_anywhere_along_a_manoeuvre_is_met(where):
     turning = Manoeuvre(joints.limits * [1.0, 0.0, 0.0], np.array([0.4, 0.0, 0.0]))
     end = joints.duration(v, turning)
     moved = joints.roll_out(v, turning, np.linspace(0.0, end, 400)).moved
-    path = [joints.configuration(q, one, q) for one in moved]
+    path = [joints.configuration(q, motion, q) for motion in moved]
     at = mechanism.placement(path[int(where * 400)], "tool").translation
     rod = {"name": "rod", "kind": "disc", "radius": 1e-3, "point": [float(at[0]), float(at[1])]}
     far = {**rod, "point": [-3.0, -3.0]}
@@ -439,6 +439,6 @@ def test_a_thin_obstacle_anywhere_along_a_manoeuvre_is_met(where):
         ball = {"name": "ball", "kind": "disc", "radius": 0.05, "point": [9.0, 9.0]}
         clearance, joints = reacting("planar_3r", DT, obstacle, ball)
         encounters = Encounters(clearance, 0.01, joints)
-        truth = min(clearance.least(one) for one in path)
+        truth = min(clearance.least(sample) for sample in path)
         assert (truth > 0.01) is is_free
         assert encounters.is_clear_of_rest(q, v, turning) is is_free

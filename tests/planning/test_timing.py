@@ -62,19 +62,19 @@ def test_averages_keep_velocities_and_accelerations_and_limit_the_jerk():
     t = np.linspace(0.0, 1.0, 201)[:, None]
     q = np.where(t < 0.5, 2.0 * t * t, 1.0 - 2.0 * (1.0 - t) ** 2)
     for count in (2, 7, 40):
-        found = averaged(q, count)
-        assert len(found) == len(q) + count - 1
-        assert found[[0, -1]] == pytest.approx(q[[0, -1]], abs=1e-12)
-        still = np.vstack([*[found[:1]] * 3, found, *[found[-1:]] * 3])
+        smooth = averaged(q, count)
+        assert len(smooth) == len(q) + count - 1
+        assert smooth[[0, -1]] == pytest.approx(q[[0, -1]], abs=1e-12)
+        still = np.vstack([*[smooth[:1]] * 3, smooth, *[smooth[-1:]] * 3])
         assert np.abs(np.diff(still, axis=0)).max() * 200 <= 2.0
         assert np.abs(np.diff(still, n=2, axis=0)).max() * 200**2 <= 4.0 * (1 + 1e-9)
         assert np.abs(np.diff(still, n=3, axis=0)).max() * 200**3 <= 2.0 * 4.0 / (count / 200) * (1 + 1e-9)
 
 
-def law_abiding(found, scene, acceleration=10.0, prismatic=2.5):
+def law_abiding(motion, scene, acceleration=10.0, prismatic=2.5):
     """Check a timed path by finite differences, and by distances of coal itself."""
-    mechanism, rate = scene.mechanism, 1.0 / found.times[1]
-    steps = np.array([pin.difference(mechanism.model, a, b) for a, b in pairwise(found.q)])
+    mechanism, rate = scene.mechanism, 1.0 / motion.times[1]
+    steps = np.array([pin.difference(mechanism.model, a, b) for a, b in pairwise(motion.q)])
     columns = [mechanism.v_index(joint) for joint in mechanism.actuated]
     v, steps = mechanism.model.upperVelocityLimit[columns], steps[:, columns]
     slides = np.array([mechanism.is_prismatic(joint) for joint in mechanism.actuated])
@@ -82,19 +82,19 @@ def law_abiding(found, scene, acceleration=10.0, prismatic=2.5):
     assert (np.abs(steps) * rate <= v * (1.0 + 1e-6)).all()
     changes = np.diff(np.pad(steps, ((1, 1), (0, 0))), axis=0) * rate**2
     assert (np.abs(changes) <= np.where(slides, prismatic, acceleration) * (1.0 + 1e-6)).all()
-    assert max(map(mechanism.closure, found.q)) <= 1e-9
+    assert max(map(mechanism.closure, motion.q)) <= 1e-9
     return np.abs(changes).max() / acceleration
 
 
 def test_a_plan_of_the_paper(root):
     scene = load_scene(root / "robots/scenes/rod.toml")
-    found = plan(scene)
-    motion = timed_path(found)
+    planned = plan(scene)
+    motion = timed_path(planned)
     assert not motion.follows
     assert law_abiding(motion, scene) > 0.9  # it is fast, too
-    assert motion.q[[0, -1]] == pytest.approx(found.path[[0, -1]], abs=1e-9)
-    assert min(measured(found._clearance, q).min() for q in motion.q) >= scene.safety - 3e-6
-    slower = timed_path(found, acceleration=2.0, jerk=40.0)
+    assert motion.q[[0, -1]] == pytest.approx(planned.path[[0, -1]], abs=1e-9)
+    assert min(measured(planned._clearance, q).min() for q in motion.q) >= scene.safety - 3e-6
+    slower = timed_path(planned, acceleration=2.0, jerk=40.0)
     law_abiding(slower, scene, 2.0)
     jerks = np.diff(np.vstack([*[slower.q[:1]] * 3, slower.q, *[slower.q[-1:]] * 3]), n=3, axis=0) * 100.0**3
     assert np.abs(jerks).max() <= 40.0 * (1.0 + 1e-6)
@@ -103,10 +103,10 @@ def test_a_plan_of_the_paper(root):
 def test_a_path_of_a_closed_robot():
     mechanism = load("delta4")
     scene = scene_of({"start": {}, "goal": {"point": [0.0, 0.0, 0.0]}}, mechanism=mechanism)
-    there = mechanism.configuration({joint: mechanism.q_home[mechanism.q_index(joint)] + 0.3 for joint in ("joint1",)})
-    path = np.array([mechanism.q_home, mechanism.close(there, locked=mechanism.actuated), mechanism.q_home])
-    found = Plan(scene, PlanStatus.REACHED, path, (), "", clearance_of(scene), MeshCheck(scene))
-    law_abiding(timed_path(found), scene)
+    moved = mechanism.configuration({joint: mechanism.q_home[mechanism.q_index(joint)] + 0.3 for joint in ("joint1",)})
+    path = np.array([mechanism.q_home, mechanism.close(moved, locked=mechanism.actuated), mechanism.q_home])
+    planned = Plan(scene, PlanStatus.REACHED, path, (), "", clearance_of(scene), MeshCheck(scene))
+    law_abiding(timed_path(planned), scene)
 
 
 def test_rounding_of_a_recorded_motion_changes_nothing(robot, tmp_path):

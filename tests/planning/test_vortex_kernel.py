@@ -20,14 +20,14 @@ def jacobian_of(clearance, q, pair):
     """(3, nv) how joints move a pair's first nearest point, seen from the second body, without unit of motion: by
     Pinocchio."""
     model, data = clearance.mechanism.model, clearance.mechanism.model.createData()
-    one, other, _ = clearance.nearest_points(pair)
+    first, other, _ = clearance.nearest_points(pair)
     pin.computeJointJacobians(model, data, q)
-    found = np.zeros((3, model.nv))
-    for body, at, sign in zip(clearance.pairs[pair], (one, other), (1.0, -1.0), strict=True):
+    jacobian = np.zeros((3, model.nv))
+    for body, at, sign in zip(clearance.pairs[pair], (first, other), (1.0, -1.0), strict=True):
         if joint := clearance.bodies[int(body)].joint:
             turning = pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)
-            found += sign * (turning[:3] - pin.skew(at - data.oMi[joint].translation) @ turning[3:])
-    return found * clearance.mechanism.scale
+            jacobian += sign * (turning[:3] - pin.skew(at - data.oMi[joint].translation) @ turning[3:])
+    return jacobian * clearance.mechanism.scale
 
 
 def turned(clearance, q, motion, around_, states, reach, stop, strength):
@@ -71,9 +71,9 @@ def deflected(clearance, q, motion, groups, states, reach, stop, strength):
     vortices._memory.resize(vortices=len(states))
     vortices._memory.vortex[:], vortices.states = groups, vortices._memory.states
     vortices.states[:], vortices.reach, vortices.stop, vortices.strength = states, reach, stop, strength
-    found = vortices._deflected(q, motion)
+    result = vortices._deflected(q, motion)
     states[:] = vortices.states
-    return found
+    return result
 
 
 @pytest.mark.parametrize("name", ["arm7", "planar_3r", "two_arms"])
@@ -94,8 +94,8 @@ def test_the_kernel_is_the_paper_in_numpy(name, seed):
     stop, strength = 0.03 * mechanism.length, rng.uniform(0.2, 3.0)
     reach = rng.uniform(0.3, 2.0) * mechanism.length
     want, asks, after, sure = turned(clearance, q, motion, which, states, reach, stop, strength)
-    found, asked = deflected(clearance, q, motion, which, states, reach, stop, strength)
-    assert found == pytest.approx(want, abs=1e-5 * np.abs(want).max())
+    new_motion, asked = deflected(clearance, q, motion, which, states, reach, stop, strength)
+    assert new_motion == pytest.approx(want, abs=1e-5 * np.abs(want).max())
     if not sure:  # as good as along a surface: differences can't tell on which side
         return
     assert (asked == asks).all()

@@ -135,9 +135,9 @@ def test_a_spin_ends_on_the_deadline(scene):
 # --- records ---------------------------------------------------------------------------------------------------------
 
 
-def _close_above(told, true):
-    """Whether a percentile is told as promised: not too small, and too large by a bin at most."""
-    return true * (1.0 - 1e-12) <= told <= max(1e-7, true * WIDTH) * (1.0 + 1e-12)
+def _close_above(bound, true):
+    """Whether a percentile is reported as promised: not too small, and too large by a bin at most."""
+    return true * (1.0 - 1e-12) <= bound <= max(1e-7, true * WIDTH) * (1.0 + 1e-12)
 
 
 @given(st.lists(st.tuples(TIMES, TIMES), min_size=2, max_size=50), st.floats(1e-4, 1.0))
@@ -160,8 +160,8 @@ def test_a_report_is_what_numpy_makes_of_the_list(pairs, period):
     assert report.busy == pytest.approx(works.sum() / max(period, starts[-1] + works[-1] - starts[0]), rel=1e-9)
     for spread, values in ((report.error, errors), (report.late, rests), (report.work, works)):
         assert spread.max == values.max()
-        for told, part in ((spread.p50, 0.5), (spread.p99, 0.99)):
-            assert _close_above(told, float(np.quantile(values, part, method="inverted_cdf"))) or told == spread.max
+        for bound, part in ((spread.p50, 0.5), (spread.p99, 0.99)):
+            assert _close_above(bound, float(np.quantile(values, part, method="inverted_cdf"))) or bound == spread.max
     beyond = starts + works - dues
     assert report.overruns == (beyond > 0.0).sum()
     assert report.scheduling == "as it is"
@@ -387,9 +387,9 @@ def test_a_value_that_is_torn_is_not_read():
 def test_arrays_arrive_as_they_were(array):
     channel = Channel.shared(0.001)
     channel.state.write({"array": array}, "state")
-    found = channel.state.read()["array"]
-    np.testing.assert_array_equal(found, array)
-    assert (found.dtype, found.flags.writeable) == (array.dtype, True)
+    received = channel.state.read()["array"]
+    np.testing.assert_array_equal(received, array)
+    assert (received.dtype, received.flags.writeable) == (array.dtype, True)
 
 
 def test_what_arrives_costs_no_memory():
@@ -399,13 +399,13 @@ def test_what_arrives_costs_no_memory():
     try:
         for i in range(4100):
             channel.state.write(placement, "state")
-            found = channel.state.read()
+            received = channel.state.read()
             if i in (100, 4099):
                 gc.collect()
                 used.append(tracemalloc.get_traced_memory()[0])
     finally:
         tracemalloc.stop()
-    assert found == placement
+    assert received == placement
     assert used[1] < used[0] + 40_000  # 516,000 bytes if each message costs the type of its arrays
 
 
@@ -566,9 +566,9 @@ def test_a_core_remains_for_other_programs(monkeypatch):
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1, 2})
     monkeypatch.setattr(scheduling, "_RESERVED", f"\0cinegen test {os.getpid()} ")
     with contextlib.ExitStack() as loops:
-        found = [loops.enter_context(scheduling.scheduled(7)) for _ in range(3)]
+        policies = [loops.enter_context(scheduling.scheduled(7)) for _ in range(3)]
     none = "ordinary scheduling (no real time: one of {} cores must remain for other programs)"
-    assert found == ["SCHED_FIFO 7", "SCHED_FIFO 7", none.format(3)]
+    assert policies == ["SCHED_FIFO 7", "SCHED_FIFO 7", none.format(3)]
     with scheduling.scheduled(7) as again:
         assert again == "SCHED_FIFO 7"
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})

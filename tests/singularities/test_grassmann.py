@@ -28,33 +28,33 @@ def _off(line, ends):
 @makers
 @pytest.mark.parametrize("noise", [0.0, 1e-9])
 def test_lines_of_a_variety_are_recognised_among_others(maker, noise):
-    given = varieties.placed(maker, np.random.default_rng(2), noise)
-    found = classify(given.lines, given.length)
-    assert found.grassmann_class is given.built.grassmann_class
-    assert len(found.sets) == 1
-    assert found.lines == given.where
-    assert found.sets[0].smallest == (given.where,)
-    assert found.rank == len(given.lines) - 1
-    assert found.grassmann_class.rank == len(given.where) - 1
-    assert found.sigma < max(1e-12, 10.0 * noise)
+    placed = varieties.placed(maker, np.random.default_rng(2), noise)
+    dependence = classify(placed.lines, placed.length)
+    assert dependence.grassmann_class is placed.built.grassmann_class
+    assert len(dependence.sets) == 1
+    assert dependence.lines == placed.where
+    assert dependence.sets[0].smallest == (placed.where,)
+    assert dependence.rank == len(placed.lines) - 1
+    assert dependence.grassmann_class.rank == len(placed.where) - 1
+    assert dependence.sigma < max(1e-12, 10.0 * noise)
 
 
 @makers
 def test_what_defines_a_variety_is_found(maker):
-    given = varieties.placed(maker, np.random.default_rng(100))
-    built, some = given.built, classify(given.lines, given.length).sets[0]
-    slack = (1e-5 if built.grassmann_class is GrassmannClass.PARABOLIC_CONGRUENCE else 1e-9) * given.length
+    placed = varieties.placed(maker, np.random.default_rng(100))
+    built, some = placed.built, classify(placed.lines, placed.length).sets[0]
+    slack = (1e-5 if built.grassmann_class is GrassmannClass.PARABOLIC_CONGRUENCE else 1e-9) * placed.length
     finite = [point.xyz for point in some.points if not point.at_infinity]
     far = [point.xyz for point in some.points if point.at_infinity]
     for expected in built.points:
-        assert min(np.linalg.norm(point - given.point(expected)) for point in finite) < slack
+        assert min(np.linalg.norm(point - placed.point(expected)) for point in finite) < slack
     for expected in built.directions:
-        assert max(abs(direction @ given.turn @ expected) for direction in far) == pytest.approx(1.0)
+        assert max(abs(direction @ placed.turn @ expected) for direction in far) == pytest.approx(1.0)
     if built.pitch is None:
         assert len(finite) >= len(built.points)
         directors = some.directors
     else:
-        assert some.screw.pitch == pytest.approx(built.pitch * given.length, rel=1e-9)
+        assert some.screw.pitch == pytest.approx(built.pitch * placed.length, rel=1e-9)
         directors = (some.screw.axis,)
         assert [line.coordinates.tolist() for line in some.directors] == (
             [some.screw.axis.coordinates.tolist()] if built.grassmann_class is GrassmannClass.SPECIAL_COMPLEX else []
@@ -63,12 +63,12 @@ def test_what_defines_a_variety_is_found(maker):
     near_lines = [line for line in directors if isinstance(line, PlueckerLine)]
     far_lines = [line for line in directors if isinstance(line, LineAtInfinity)]
     for ends in built.directors:
-        assert min(_off(line, [given.point(end) for end in ends]) for line in near_lines) < slack
+        assert min(_off(line, [placed.point(end) for end in ends]) for line in near_lines) < slack
     for normal in built.normals:
-        assert max(abs(line.normal @ given.turn @ normal) for line in far_lines) == pytest.approx(1.0)
+        assert max(abs(line.normal @ placed.turn @ normal) for line in far_lines) == pytest.approx(1.0)
     groups = some.groups[-len(some.planes) :] or (some.lines,)  # those of a plane come last
     for plane, group in zip(some.planes, groups, strict=False):
-        for line in (given.lines[i] for i in group):
+        for line in (placed.lines[i] for i in group):
             assert plane.normal @ line.direction == pytest.approx(0.0, abs=1e-9)
             assert plane.normal @ line.point == pytest.approx(plane.offset, abs=slack)
     assert sorted(line for group in some.groups for line in group) == list(some.lines if some.groups else ())
@@ -76,33 +76,33 @@ def test_what_defines_a_variety_is_found(maker):
 
 @makers
 def test_forces_of_the_coefficients_hold_each_other_and_the_gained_motion_lengthens_no_leg(maker):
-    given = varieties.placed(maker, np.random.default_rng(7))
-    found = classify(given.lines, given.length)
-    some = found.sets[0]
-    forces = [c * given.lines[i].direction for c, i in zip(some.coefficients, some.smallest[0], strict=True)]
-    moments = [np.cross(given.lines[i].point, f) for f, i in zip(forces, some.smallest[0], strict=True)]
+    placed = varieties.placed(maker, np.random.default_rng(7))
+    dependence = classify(placed.lines, placed.length)
+    some = dependence.sets[0]
+    forces = [c * placed.lines[i].direction for c, i in zip(some.coefficients, some.smallest[0], strict=True)]
+    moments = [np.cross(placed.lines[i].point, f) for f, i in zip(forces, some.smallest[0], strict=True)]
     assert np.linalg.norm(some.coefficients) == pytest.approx(1.0)
     assert np.abs(some.coefficients).min() > 1e-3
     assert sum(forces) == pytest.approx(np.zeros(3), abs=1e-12)
-    assert sum(moments) == pytest.approx(np.zeros(3), abs=1e-11 * given.length)
-    assert len(found.uncontrolled) == 6 - found.rank
-    for screw in found.uncontrolled:
+    assert sum(moments) == pytest.approx(np.zeros(3), abs=1e-11 * placed.length)
+    assert len(dependence.uncontrolled) == 6 - dependence.rank
+    for screw in dependence.uncontrolled:
         w, v = screw.coordinates[:3], screw.coordinates[3:]
-        size = np.linalg.norm(v + np.cross(w, given.lines[0].point)) + given.length * np.linalg.norm(w)
-        for line in given.lines:
+        size = np.linalg.norm(v + np.cross(w, placed.lines[0].point)) + placed.length * np.linalg.norm(w)
+        for line in placed.lines:
             assert line.direction @ (v + np.cross(w, line.point)) == pytest.approx(0.0, abs=1e-9 * size)
 
 
 @makers
 def test_lines_beside_a_variety_are_near_not_in(maker):
-    given = varieties.placed(maker, np.random.default_rng(300), noise=1e-4)
-    assert classify(given.lines, given.length) is None
-    found = near(given.lines, given.length, 3e-3)
-    assert found.grassmann_class is given.built.grassmann_class
-    assert found.lines == given.where
-    assert 1e-7 < found.sigma < 3e-3
-    assert found.text().startswith("nearly: ")
-    assert found.sigma == pytest.approx(varieties.nearness(given.lines, given.length))
+    placed = varieties.placed(maker, np.random.default_rng(300), noise=1e-4)
+    assert classify(placed.lines, placed.length) is None
+    dependence = near(placed.lines, placed.length, 3e-3)
+    assert dependence.grassmann_class is placed.built.grassmann_class
+    assert dependence.lines == placed.where
+    assert 1e-7 < dependence.sigma < 3e-3
+    assert dependence.text().startswith("nearly: ")
+    assert dependence.sigma == pytest.approx(varieties.nearness(placed.lines, placed.length))
 
 
 # --- all lines together ---------------------------------------------------------------------------------------------
@@ -127,12 +127,12 @@ def _sixes(maker, rng, noise=0.0):
 @pytest.mark.parametrize("noise", [0.0, 1e-9])
 def test_the_class_of_all_lines_is_that_of_their_variety(maker, noise):
     built, lines, length = _sixes(maker, np.random.default_rng(1), noise)
-    found, rank = classify(lines, length), built.grassmann_class.rank
-    assert found.class_of_all is built.grassmann_class
-    assert found.rank == found.forces.order == rank
-    assert found.motions.order == 6 - rank
-    assert class_of_wrenches(found.forces) is built.grassmann_class
-    assert found.as_dict()["class_of_all"] == built.grassmann_class.title
+    dependence, rank = classify(lines, length), built.grassmann_class.rank
+    assert dependence.class_of_all is built.grassmann_class
+    assert dependence.rank == dependence.forces.order == rank
+    assert dependence.motions.order == 6 - rank
+    assert class_of_wrenches(dependence.forces) is built.grassmann_class
+    assert dependence.as_dict()["class_of_all"] == built.grassmann_class.title
 
 
 def test_two_lines_that_do_not_meet_are_skew():
@@ -147,19 +147,19 @@ def test_two_lines_that_do_not_meet_are_skew():
 def test_the_smallest_set_and_all_lines_may_be_of_different_classes():
     """Three of six lines that meet two lines are a flat pencil."""
     points = ((1, 1), (1, 2), (1, -1), (2, 3), (-1, 2), (-2, -3))
-    found = classify([PlueckerLine.through(s * X, Z + t * Y) for s, t in points], 1.0)
-    assert found.grassmann_class is GrassmannClass.FLAT_PENCIL
-    assert found.class_of_all is GrassmannClass.HYPERBOLIC_CONGRUENCE
-    assert found.rank == 4
-    assert [some.lines for some in found.sets] == [(0, 1, 2), (0, 1, 3, 4, 5)]
-    assert found.motions.text() == (
+    dependence = classify([PlueckerLine.through(s * X, Z + t * Y) for s, t in points], 1.0)
+    assert dependence.grassmann_class is GrassmannClass.FLAT_PENCIL
+    assert dependence.class_of_all is GrassmannClass.HYPERBOLIC_CONGRUENCE
+    assert dependence.rank == 4
+    assert [some.lines for some in dependence.sets] == [(0, 1, 2), (0, 1, 3, 4, 5)]
+    assert dependence.motions.text() == (
         "any combination of a rotation about the axis through (0, 0, 1) m along (0, 1, 0) and a rotation about the "
         "axis through (0, 0, 0) m along (1, 0, 0)"
     )
     bundle = [PlueckerLine.along(HOME, direction) for direction in (X, Y, Z, X + Y + Z)]
-    found = classify([*bundle, PlueckerLine.along(X, Y), PlueckerLine.along(2 * Y, Y + X)], 1.0)
-    assert found.grassmann_class is GrassmannClass.BUNDLE
-    assert found.class_of_all is GrassmannClass.DEGENERATE_CONGRUENCE
+    dependence = classify([*bundle, PlueckerLine.along(X, Y), PlueckerLine.along(2 * Y, Y + X)], 1.0)
+    assert dependence.grassmann_class is GrassmannClass.BUNDLE
+    assert dependence.class_of_all is GrassmannClass.DEGENERATE_CONGRUENCE
 
 
 # --- none, several, larger -------------------------------------------------------------------------------------------
@@ -180,11 +180,11 @@ def test_two_sets_that_span_different_varieties_are_both_named():
     first, second = varieties.flat_pencil(rng), varieties.parallels_in_plane(rng)
     turn = varieties.rotation(rng)
     ends = first.segments + [tuple(turn @ end + [3, 1, 2] for end in segment) for segment in second.segments]
-    found = classify([PlueckerLine.through(*ends[i]) for i in (0, 3, 1, 4, 2, 5)], 1.0)
-    assert [some.lines for some in found.sets] == [(0, 2, 4), (1, 3, 5)]
-    assert found.rank == 4
-    assert found.text().startswith("legs 1, 3 and 5 meet in one point")
-    assert "; legs 2, 4 and 6 are parallel" in found.text()
+    dependence = classify([PlueckerLine.through(*ends[i]) for i in (0, 3, 1, 4, 2, 5)], 1.0)
+    assert [some.lines for some in dependence.sets] == [(0, 2, 4), (1, 3, 5)]
+    assert dependence.rank == 4
+    assert dependence.text().startswith("legs 1, 3 and 5 meet in one point")
+    assert "; legs 2, 4 and 6 are parallel" in dependence.text()
 
 
 @pytest.mark.parametrize(
@@ -193,12 +193,12 @@ def test_two_sets_that_span_different_varieties_are_both_named():
 )
 def test_more_lines_of_one_variety_are_one_set(maker, count):
     built = maker(np.random.default_rng(11), count)
-    found = classify([PlueckerLine.through(*ends) for ends in built.segments], 1.0)
+    dependence = classify([PlueckerLine.through(*ends) for ends in built.segments], 1.0)
     size = built.grassmann_class.rank + 1
-    assert found.grassmann_class is built.grassmann_class
-    assert [some.lines for some in found.sets] == [tuple(range(count))]
-    assert len(found.sets[0].smallest) == math.comb(count, size)
-    assert found.rank == size - 1
+    assert dependence.grassmann_class is built.grassmann_class
+    assert [some.lines for some in dependence.sets] == [tuple(range(count))]
+    assert len(dependence.sets[0].smallest) == math.comb(count, size)
+    assert dependence.rank == size - 1
 
 
 def test_a_smaller_set_is_the_reason_though_all_are_in_a_larger_variety():
@@ -206,12 +206,12 @@ def test_a_smaller_set_is_the_reason_though_all_are_in_a_larger_variety():
     rng = np.random.default_rng(1)
     bundle = [PlueckerLine.along([0, 0, 1], rng.normal(size=3)) for _ in range(4)]
     others = [PlueckerLine.along([0, 0, z], rng.normal(size=3)) for z in (3.0, -2.0)]
-    found = classify(bundle + others, 1.0)
-    assert found.grassmann_class is GrassmannClass.BUNDLE
-    assert found.lines == (0, 1, 2, 3)
-    assert found.rank == 5
-    assert found.uncontrolled[0].pitch == 0.0
-    assert found.uncontrolled[0].axis.nearest([0, 0, 0]) == pytest.approx(np.zeros(3), abs=1e-12)
+    dependence = classify(bundle + others, 1.0)
+    assert dependence.grassmann_class is GrassmannClass.BUNDLE
+    assert dependence.lines == (0, 1, 2, 3)
+    assert dependence.rank == 5
+    assert dependence.uncontrolled[0].pitch == 0.0
+    assert dependence.uncontrolled[0].axis.nearest([0, 0, 0]) == pytest.approx(np.zeros(3), abs=1e-12)
 
 
 # --- words and errors ------------------------------------------------------------------------------------------------
@@ -223,9 +223,9 @@ def _along(*pairs):
 
 def test_numbers_and_units():
     lines = _along((Y, X), (Y, Y), (Y, Z), (HOME, X), (Y, X + Y + Z))
-    found = classify(lines, 0.1)
-    assert found.text() == "legs 1, 2, 3 and 5 meet in one point, (0, 1, 0)"
-    assert found.text("m") == "legs 1, 2, 3 and 5 meet in one point, (0, 1, 0) m"
+    dependence = classify(lines, 0.1)
+    assert dependence.text() == "legs 1, 2, 3 and 5 meet in one point, (0, 1, 0)"
+    assert dependence.text("m") == "legs 1, 2, 3 and 5 meet in one point, (0, 1, 0) m"
 
 
 @pytest.mark.parametrize(("ask", "says"), [

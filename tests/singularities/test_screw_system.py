@@ -78,15 +78,15 @@ def moved(rows, turn, shift, scale):
 @pytest.mark.parametrize("name", SYSTEMS)
 @pytest.mark.parametrize(("seed", "noise"), [(0, 0.0), (1, 1e-9)])
 def test_a_system_is_recognised_wherever_it_is_and_whatever_its_scale(name, seed, noise):
-    given, kind, twists, wrenches = SYSTEMS[name]
+    screws, kind, twists, wrenches = SYSTEMS[name]
     rng = np.random.default_rng(seed)
     scale, turn, shift = 10.0 ** rng.uniform(-2, 2), varieties.rotation(rng), rng.normal(size=3)
-    rows = moved(rng.normal(size=(len(given),) * 2) @ np.asarray(given), turn, shift, scale)
+    rows = moved(rng.normal(size=(len(screws),) * 2) @ np.asarray(screws), turn, shift, scale)
     rows[:, :3] += noise * rng.normal(size=(len(rows), 3))
     origin = scale * rng.normal(size=3)
     inside = np.hstack([rows[:, :3], (rows[:, 3:] - np.cross(origin, rows[:, :3])) / scale])
     system = ScrewSystem(np.linalg.svd(inside, full_matrices=False)[2], LineFrame(origin, scale), 1e-6)
-    assert system.order == len(system) == len(given)
+    assert system.order == len(system) == len(screws)
     assert system.type == kind
     assert system.text().startswith(twists)
     forces = ScrewSystem(system.vectors, LineFrame(origin, scale), 1e-6, wrenches=True)
@@ -96,8 +96,8 @@ def test_a_system_is_recognised_wherever_it_is_and_whatever_its_scale(name, seed
     # the basis spans the same space, in the world
     units = np.repeat([1.0, 1.0 / scale], 3)
     both = np.vstack([rows * units / np.linalg.norm(rows * units, axis=1, keepdims=True), system.coordinates * units])
-    assert np.linalg.matrix_rank(both, tol=1e-6) == len(given)
-    assert np.linalg.matrix_rank(system.coordinates * units, tol=1e-6) == len(given)
+    assert np.linalg.matrix_rank(both, tol=1e-6) == len(screws)
+    assert np.linalg.matrix_rank(system.coordinates * units, tol=1e-6) == len(screws)
     # reciprocal screws do no work on it, by another null space
     if system.order < 6:
         expected = null_space(rows * units @ KLEIN, rcond=1e-8)
@@ -118,12 +118,12 @@ def test_the_text_names_the_point_the_plane_and_the_axis():
         return np.array([[float(x) for x in group.split(",")] for group in groups])
 
     assert of(*(screw(point, axis) for axis in turn))[0] == pytest.approx(point, abs=6e-4)
-    found = of(screw(point, a), screw(point, b))
-    assert found[0] == pytest.approx(point, abs=6e-4)
-    assert abs(found[1] @ c) == pytest.approx(1.0, abs=1e-3)
-    found = of(screw(point, a), free(a))
-    assert np.cross(found[0] - point, a) == pytest.approx(HOME, abs=2e-3)
-    assert abs(found[1] @ a) == pytest.approx(1.0, abs=1e-3)
+    vectors = of(screw(point, a), screw(point, b))
+    assert vectors[0] == pytest.approx(point, abs=6e-4)
+    assert abs(vectors[1] @ c) == pytest.approx(1.0, abs=1e-3)
+    vectors = of(screw(point, a), free(a))
+    assert np.cross(vectors[0] - point, a) == pytest.approx(HOME, abs=2e-3)
+    assert abs(vectors[1] @ a) == pytest.approx(1.0, abs=1e-3)
     assert abs(of(free(a), free(b))[0] @ c) == pytest.approx(1.0, abs=1e-3)
     assert abs(of(screw(point, a), free(b), free(c))[0] @ a) == pytest.approx(1.0, abs=1e-3)
     first, second = of(screw(point, a), screw(HOME, b))[[0, 1]], of(screw(point, a), screw(HOME, b))[[2, 3]]

@@ -123,7 +123,7 @@ def test_the_command_finds_where_a_recorded_way_is_singular_between_its_samples(
         for k, turn in enumerate(turns):
             recorder.write(float(k), {"tssm": RobotSample(coordinates.from_home({**pose, "rz": turn}), "IDLE")})
     (report,) = json.loads(typed("singular", tmp_path / "run.jsonl", "--json").out)
-    (passed,) = [one for one in report["found"] if "passed" in one["kind"] and "type 2" in one["kind"]]
+    (passed,) = [entry for entry in report["found"] if "passed" in entry["kind"] and "type 2" in entry["kind"]]
     assert 2.0 < passed["time"] < 3.0
     assert coordinates.coordinates(np.array(passed["q"]))["rz"] == pytest.approx(0.5 * math.pi, abs=1e-3)
 

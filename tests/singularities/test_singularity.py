@@ -27,27 +27,27 @@ HEADS = np.array([[0.35, 0.4], [0.75, 0.45], [0.5, 0.75]])
 def test_random_poses_are_regular(robot, name, seed):
     mechanism = robot(name)
     q = mechanism.random_closed(1, seed)[0]
-    found = singularity(mechanism, q)
-    assert not found
-    assert found.kind is SingularityType.NONE
-    assert found.dependence is None or found.dependence.nearly
+    report = singularity(mechanism, q)
+    assert not report
+    assert report.kind is SingularityType.NONE
+    assert report.dependence is None or report.dependence.nearly
 
 
 @pytest.mark.parametrize("name", ["five_bar", "delta4", "gough"])
 def test_the_gained_motion_opens_loops_least_and_moves_the_node_as_its_screw_says(robot, name):
     mechanism = robot(name)
     q = mechanism.random_closed(1, 7)[0]
-    found = singularity(mechanism, q)
+    report = singularity(mechanism, q)
     step = 1e-6
-    size = np.abs(found.motion / mechanism.scale).max()
-    assert all(found.motion[mechanism.v_index(motor)] == 0.0 for motor in mechanism.actuated)
-    moved = [pin.integrate(mechanism.model, q, s * step * found.motion) for s in (-1, 1)]
+    size = np.abs(report.motion / mechanism.scale).max()
+    assert all(report.motion[mechanism.v_index(motor)] == 0.0 for motor in mechanism.actuated)
+    moved = [pin.integrate(mechanism.model, q, s * step * report.motion) for s in (-1, 1)]
     ends = [mechanism.placement(each, mechanism.end) for each in moved]
     w = pin.log3(ends[1].rotation @ ends[0].rotation.T) / (2.0 * step)
     v = (ends[1].translation - ends[0].translation) / (2.0 * step)
     p = mechanism.placement(q, mechanism.end).translation
     twist = np.concatenate([w, v + np.cross(p, w)])  # the origin's velocity
-    screw = found.uncontrolled_dof.coordinates
+    screw = report.uncontrolled_dof.coordinates
     screw = screw * np.sign(screw @ twist) * np.linalg.norm(twist) / np.linalg.norm(screw)
     assert twist == pytest.approx(screw, abs=1e-6 * size * np.linalg.norm(twist))
 
@@ -62,40 +62,40 @@ def test_type_2_of_a_five_bar_is_where_its_outer_bars_are_in_line(robot):
     )
     tool, elbow_at = mechanism.placement(q, "tool").translation, mechanism.placement(q, "link2").translation
     assert np.allclose(elbow_at, mechanism.placement(q, "link4").translation, atol=1e-9)
-    found = singularity(mechanism, q)
-    assert found.kind is SingularityType.TYPE_2
-    assert found.sigma[1] < 1e-12
-    assert found.grassmann_class is GrassmannClass.SPECIAL_COMPLEX
+    report = singularity(mechanism, q)
+    assert report.kind is SingularityType.TYPE_2
+    assert report.sigma[1] < 1e-12
+    assert report.grassmann_class is GrassmannClass.SPECIAL_COMPLEX
     # the tool turns about the elbows, which are in one place
-    assert found.uncontrolled_dof.pitch == pytest.approx(0.0, abs=1e-12)
-    assert np.allclose(found.uncontrolled_dof.axis.nearest(np.zeros(3)), elbow_at, atol=1e-9)
+    assert report.uncontrolled_dof.pitch == pytest.approx(0.0, abs=1e-12)
+    assert np.allclose(report.uncontrolled_dof.axis.nearest(np.zeros(3)), elbow_at, atol=1e-9)
     # ... and no force along its circle is borne
     along = np.cross([0.0, 0.0, 1.0], tool - elbow_at)
-    force = found.unsupported_wrench.coordinates[:3]
+    force = report.unsupported_wrench.coordinates[:3]
     assert abs(force @ along) > 1e-3 * np.linalg.norm(along)
-    assert "with all actuated joints locked tool can make a rotation about the axis" in found.message
+    assert "with all actuated joints locked tool can make a rotation about the axis" in report.message
 
 
 @pytest.mark.parametrize("parallel", [False, True])
 def test_a_3rrr_gains_a_motion_where_its_outer_bars_meet_in_a_point_or_are_parallel(raff, parallel):
     centre, way = np.array([0.3, 0.6]), np.array([0.3, 1.0])
-    ways = np.array([way] * 3) if parallel else HEADS - centre
-    elbows = HEADS + ways * np.array([[0.5], [0.6], [0.4]]) * (1.0 if parallel else 1.5)
+    directions = np.array([way] * 3) if parallel else HEADS - centre
+    elbows = HEADS + directions * np.array([[0.5], [0.6], [0.4]]) * (1.0 if parallel else 1.5)
     hinges = [[linkages.hinge(point) for point in leg] for leg in np.stack([elbows, HEADS], axis=1)]
     joints = [[linkages.hinge(foot, motor=True), *leg] for foot, leg in zip(FEET, hinges, strict=True)]
     mechanism = raff(linkages.legged(joints, "joint").text(joint_digits=None))
-    found = singularity(mechanism, mechanism.q_home, tolerance=1e-7)
-    assert found.kind is SingularityType.TYPE_2
-    assert found.dependence.grassmann_class is GrassmannClass.FLAT_PENCIL
-    assert found.dependence.lines == (0, 1, 2)
+    report = singularity(mechanism, mechanism.q_home, tolerance=1e-7)
+    assert report.kind is SingularityType.TYPE_2
+    assert report.dependence.grassmann_class is GrassmannClass.FLAT_PENCIL
+    assert report.dependence.lines == (0, 1, 2)
     if parallel:
-        assert found.uncontrolled_dof.pitch == math.inf
-        assert abs(found.uncontrolled_dof.axis.coordinates[3:5] @ way) < 1e-7  # across the bars
-        assert "parallel" in found.message
+        assert report.uncontrolled_dof.pitch == math.inf
+        assert abs(report.uncontrolled_dof.axis.coordinates[3:5] @ way) < 1e-7  # across the bars
+        assert "parallel" in report.message
     else:
-        assert found.uncontrolled_dof.pitch == pytest.approx(0.0, abs=1e-7)
-        assert np.allclose(found.uncontrolled_dof.axis.nearest(np.zeros(3))[:2], centre, atol=1e-7)
-        assert "meet in one point" in found.message
+        assert report.uncontrolled_dof.pitch == pytest.approx(0.0, abs=1e-7)
+        assert np.allclose(report.uncontrolled_dof.axis.nearest(np.zeros(3))[:2], centre, atol=1e-7)
+        assert "meet in one point" in report.message
 
 
 # --- legs that are lines -----------------------------------------------------------------------------------------
@@ -103,8 +103,8 @@ def test_a_3rrr_gains_a_motion_where_its_outer_bars_meet_in_a_point_or_are_paral
 
 def at(mechanism: cinegen.Mechanism, **pose: float) -> np.ndarray:
     """The configuration with the platform at a pose (mm, degrees)."""
-    given = {name: value * (1e-3 if len(name) == 1 else math.pi / 180.0) for name, value in pose.items()}
-    q = Coordinates(mechanism, tuple(given)).from_home(given)
+    coordinates = {name: value * (1e-3 if len(name) == 1 else math.pi / 180.0) for name, value in pose.items()}
+    q = Coordinates(mechanism, tuple(coordinates)).from_home(coordinates)
     assert q is not None
     return q
 
@@ -116,8 +116,8 @@ def test_the_legs_are_the_lines_between_their_joints(robot):
     corners = 1e-3 * np.array([[0.0, 7.3, 0.0], [4.822, -5.480722, 0.0], [-4.822, -5.480722, 0.0]])
     q = at(mechanism, x=1.0, y=-2.0, z=18.0, rx=5.0, ry=3.0, rz=10.0)
     platform = mechanism.placement(q, "platform")
-    found = singularity(mechanism, q)
-    for line, foot, corner in zip(found.legs, feet, np.repeat(corners, 2, axis=0), strict=True):
+    report = singularity(mechanism, q)
+    for line, foot, corner in zip(report.legs, feet, np.repeat(corners, 2, axis=0), strict=True):
         expected = PlueckerLine.through([*foot, 0.0], platform.act(corner)).coordinates
         assert np.allclose(line.coordinates, expected, atol=1e-8) or np.allclose(line.coordinates, -expected, atol=1e-8)
 
@@ -127,15 +127,15 @@ def test_fichters_singularity(robot, place, side):
     """The platform turned by 90 degrees over the base: all six legs belong to one complex, wherever it is."""
     mechanism = robot("tssm")
     q = at(mechanism, x=place[0], y=place[1], z=place[2], rx=0.0, ry=0.0, rz=side)
-    found = singularity(mechanism, q)
-    assert found.kind is SingularityType.TYPE_2
-    assert found.dependence.grassmann_class is GrassmannClass.GENERAL_COMPLEX
-    assert found.dependence.lines == (0, 1, 2, 3, 4, 5)
+    report = singularity(mechanism, q)
+    assert report.kind is SingularityType.TYPE_2
+    assert report.dependence.grassmann_class is GrassmannClass.GENERAL_COMPLEX
+    assert report.dependence.lines == (0, 1, 2, 3, 4, 5)
     # what is gained does no work with forces along the legs (Merlet, section 3)
     for line in leg_lines(mechanism, q):
-        w, v = np.split(found.uncontrolled_dof.coordinates, 2)
+        w, v = np.split(report.uncontrolled_dof.coordinates, 2)
         assert abs(line.direction @ v + line.moment @ w) < 1e-9
-    assert "all six legs belong to one linear complex" in found.message
+    assert "all six legs belong to one linear complex" in report.message
 
 
 def test_hunts_singularity(robot):
@@ -144,13 +144,13 @@ def test_hunts_singularity(robot):
     q = at(mechanism, x=0.5, y=0.0, z=15.0, rx=-math.degrees(math.atan2(15.0, 9.1)), ry=0.0, rz=0.0)
     platform = mechanism.placement(q, "platform")
     side = [platform.act(1e-3 * np.array([x, -5.480722, 0.0])) for x in (4.822, -4.822)]
-    found = singularity(mechanism, q)
-    assert found.kind is SingularityType.TYPE_2
-    assert found.dependence.grassmann_class is GrassmannClass.SPECIAL_COMPLEX
-    assert found.uncontrolled_dof.pitch == pytest.approx(0.0, abs=1e-9)
+    report = singularity(mechanism, q)
+    assert report.kind is SingularityType.TYPE_2
+    assert report.dependence.grassmann_class is GrassmannClass.SPECIAL_COMPLEX
+    assert report.uncontrolled_dof.pitch == pytest.approx(0.0, abs=1e-9)
     for corner in side:
-        assert np.linalg.norm(found.uncontrolled_dof.axis.nearest(corner) - corner) < 1e-8
-    assert "special complex (5b): all six legs meet the line through" in found.message
+        assert np.linalg.norm(report.uncontrolled_dof.axis.nearest(corner) - corner) < 1e-8
+    assert "special complex (5b): all six legs meet the line through" in report.message
 
 
 # --- several motions at once -------------------------------------------------------------------------------------
@@ -162,9 +162,9 @@ def concurrent(rng, point):
     return feet, point + rng.uniform(0.35, 0.6, (6, 1)) * (feet - point)
 
 
-def assert_motions_keep_leg_lengths(mechanism, q, found, feet, heads):
+def assert_motions_keep_leg_lengths(mechanism, q, report, feet, heads):
     """Moved by a screw's twist, legs change their length by the square of the motion only."""
-    for screw in found.uncontrolled.screws:
+    for screw in report.uncontrolled.screws:
         w, v = np.split(screw.coordinates, 2)
         step = 1e-4 / (np.linalg.norm(w) + np.linalg.norm(v))
         changes = []
@@ -175,7 +175,7 @@ def assert_motions_keep_leg_lengths(mechanism, q, found, feet, heads):
         assert np.abs(changes[0]).max() < 1e-7
         assert changes[1] == pytest.approx(4.0 * changes[0], abs=1e-10)
     # ... and the joints close the loops to second order
-    for motion in found.motions:
+    for motion in report.motions:
         step = 1e-5 / np.abs(motion).max()
         gaps = [mechanism.closure(pin.integrate(mechanism.model, q, s * step * motion)) for s in (1.0, 2.0)]
         assert gaps[0] < 1e-9
@@ -186,21 +186,21 @@ def test_legs_that_meet_in_one_point_leave_all_rotations_about_it(raff):
     rng, point = np.random.default_rng(0), np.array([0.1, 0.0, 0.3])
     feet, heads = concurrent(rng, point)
     mechanism = raff(linkages.hexapod(rng, feet=feet, heads=heads).text(joint_digits=None))
-    found = singularity(mechanism, mechanism.q_home)
-    assert found.kind is SingularityType.TYPE_2
-    assert (found.second <= 1e-6).sum() == 3
-    assert found.dependence.rank == 3
-    assert found.dependence.grassmann_class is found.dependence.class_of_all is GrassmannClass.BUNDLE
-    assert found.uncontrolled.order == found.unsupported.order == len(found.motions) == 3
-    assert found.uncontrolled.type == "IIA"
-    assert "tool can make any rotation about the point (0.1, 0, 0.3) m (3 uncontrolled DoF)" in repr(found)
-    assert "can't support any couple: they support any force through the point (0.1, 0, 0.3) m" in repr(found)
-    assert_motions_keep_leg_lengths(mechanism, mechanism.q_home, found, feet, heads)
+    report = singularity(mechanism, mechanism.q_home)
+    assert report.kind is SingularityType.TYPE_2
+    assert (report.second <= 1e-6).sum() == 3
+    assert report.dependence.rank == 3
+    assert report.dependence.grassmann_class is report.dependence.class_of_all is GrassmannClass.BUNDLE
+    assert report.uncontrolled.order == report.unsupported.order == len(report.motions) == 3
+    assert report.uncontrolled.type == "IIA"
+    assert "tool can make any rotation about the point (0.1, 0, 0.3) m (3 uncontrolled DoF)" in repr(report)
+    assert "can't support any couple: they support any force through the point (0.1, 0, 0.3) m" in repr(report)
+    assert_motions_keep_leg_lengths(mechanism, mechanism.q_home, report, feet, heads)
     # no combination of unsupported wrenches is one of forces along the legs
-    legs = np.array([line.coordinates for line in found.legs])
-    together = np.vstack([legs, found.unsupported.coordinates])
+    legs = np.array([line.coordinates for line in report.legs])
+    together = np.vstack([legs, report.unsupported.coordinates])
     assert np.linalg.matrix_rank(together, tol=1e-6) == 6
-    shown = found.as_dict()
+    shown = report.as_dict()
     assert shown["class"] == "bundle (3c)"
     assert [len(shown[name]["screws"]) for name in ("uncontrolled", "unsupported")] == [3, 3]
     assert shown["uncontrolled"]["text"] == "any rotation about the point (0.1, 0, 0.3) m"
@@ -219,13 +219,13 @@ def test_legs_in_any_variety_leave_six_motions_minus_their_rank(raff, maker):
     built, turn, shift = maker(rng, 6), varieties.rotation(rng), rng.normal(size=3)
     feet, heads = (np.array([turn @ ends[k] + shift for ends in built.segments]) for k in (0, 1))
     mechanism = raff(linkages.hexapod(rng, feet=feet, heads=heads).text(joint_digits=None))
-    found = singularity(mechanism, mechanism.q_home)
-    assert found.kind is SingularityType.TYPE_2
-    assert found.dependence.class_of_all is built.grassmann_class
-    assert found.dependence.rank == built.grassmann_class.rank == 6 - found.uncontrolled.order
-    assert found.dependence.motions.type == found.uncontrolled.type
-    assert found.grassmann_class is built.grassmann_class
-    assert_motions_keep_leg_lengths(mechanism, mechanism.q_home, found, feet, heads)
+    report = singularity(mechanism, mechanism.q_home)
+    assert report.kind is SingularityType.TYPE_2
+    assert report.dependence.class_of_all is built.grassmann_class
+    assert report.dependence.rank == built.grassmann_class.rank == 6 - report.uncontrolled.order
+    assert report.dependence.motions.type == report.uncontrolled.type
+    assert report.grassmann_class is built.grassmann_class
+    assert_motions_keep_leg_lengths(mechanism, mechanism.q_home, report, feet, heads)
 
 
 @pytest.mark.parametrize(("straight", "lost"), [((), 0), (("joint5",), 1), (("joint3", "joint5"), 2)])
@@ -245,21 +245,21 @@ def test_an_arm_loses_what_numpy_finds(robot, straight, lost):
         q = mechanism.configuration({"joint3": best}, q)
     if "joint5" in straight:
         q = mechanism.configuration({"joint5": 0.0}, q)
-    found = singularity(mechanism, q)
+    report = singularity(mechanism, q)
     placement = mechanism.placement(q, mechanism.end)
     turn = np.kron(np.eye(2), placement.rotation)
     jacobian = turn @ (units * mechanism.jacobian(q, mechanism.end))
     assert int((np.linalg.svd(jacobian)[1] <= 1e-6).sum()) == lost
-    assert bool(found) == bool(lost)
-    assert found.lost.order == found.supported.order == max(lost, 1)
+    assert bool(report) == bool(lost)
+    assert report.lost.order == report.supported.order == max(lost, 1)
     if lost:  # wrenches do no work on what the joints can do
         units = np.repeat([1.0, 1.0 / mechanism.length], 3)
-        wrenches = found.supported.coordinates * units
+        wrenches = report.supported.coordinates * units
         p = placement.translation
         twists = np.hstack([jacobian[3:].T, jacobian[:3].T + np.cross(p / mechanism.length, jacobian[3:].T)])
         assert twists @ np.roll(wrenches, 3, axis=1).T == pytest.approx(np.zeros((6, lost)), abs=1e-6)
         assert np.linalg.matrix_rank(wrenches, tol=1e-6) == lost
-        assert ("2 DoF" in found.message) == (lost == 2)
+        assert ("2 DoF" in report.message) == (lost == 2)
 
 
 def test_a_ball_joint_in_gimbal_lock_is_no_singularity(robot):
@@ -267,9 +267,9 @@ def test_a_ball_joint_in_gimbal_lock_is_no_singularity(robot):
     q = mechanism.close(mechanism.configuration({"joint5": 0.0}), ["joint5"])
     passive = mechanism.structure.system.evaluate(q)[1][:, mechanism.structure.passive_columns]
     assert np.linalg.svd(passive, compute_uv=False)[-1] < 1e-12
-    found = singularity(mechanism, q)
-    assert found.kind is SingularityType.NONE
-    assert found.sigma[1] > 0.02
+    report = singularity(mechanism, q)
+    assert report.kind is SingularityType.NONE
+    assert report.sigma[1] > 0.02
 
 
 @pytest.mark.parametrize("name", ["gough", "hybrid"])

@@ -38,14 +38,14 @@ def test_its_speed_is_1_along_its_tangent(seed):
     points = wandering(seed, math.radians(29)) * [1, 1, 0.1]
     for curve in smooth_runs(points, flat(points)):
         along = np.linspace(0, curve.length, 400)
-        there, tangents, normals = map(np.array, zip(*map(curve.at, along), strict=True))
+        positions, tangents, normals = map(np.array, zip(*map(curve.at, along), strict=True))
         assert np.linalg.norm(tangents, axis=1) == pytest.approx(1.0, abs=1e-12)
         assert normals == pytest.approx(np.tile(UP, (400, 1)), abs=1e-12)
         h = 1e-6 * curve.length
         for s, tangent in zip(along[1:-1:17], tangents[1:-1:17], strict=True):
             step = (curve.at(s + h)[0] - curve.at(s - h)[0]) / (2 * h)
             assert step == pytest.approx(tangent, abs=1e-5)
-        jumps = np.linalg.norm(np.diff(there, axis=0), axis=1)
+        jumps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
         assert jumps.max() <= curve.length / 399 * (1 + 1e-5)
 
 
@@ -53,8 +53,8 @@ def test_its_speed_is_1_along_its_tangent(seed):
 @given(st.integers(0, 10_000))
 def test_it_is_the_same_curve_from_its_other_end(seed):
     points = wandering(seed, math.radians(29)) * [1, 1, 0.1]
-    there, back = (smooth_runs(path, flat(path)) for path in (points, points[::-1]))
-    for curve, other in zip(there, back[::-1], strict=True):
+    forward, back = (smooth_runs(path, flat(path)) for path in (points, points[::-1]))
+    for curve, other in zip(forward, back[::-1], strict=True):
         assert other.length == pytest.approx(curve.length)
         along = np.linspace(0, curve.length, 50)
         places, passed = (np.array([run.at(s)[0] for s in along]) for run in (curve, other))
@@ -80,12 +80,12 @@ def test_long_straight_parts_stay_so_and_short_ones_do_no_harm():
 def test_corners(degrees, runs):
     turn = math.radians(degrees)
     points = np.array([[-1, 0, 0], [0, 0, 0], [math.cos(turn), math.sin(turn), 0]])
-    found = smooth_runs(points, flat(points))
-    assert len(found) == runs
+    curves = smooth_runs(points, flat(points))
+    assert len(curves) == runs
     if runs == 2:
-        assert found[0].at(1.0)[1] == pytest.approx([1, 0, 0])
-        assert found[1].at(0.0)[1] == pytest.approx([math.cos(turn), math.sin(turn), 0], abs=1e-12)
-        assert found[1].at(0.0)[0] == pytest.approx([0, 0, 0], abs=1e-12)
+        assert curves[0].at(1.0)[1] == pytest.approx([1, 0, 0])
+        assert curves[1].at(0.0)[1] == pytest.approx([math.cos(turn), math.sin(turn), 0], abs=1e-12)
+        assert curves[1].at(0.0)[0] == pytest.approx([0, 0, 0], abs=1e-12)
 
 
 def test_edges_and_points_that_stand_twice():

@@ -60,8 +60,8 @@ def test_distance_and_angles_are_what_was_asked_for(seed, distance, work, travel
     seam = Seam([begin, begin + length * way], [7 * normal, 1e-3 * last], distance, work, travel, roll=roll)
     for tool, part in zip(seam.targets(length / 7), np.linspace(0, 1, 8), strict=True):
         assert foot(tool, distance) == pytest.approx(begin + part * length * way, abs=1e-9)
-        there = math.cos(part * turn) * normal + math.sin(part * turn) * aside
-        assert angles(tool, way, there) == pytest.approx((work, travel), abs=1e-7)
+        turned = math.cos(part * turn) * normal + math.sin(part * turn) * aside
+        assert angles(tool, way, turned) == pytest.approx((work, travel), abs=1e-7)
         assert tool.rotation.T @ tool.rotation == pytest.approx(np.eye(3), abs=1e-12)
         assert np.linalg.det(tool.rotation) > 0
 

@@ -19,12 +19,12 @@ def five_bar(x, y, limits=True):
     count = np.zeros(np.shape(x), dtype=int)
     for left in (1, -1):
         for right in (1, -1):
-            one, two, reaches = two_bar_angles(x + 0.15, y, 0.25, 0.4, left)
-            three, four, too = two_bar_angles(x - 0.15, y, 0.25, 0.4, right)
+            q1, q2, reaches = two_bar_angles(x + 0.15, y, 0.25, 0.4, left)
+            q3, q4, too = two_bar_angles(x - 0.15, y, 0.25, 0.4, right)
             ok = reaches & too
             if limits:
-                ok &= within(one, 60, 200) & within(two, -170, -5) & within(three, -20, 120) & within(four, 5, 170)
-                ok &= within(one + two - three - four, -175, -5)
+                ok &= within(q1, 60, 200) & within(q2, -170, -5) & within(q3, -20, 120) & within(q4, 5, 170)
+                ok &= within(q1 + q2 - q3 - q4, -175, -5)
             count += ok
     return count
 
@@ -33,9 +33,9 @@ def planar_3r(x, y, turned, limits=True):
     """Links of 400, 300 and 200, the last one at a given angle."""
     count = np.zeros(np.shape(x), dtype=int)
     for elbow in (1, -1):
-        one, two, ok = two_bar_angles(x - 0.2 * cos(turned), y - 0.2 * sin(turned), 0.4, 0.3, elbow)
+        q1, q2, ok = two_bar_angles(x - 0.2 * cos(turned), y - 0.2 * sin(turned), 0.4, 0.3, elbow)
         if limits:
-            ok = ok & within(one, -170, 170) & within(two, -160, 160) & within(turned - one - two, -160, 160)
+            ok = ok & within(q1, -170, 170) & within(q2, -160, 160) & within(turned - q1 - q2, -160, 160)
         count += ok
     return count
 
@@ -66,15 +66,15 @@ def rx90(points, rotations, limits=True, order=True):
     count = np.zeros(len(points), dtype=int)
     x, y, z = points.T
     for front in (1, -1):
-        one = np.arctan2(front * y, front * x)
+        q1 = np.arctan2(front * y, front * x)
         for elbow in (1, -1):
-            two, bent, ok = two_bar_angles(front * np.hypot(x, y), z, 0.45, 0.45, elbow)
-            up = two + bent
-            forearm = np.column_stack([cos(one) * cos(up), sin(one) * cos(up), sin(up)])
-            five = np.degrees(np.arccos(np.clip((forearm * rotations[:, :, 2]).sum(axis=1), -1.0, 1.0)))
+            q2, bent, ok = two_bar_angles(front * np.hypot(x, y), z, 0.45, 0.45, elbow)
+            up = q2 + bent
+            forearm = np.column_stack([cos(q1) * cos(up), sin(q1) * cos(up), sin(up)])
+            q5 = np.degrees(np.arccos(np.clip((forearm * rotations[:, :, 2]).sum(axis=1), -1.0, 1.0)))
             if limits:
-                ok = ok & within(one, -160, 160) & within(two, -47.5, 227.5) & within(bent - pi / 2, -232.5, 52.5)
-                count += ok * ((five <= 105.0).astype(int) + (five <= 120.0))
+                ok = ok & within(q1, -160, 160) & within(q2, -47.5, 227.5) & within(bent - pi / 2, -232.5, 52.5)
+                count += ok * ((q5 <= 105.0).astype(int) + (q5 <= 120.0))
             else:
                 count += 2 * ok
     return count if order else (count > 0).astype(int)

@@ -9,17 +9,17 @@ from cinegen.workspace import GridAxis, MapSpecification, Region
 
 def digest(folder: Path) -> str:
     """Of all files and folders, names included."""
-    found = hashlib.sha256()
+    checksum = hashlib.sha256()
     for path in sorted(folder.rglob("*")):
-        found.update(f"{path.relative_to(folder)}\n".encode())
-        found.update(path.read_bytes() if path.is_file() else b"a folder")
-    return found.hexdigest()
+        checksum.update(f"{path.relative_to(folder)}\n".encode())
+        checksum.update(path.read_bytes() if path.is_file() else b"a folder")
+    return checksum.hexdigest()
 
 
 def files(folder: Path) -> dict[str, tuple[int, int]]:
     """By name, which file it is and when it was written."""
-    found = {str(path.relative_to(folder)): path.stat() for path in folder.rglob("*") if path.is_file()}
-    return {name: (stat.st_ino, stat.st_mtime_ns) for name, stat in found.items()}
+    stats = {str(path.relative_to(folder)): path.stat() for path in folder.rglob("*") if path.is_file()}
+    return {name: (stat.st_ino, stat.st_mtime_ns) for name, stat in stats.items()}
 
 
 def over_joints(

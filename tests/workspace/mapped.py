@@ -13,13 +13,13 @@ def mapped(spec: MapSpecification, most: int = 10**6) -> dict[str, np.ndarray]:
     """By name (*shape, ...), in chunks of at most so many cells."""
     evaluator, region = ChunkEvaluator(spec), spec.region
     chunks = chunk_shape(region.shape, most, cube=True)
-    found: dict[str, np.ndarray] = {}
+    layers: dict[str, np.ndarray] = {}
     for chunk in range(math.prod(chunk_counts(region.shape, chunks))):
         cells = chunk_cells(chunk, region.shape, chunks)
         for name, values in evaluator.values(cells).items():
-            whole = found.setdefault(name, np.zeros((*region.shape, *values.shape[1:]), values.dtype))
+            whole = layers.setdefault(name, np.zeros((*region.shape, *values.shape[1:]), values.dtype))
             whole[cells] = values.reshape(*(s.stop - s.start for s in cells), *values.shape[1:])
-    return found
+    return layers
 
 
 def over(*axes: tuple[str, float, float, int], at=None, **more) -> Region:

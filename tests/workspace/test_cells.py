@@ -37,8 +37,8 @@ def test_a_wave_does_not_change_branches_in_a_cell_where_two_meet(robot, count):
     five_bar = robot("five_bar")
     region = over(("x", -0.7, 0.7, count), ("y", -0.7, 0.7, count))
     spec = MapSpecification(five_bar, region, ("sigma_1",), limits=False)
-    found = mapped(spec)
-    q = found["configuration"][found["reachable"] & (found["sigma_1"] > 1e-3)]
+    layers = mapped(spec)
+    q = layers["configuration"][layers["reachable"] & (layers["sigma_1"] > 1e-3)]
     for joint in ("joint2", "joint4"):
         at = five_bar.q_index(joint)
         assert (np.sign(np.sin(q[:, at])) == np.sign(np.sin(five_bar.q_home[at]))).all()
@@ -60,9 +60,9 @@ def test_a_base_that_floats_rests(tmp_path):
     of_motors = mapped(MapSpecification(flying, over(("slide", -0.5, 0.5, 5), ("turn", -0.5, 0.5, 5)), node="tool"))
     assert np.isfinite(of_motors["sigma_1"]).all()
     region = over(("x", -1.5, 1.5, 9), ("ry", -0.5, 0.5, 3))
-    found = mapped(MapSpecification(flying, region, ("solutions", "sigma_1"), node="tool"))
+    layers = mapped(MapSpecification(flying, region, ("solutions", "sigma_1"), node="tool"))
     within = np.abs(region.axes[0].middles()) <= 1.0
-    np.testing.assert_array_equal(found["solutions"], np.repeat(within[:, None], 3, axis=1).astype(int))
+    np.testing.assert_array_equal(layers["solutions"], np.repeat(within[:, None], 3, axis=1).astype(int))
     spec = MapSpecification(flying, over(("slide", -0.5, 0.5, 5), ("turn", -0.5, 0.5, 5)), ("sigma_1",), node="tool")
     assert loci(make_map(spec, tmp_path / "map.zarr", workers=1), spec) == ()
     rows = of_node(flying, "tool", 6)(flying.q_home)

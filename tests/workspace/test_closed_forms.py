@@ -25,12 +25,12 @@ def agree(got, wanted, few=0.02):
     assert not wanted.all()
 
 
-def searched(found):
+def searched(cells):
     """Whoever is out of reach was looked for, or that is certain; there are configurations of all others alone."""
-    status = found["status"]
-    assert np.isin(status[~found["reachable"]], (CellStatus.UNREACHABLE_NOT_FOUND, CellStatus.UNREACHABLE_PROVED)).all()
-    assert np.isin(status[found["reachable"]], (CellStatus.REACHABLE, CellStatus.REACHABLE_BY_SEARCH)).all()
-    assert (np.isfinite(found["configuration"][..., 0]) == found["reachable"]).all()
+    status = cells["status"]
+    assert np.isin(status[~cells["reachable"]], (CellStatus.UNREACHABLE_NOT_FOUND, CellStatus.UNREACHABLE_PROVED)).all()
+    assert np.isin(status[cells["reachable"]], (CellStatus.REACHABLE, CellStatus.REACHABLE_BY_SEARCH)).all()
+    assert (np.isfinite(cells["configuration"][..., 0]) == cells["reachable"]).all()
 
 
 PLANE = ("x", -0.83, 0.81, 36), ("y", -0.83, 0.82, 36)
@@ -39,41 +39,41 @@ PLANE = ("x", -0.83, 0.81, 36), ("y", -0.83, 0.82, 36)
 @pytest.mark.parametrize(("most", "limits"), [(10**6, True), (50, False)])
 def test_five_bar_reaches_what_both_its_arms_reach_in_all_working_modes(robot, limits, most):
     region = over(*PLANE)
-    found = mapped(MapSpecification(robot("five_bar"), region, ("solutions",), limits=limits), most)
-    agree(found["solutions"], five_bar(*middles(region), limits))
-    agree(found["reachable"], five_bar(*middles(region), limits) > 0)
-    searched(found)
+    layers = mapped(MapSpecification(robot("five_bar"), region, ("solutions",), limits=limits), most)
+    agree(layers["solutions"], five_bar(*middles(region), limits))
+    agree(layers["reachable"], five_bar(*middles(region), limits) > 0)
+    searched(layers)
 
 
 @pytest.mark.parametrize(("turned", "limits"), [(0.5, True), (-2.0, False)])
 def test_planar_3r_reaches_an_annulus_about_where_its_last_link_begins(robot, limits, turned):
     region = over(("x", -1.01, 1.02, 36), ("y", -1.01, 1.03, 36), at={"rz": turned})
-    found = mapped(MapSpecification(robot("planar_3r"), region, ("solutions",), limits=limits))
-    agree(found["solutions"], planar_3r(*middles(region), turned, limits))
-    agree(found["reachable"], planar_3r(*middles(region), turned, limits) > 0)
-    searched(found)
+    layers = mapped(MapSpecification(robot("planar_3r"), region, ("solutions",), limits=limits))
+    agree(layers["solutions"], planar_3r(*middles(region), turned, limits))
+    agree(layers["reachable"], planar_3r(*middles(region), turned, limits) > 0)
+    searched(layers)
     if not limits:
         x, y = middles(region)
         away = np.hypot(x - 0.2 * math.cos(turned), y - 0.2 * math.sin(turned))
-        np.testing.assert_array_equal(found["reachable"], (away >= 0.1) & (away <= 0.7))
+        np.testing.assert_array_equal(layers["reachable"], (away >= 0.1) & (away <= 0.7))
 
 
 @pytest.mark.parametrize(("counts", "most"), [((14, 13, 12), 60), ((7, 6, 5), 10**6)])
 def test_delta4_s_working_volume_also_where_cells_are_large(robot, counts, most):
     lows, highs = (-5.0, -5.0, -6.0), (5.1, 5.2, 3.0)
     region = over(*zip("xyz", lows, highs, counts, strict=True))
-    found = mapped(MapSpecification(robot("delta4"), region, ()), most)
-    agree(found["reachable"], delta4(*middles(region)) > 0)
-    searched(found)
+    layers = mapped(MapSpecification(robot("delta4"), region, ()), most)
+    agree(layers["reachable"], delta4(*middles(region)) > 0)
+    searched(layers)
 
 
 def test_delta4_has_one_solution_within_limits_and_eight_without(robot):
     region = over(("x", -5.0, 5.1, 14), ("y", -5.0, 5.2, 14), at={"z": -1.8, "rx": 0.0, "ry": 0.0, "rz": 0.0})
     for limits in (True, False):
-        found = mapped(MapSpecification(robot("delta4"), region, ("solutions",), limits=limits))
+        layers = mapped(MapSpecification(robot("delta4"), region, ("solutions",), limits=limits))
         wanted = delta4(*middles(region), -1.8, limits)
         assert wanted.max() == (1 if limits else 8)
-        agree(found["solutions"], wanted)
+        agree(layers["solutions"], wanted)
 
 
 # --- other regions ---------------------------------------------------------------------------------------------------
@@ -81,9 +81,9 @@ def test_delta4_has_one_solution_within_limits_and_eight_without(robot):
 
 def test_rx90_s_full_pose_at_a_fixed_orientation(robot):
     region = over(("x", -1.0, 1.0, 9), ("y", -1.0, 1.1, 9), ("z", -1.0, 1.0, 8), at={"rx": 0.4, "ry": 1.9, "rz": -0.3})
-    found = mapped(MapSpecification(robot("rx90"), region, ("solutions",)))
+    layers = mapped(MapSpecification(robot("rx90"), region, ("solutions",)))
     points, rotations = region.poses(pin.SE3.Identity(), region.values((slice(None),) * 3))
-    agree(found["solutions"], rx90(points, rotations).reshape(region.shape))
+    agree(layers["solutions"], rx90(points, rotations).reshape(region.shape))
 
 
 # --- what is apart ---------------------------------------------------------------------------------------------------
@@ -108,12 +108,12 @@ def test_both_parts_are_found_where_limits_part_an_arm_s_poses(raff, root):
     x, y = middles(region)
     wanted = np.zeros(region.shape, dtype=bool)
     for elbow in (1, -1):
-        one, two, ok = two_bar_angles(x + 0.2, y, 0.4, 0.3, elbow)
-        wanted |= ok & within(one, -120, 120) & within(two, -100, 100) & within(math.pi - one - two, -30, 30)
+        q1, q2, ok = two_bar_angles(x + 0.2, y, 0.4, 0.3, elbow)
+        wanted |= ok & within(q1, -120, 120) & within(q2, -100, 100) & within(math.pi - q1 - q2, -30, 30)
     assert label(wanted)[1] == 2
-    found = mapped(MapSpecification(arm, region, ()), 100)
-    agree(found["reachable"], wanted)
-    searched(found)
+    layers = mapped(MapSpecification(arm, region, ()), 100)
+    agree(layers["reachable"], wanted)
+    searched(layers)
 
 
 # --- certainty -------------------------------------------------------------------------------------------------------
@@ -155,7 +155,7 @@ def test_what_is_too_far_is_so_by_chains_that_are_known(robot):
 @pytest.mark.parametrize(("limits", "most"), [(True, 77), (False, 10**6)])
 def test_five_bar_s_motors_close_it_on_home_s_side(robot, limits, most):
     region = over(("joint1", -math.pi, math.pi, 30), ("joint3", -math.pi, math.pi, 30))
-    found = mapped(MapSpecification(robot("five_bar"), region, (), limits=limits), most)
+    layers = mapped(MapSpecification(robot("five_bar"), region, (), limits=limits), most)
     left, right = middles(region)
     elbows = np.array([-0.3 + 0.25 * (np.cos(left) - np.cos(right)), 0.25 * (np.sin(left) - np.sin(right))])
     half, base = np.arccos(np.linalg.norm(elbows, axis=0) / 0.8), np.arctan2(*-elbows[::-1])
@@ -168,10 +168,10 @@ def test_five_bar_s_motors_close_it_on_home_s_side(robot, limits, most):
         wanted = within(two, -170, -5) & within(four, 5, 170) & within(left + two - right - four, -175, -5)
         for motor, low, high in ((left, 60, 200), (right, -20, 120)):
             wanted &= (motor >= math.radians(low)) & (motor <= math.radians(high))
-    np.testing.assert_array_equal(found["reachable"], wanted)
-    assert (found["status"] == np.where(wanted, CellStatus.REACHABLE, CellStatus.BEYOND_LIMITS)).all()
+    np.testing.assert_array_equal(layers["reachable"], wanted)
+    assert (layers["status"] == np.where(wanted, CellStatus.REACHABLE, CellStatus.BEYOND_LIMITS)).all()
     mechanism = robot("five_bar")
-    for q, x, y in zip(found["configuration"][wanted], tool[0][wanted], tool[1][wanted], strict=True):
+    for q, x, y in zip(layers["configuration"][wanted], tool[0][wanted], tool[1][wanted], strict=True):
         np.testing.assert_allclose(mechanism.placement(q, "tool").translation, [x, y, 0.0], atol=1e-9)
 
 
@@ -179,14 +179,14 @@ def test_motors_have_as_many_assembly_modes_as_two_circles_have_points_in_common
     apart = ("d -150.0", "d -300.0"), ("d 150.0", "d 300.0"), ("theta 125.0", "theta 90"), ("theta 50.0", "theta 90")
     bars = variant(raff, root, "five_bar", *apart)
     region = over(("joint1", 0.0, math.pi, 9), ("joint3", 0.0, math.pi, 9))
-    found = mapped(MapSpecification(bars, region, ("solutions",), limits=False))
+    layers = mapped(MapSpecification(bars, region, ("solutions",), limits=False))
     left, right = middles(region)
     elbows = np.hypot(-0.6 + 0.25 * (np.cos(left) - np.cos(right)), 0.25 * (np.sin(left) - np.sin(right)))
     wanted = np.where(elbows < 0.8, 2, 0)
     assert set(np.unique(wanted)) == {0, 2}
-    np.testing.assert_array_equal(found["solutions"], wanted)
-    np.testing.assert_array_equal(found["reachable"], wanted > 0)
-    assert (found["status"][wanted == 0] == CellStatus.LOOPS_OPEN).all()
+    np.testing.assert_array_equal(layers["solutions"], wanted)
+    np.testing.assert_array_equal(layers["reachable"], wanted > 0)
+    assert (layers["status"][wanted == 0] == CellStatus.LOOPS_OPEN).all()
 
 
 # --- the whole way ---------------------------------------------------------------------------------------------------
@@ -194,11 +194,11 @@ def test_motors_have_as_many_assembly_modes_as_two_circles_have_points_in_common
 
 def test_a_region_out_of_reach_is_a_map_without_a_cell(robot):
     far = over(("x", 3.0, 4.0, 5), ("y", 3.0, 4.0, 5))
-    found = mapped(MapSpecification(robot("five_bar"), far, ("solutions", "sigma_1", "sigma_2", "velocity", "margin")))
-    assert not found["reachable"].any()
-    assert (found["status"] == CellStatus.UNREACHABLE_PROVED).all()
-    assert (found["solutions"] == 0).all()
-    assert all(np.isnan(found[name]).all() for name in ("sigma_1", "sigma_2", "velocity", "margin"))
+    layers = mapped(MapSpecification(robot("five_bar"), far, ("solutions", "sigma_1", "sigma_2", "velocity", "margin")))
+    assert not layers["reachable"].any()
+    assert (layers["status"] == CellStatus.UNREACHABLE_PROVED).all()
+    assert (layers["solutions"] == 0).all()
+    assert all(np.isnan(layers[name]).all() for name in ("sigma_1", "sigma_2", "velocity", "margin"))
 
 
 @pytest.mark.parametrize(

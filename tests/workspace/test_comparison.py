@@ -31,29 +31,29 @@ def both(made):
 
 
 def test_rings_that_overlap(both):
-    found = compare(*both)
+    compared = compare(*both)
     ring = math.pi * (0.7**2 - 0.1**2)
     lens = LENS - 2.0 * math.pi * 0.1**2  # both holes are in it
-    for extent, exact in ((found.first, ring), (found.second, ring), (found.both, lens),
-                          (found.only_first, ring - lens), (found.only_second, ring - lens)):  # fmt: skip
+    for extent, exact in ((compared.first, ring), (compared.second, ring), (compared.both, lens),
+                          (compared.only_first, ring - lens), (compared.only_second, ring - lens)):  # fmt: skip
         assert extent.low < exact < extent.high
         assert extent.value == pytest.approx(exact, rel=0.04)
-    assert found.first.value == pytest.approx(found.both.value + found.only_first.value)
-    assert found.second.value == pytest.approx(found.both.value + found.only_second.value)
-    assert found.remarks == ("rz: 0 and 3.14159",)
+    assert compared.first.value == pytest.approx(compared.both.value + compared.only_first.value)
+    assert compared.second.value == pytest.approx(compared.both.value + compared.only_second.value)
+    assert compared.remarks == ("rz: 0 and 3.14159",)
 
 
 def test_quantities_differ_as_the_closed_form_says(both, robot):
     """l1 l2 |sin q2| by the wrist's distance from the base, here and there."""
-    found = compare(*both)
-    x, y = np.meshgrid(*(axis.middles() for axis in found.region.axes), indexing="ij")
+    compared = compare(*both)
+    x, y = np.meshgrid(*(axis.middles() for axis in compared.region.axes), indexing="ij")
     scale = robot("planar_3r").length ** 2
 
     def manipulability(middle):
         cos = (np.hypot(x - middle, y) ** 2 - 0.4**2 - 0.3**2) / (2.0 * 0.4 * 0.3)
         return 0.4 * 0.3 * np.sqrt(1.0 - np.where(np.abs(cos) < 1.0, cos, np.nan) ** 2) / scale
 
-    difference = found.differences["manipulability"]
+    difference = compared.differences["manipulability"]
     np.testing.assert_allclose(difference.values, manipulability(-0.2) - manipulability(0.2), atol=1e-6)
     least, median, most = difference.range
     assert least == pytest.approx(-most, abs=1e-6)  # mirrored
@@ -63,19 +63,19 @@ def test_quantities_differ_as_the_closed_form_says(both, robot):
 def test_grids_that_overlap_are_compared_where_they_do(made, both):
     """The same robot, cut finer and elsewhere: on the coarser cells both say the same, but for cells on the border."""
     fine = made(("x", -0.3, 1.5, 90), ("y", -1.5, 1.5, 150), at={"rz": 0.0})
-    found = compare(both[0], fine)
-    assert [(a.low, a.high, a.count) for a in found.region.axes] == [
+    compared = compare(both[0], fine)
+    assert [(a.low, a.high, a.count) for a in compared.region.axes] == [
         (-0.3, pytest.approx(0.98), 32),
         (-1.0, pytest.approx(1.0), 50),
     ]
-    right = found.region.axes[0].middles()  # of the ring, what is beyond x = -0.3: less a piece of its outer circle
+    right = compared.region.axes[0].middles()  # of the ring, what is beyond x = -0.3: less a piece of its outer circle
     piece = 0.7**2 * math.acos(0.5 / 0.7) - 0.5 * math.sqrt(0.7**2 - 0.5**2)
     exact = math.pi * (0.7**2 - 0.1**2) - piece
     assert right[0] > -0.3
-    for extent in (found.first, found.second):
+    for extent in (compared.first, compared.second):
         assert extent.low < exact < extent.high
         assert extent.value == pytest.approx(exact, rel=0.05)
-    assert found.only_first.value + found.only_second.value < 0.1 * found.both.value
+    assert compared.only_first.value + compared.only_second.value < 0.1 * compared.both.value
 
 
 def test_maps_that_cannot_be_compared(both, robot, tmp_path):
@@ -92,6 +92,6 @@ def test_maps_that_cannot_be_compared(both, robot, tmp_path):
     with pytest.raises(MapError, match=r"spheres of radius 0.5 and 0.6 m"):
         compare(*around)
     slide = next(name for name in robot("delta4_linear").actuated if name in robot("planar_3r").actuated)
-    one, other = (small(name, (slide, 0.0, 0.1, 2)) for name in ("planar_3r", "delta4_linear"))
+    in_rad, other = (small(name, (slide, 0.0, 0.1, 2)) for name in ("planar_3r", "delta4_linear"))
     with pytest.raises(MapError, match="measured in rad, the other's in m: they can't be compared"):
-        compare(one, other)
+        compare(in_rad, other)

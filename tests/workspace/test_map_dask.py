@@ -74,13 +74,13 @@ def children(pid):
 
 
 def test_two_processes_make_the_same_bytes_as_one(spec, whole, address, tmp_path, capfd):
-    told = []
+    reports = []
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        make_map(spec, tmp_path / "two.zarr", scheduler=address, most=MOST, report=lambda *done: told.append(done))
+        make_map(spec, tmp_path / "two.zarr", scheduler=address, most=MOST, report=lambda *done: reports.append(done))
     assert digest(tmp_path / "two.zarr") == digest(whole)
-    assert [told[0], told[-1]] == [(0, spec.region.size), (spec.region.size, spec.region.size)]
-    assert [done for done, _ in told] == sorted(done for done, _ in told)
+    assert [reports[0], reports[-1]] == [(0, spec.region.size), (spec.region.size, spec.region.size)]
+    assert [done for done, _ in reports] == sorted(done for done, _ in reports)
     assert set(os.listdir(tmp_path)) == {"two.zarr"}
     assert capfd.readouterr() == ("", "")
 

@@ -41,7 +41,7 @@ def cells(spec):
     values = {name: QUANTITIES[name].values(made) for name in spec.quantities}
     known = np.isfinite(made.evaluations.q).all(axis=1)
     assert known.sum() > 1
-    return [(q, {name: one[k] for name, one in values.items()}) for k, q in enumerate(made.evaluations.q) if known[k]]
+    return [(q, {name: data[k] for name, data in values.items()}) for k, q in enumerate(made.evaluations.q) if known[k]]
 
 
 def lever(q):
@@ -111,10 +111,10 @@ def test_an_upright_arm_holds_what_statics_gives_it(arm):
 def test_the_payload_in_any_direction_of_gravity_is_that_of_the_worst(arm, push):
     """Against the payloads in many directions, of which none is less, and the worst hardly more."""
     region = over(("x", 0.3, 0.7, 2), ("z", -0.3, 0.4, 2))
-    given = {"tip": (push, 0.0, -0.5 * push, 0.0, 0.0, 0.0)} if push else {}
+    wrenches = {"tip": (push, 0.0, -0.5 * push, 0.0, 0.0, 0.0)} if push else {}
     angles = np.linspace(0.0, 2.0 * math.pi, 2001)
     down = G * np.array([np.sin(angles), np.cos(angles)])  # along y the axes bear it
-    for q, values in cells(MapSpecification(arm, region, ("payload_any",), "tip", wrenches=given)):
+    for q, values in cells(MapSpecification(arm, region, ("payload_any",), "tip", wrenches=wrenches)):
         first = UPPER * np.array([[-math.sin(q[0]), 0.0], [math.cos(q[0]), 0.0]])
         weight = (MASSES[0] * first + MASSES[1] * lever(q)).T @ down + (lever(q).T @ [push, -0.5 * push])[:, None]
         by_mass = lever(q).T @ down
@@ -195,15 +195,15 @@ REGION = Region((GridAxis("x", -0.2, 0.2, 4), GridAxis("y", 0.3, 0.6, 3)))
 def test_each_cell_has_the_accuracy_of_its_configuration(tmp_path):
     five_bar = cinegen.load("five_bar")
     spec = MapSpecification(five_bar, REGION, ("accuracy",), tolerances=GIVEN)
-    found = make_map(spec, tmp_path / "map.zarr", workers=1)
-    values, joints = found.accuracy.values.ravel(), found.configuration.values.reshape(-1, len(five_bar.joints))
+    dataset = make_map(spec, tmp_path / "map.zarr", workers=1)
+    values, joints = dataset.accuracy.values.ravel(), dataset.configuration.values.reshape(-1, len(five_bar.joints))
     known = np.flatnonzero(np.isfinite(values))
     assert len(known) >= 6
     for i in known:
-        q = five_bar.configuration(dict(zip(found.joint.values.tolist(), joints[i].tolist(), strict=True)))
-        one = tolerance("five_bar", SIGMA, encoder={"joint1": "0.01deg"}, q=q)
-        np.testing.assert_allclose(values[i], one.position, rtol=1e-5)  # maps are stored as float32
-    found.close()
+        q = five_bar.configuration(dict(zip(dataset.joint.values.tolist(), joints[i].tolist(), strict=True)))
+        accuracy = tolerance("five_bar", SIGMA, encoder={"joint1": "0.01deg"}, q=q)
+        np.testing.assert_allclose(values[i], accuracy.position, rtol=1e-5)  # maps are stored as float32
+    dataset.close()
     assert open_map(tmp_path / "map.zarr").accuracy.attrs["units"] == "m"
 
 

@@ -37,12 +37,12 @@ SPECIFICATIONS = {
 
 def cells(spec):
     """Each cell that is reached: its configuration, and by quantity its value."""
-    found = mapped(spec)
-    reached = found["reachable"]
+    layers = mapped(spec)
+    reached = layers["reachable"]
     assert reached.sum() > 3
-    rows = zip(*(found[name][reached] for name in spec.quantities), strict=True)
+    rows = zip(*(layers[name][reached] for name in spec.quantities), strict=True)
     values = [dict(zip(spec.quantities, row, strict=True)) for row in rows]
-    return list(zip(found["configuration"][reached], values, strict=True))
+    return list(zip(layers["configuration"][reached], values, strict=True))
 
 
 def loop_rows(mechanism, q):
@@ -90,9 +90,9 @@ def test_two_bars_have_the_manipulability_and_the_speeds_that_textbooks_give_the
     spec = MapSpecification(arm, region, quantities, along=(0.6, 0.8, 0.0))
     speeds = np.radians([90.0, 180.0])
     for q, values in cells(spec):
-        one, both = q[0], q[0] + q[1]
-        j = np.array([[-0.5 * math.sin(one) - 0.3 * math.sin(both), -0.3 * math.sin(both)],
-                      [0.5 * math.cos(one) + 0.3 * math.cos(both), 0.3 * math.cos(both)]])  # fmt: skip
+        q1, both = q[0], q[0] + q[1]
+        j = np.array([[-0.5 * math.sin(q1) - 0.3 * math.sin(both), -0.3 * math.sin(both)],
+                      [0.5 * math.cos(q1) + 0.3 * math.cos(both), 0.3 * math.cos(both)]])  # fmt: skip
         assert values["manipulability"] == pytest.approx(abs(0.15 * math.sin(q[1])) / arm.length**2, rel=1e-5)
         assert values["sigma_1"] == pytest.approx(np.linalg.svd(j / arm.length)[1][-1], rel=1e-5)
         assert values["velocity"] == pytest.approx(np.abs(j.T @ [0.6, 0.8]) @ speeds, rel=1e-5)
@@ -103,21 +103,21 @@ def test_two_bars_have_the_manipulability_and_the_speeds_that_textbooks_give_the
 # --- capability ------------------------------------------------------------------------------------------------------
 
 
-def limits_of(mechanism, given):
+def limits_of(mechanism, declared):
     """(nv,) what motors are allowed, 1 where nothing is said; without bound for joints that have no motor."""
     columns = [mechanism.v_index(name) for name in mechanism.actuated]
-    found = np.full(mechanism.model.nv, np.inf)
-    found[columns] = np.where((given[columns] > 0.0) & (given[columns] < 1e8), given[columns], 1.0)
-    return found
+    limits = np.full(mechanism.model.nv, np.inf)
+    limits[columns] = np.where((declared[columns] > 0.0) & (declared[columns] < 1e8), declared[columns], 1.0)
+    return limits
 
 
 def greatest_speed(mechanism, q, node, along):
     """m/s: of all joint velocities that keep the loops closed and motors within their limits."""
     limits = limits_of(mechanism, mechanism.model.upperVelocityLimit)
     rows = loop_rows(mechanism, q) / mechanism.scale
-    own = mechanism.placement(q, node).rotation.T @ along
+    in_node = mechanism.placement(q, node).rotation.T @ along
     best = linprog(
-        -own @ mechanism.jacobian(q, node)[:3], A_eq=rows, b_eq=np.zeros(len(rows)), bounds=np.c_[-limits, limits],
+        -in_node @ mechanism.jacobian(q, node)[:3], A_eq=rows, b_eq=np.zeros(len(rows)), bounds=np.c_[-limits, limits],
         method="highs",
     )  # fmt: skip
     return -best.fun
@@ -144,9 +144,9 @@ def test_speeds_and_forces_through_couplings_are_those_of_linear_programmes(robo
     axes = ((joint, home - 0.05, home + 0.05, 2) for joint, home in homes)
     along = np.array([0.48, 0.6, 0.64])
     spec = MapSpecification(mechanism, over(*axes), ("velocity", "force"), along=tuple(along), limits=False)
-    found = mapped(spec)
-    reached = found["reachable"]
-    rows = [found[key][reached] for key in ("configuration", "velocity", "force")]
+    layers = mapped(spec)
+    reached = layers["reachable"]
+    rows = [layers[key][reached] for key in ("configuration", "velocity", "force")]
     assert reached.sum() >= 2
     for q, speed, force in zip(*rows, strict=True):
         assert speed == pytest.approx(greatest_speed(mechanism, q, spec.node, along), rel=1e-4)
@@ -162,13 +162,13 @@ def test_where_the_actuated_joints_control_nothing_there_is_no_speed_no_force_an
         five_bar, over(*axes), names, limits=False, reaction="joint2", gravity=(0.0, -9.81, 0.0),
         stiffness=dict.fromkeys(five_bar.actuated, 1e3),
     )  # fmt: skip
-    found = mapped(spec)
-    assert found["reachable"].all()
-    assert found["sigma_2"].item() < 1e-7
-    assert found["condition"].item() == found["reaction_force"].item() == math.inf
-    assert found["stiffness"].item() == found["frequency"].item() == 0.0
+    layers = mapped(spec)
+    assert layers["reachable"].all()
+    assert layers["sigma_2"].item() < 1e-7
+    assert layers["condition"].item() == layers["reaction_force"].item() == math.inf
+    assert layers["stiffness"].item() == layers["frequency"].item() == 0.0
     for name in ("manipulability", "velocity", "force"):
-        assert math.isnan(found[name].item())
+        assert math.isnan(layers[name].item())
 
 
 # --- limits, directions, obstacles -----------------------------------------------------------------------------------
@@ -215,9 +215,9 @@ def test_clearance_is_of_shapes_that_lie_in_files_beside_the_robot(tmp_path):
     arm = cinegen.load(tmp_path / "arm.urdf")
     scene = {"name": "ball", "goal": {"point": [0, 0, 0]}, "obstacle": [BALL]}
     spec = MapSpecification(arm, over(("x", -0.4, 0.2, 6)), ("clearance",), "tool", scene=scene)
-    found = make_map(spec, tmp_path / "arm.zarr", workers=1)
-    across, above = np.maximum(np.abs(found.x.values - 0.4) - 0.05, 0.0), 0.3 - 0.2
-    np.testing.assert_allclose(found.clearance, np.hypot(across, above) - 0.1, atol=1e-5)
+    dataset = make_map(spec, tmp_path / "arm.zarr", workers=1)
+    across, above = np.maximum(np.abs(dataset.x.values - 0.4) - 0.05, 0.0), 0.3 - 0.2
+    np.testing.assert_allclose(dataset.clearance, np.hypot(across, above) - 0.1, atol=1e-5)
 
 
 def test_a_robot_is_the_same_wherever_its_shapes_lie_and_another_if_it_moves_otherwise(robot, tmp_path):
@@ -226,12 +226,12 @@ def test_a_robot_is_the_same_wherever_its_shapes_lie_and_another_if_it_moves_oth
     elsewhere = re.sub(r'filename="[^"]*/', 'filename="/elsewhere/', source.urdf)
     assert elsewhere != source.urdf
     moved = build(elsewhere, source.constraints, str(tmp_path), "another name")
-    one, two = (MapSpecification(mechanism, region) for mechanism in (robot("delta4"), moved))
-    assert (one.text, one.robot_hash) == (two.text, two.robot_hash)
+    original, changed = (MapSpecification(mechanism, region) for mechanism in (robot("delta4"), moved))
+    assert (original.text, original.robot_hash) == (changed.text, changed.robot_hash)
     source = robot("five_bar").source
     longer = build(source.urdf.replace("0.25", "0.26"), source.constraints)
-    one, two = (MapSpecification(mechanism, region) for mechanism in (robot("five_bar"), longer))
-    assert one.robot_hash != two.robot_hash
+    original, changed = (MapSpecification(mechanism, region) for mechanism in (robot("five_bar"), longer))
+    assert original.robot_hash != changed.robot_hash
 
 
 @functools.cache
@@ -249,7 +249,7 @@ def test_a_motor_whose_name_a_map_can_t_hold_is_refused(name):
 
 @given(st.tuples(*(st.floats(-3.0, 3.0),) * 3).filter(lambda along: math.hypot(*along) > 0.01))
 def test_what_is_written_of_a_survey_is_read_back_to_the_last_bit(along):
-    one = MapSpecification(_slide("slide"), over(("x", -0.5, 0.5, 3)), ("velocity",), along=along)
-    again = MapSpecification.of_attributes(one.attributes)
-    assert again.text == one.text
-    assert MapSpecification(again.mechanism, again.region, again.quantities, along=again.along).text == one.text
+    spec = MapSpecification(_slide("slide"), over(("x", -0.5, 0.5, 3)), ("velocity",), along=along)
+    again = MapSpecification.of_attributes(spec.attributes)
+    assert again.text == spec.text
+    assert MapSpecification(again.mechanism, again.region, again.quantities, along=again.along).text == spec.text

@@ -274,10 +274,10 @@ def wrist(tmp_path_factory):
 def test_a_disc_is_always_within_the_bound(radius, x, y, rows, columns):
     region = Region((GridAxis("x", -1.4, 1.4, rows), GridAxis("y", -1.4, 1.4, columns)))
     assume(radius > 1.5 * max(axis.width for axis in region.axes))
-    found = measured(region, lambda u, v: np.hypot(u - x, v - y) <= radius)
-    assert found.low <= math.pi * radius**2 <= found.high
+    area = measured(region, lambda u, v: np.hypot(u - x, v - y) <= radius)
+    assert area.low <= math.pi * radius**2 <= area.high
     ring = math.hypot(*(axis.width for axis in region.axes))  # nothing is further from the border
-    assert found.high - found.low <= 2.0 * math.pi * radius * 4.0 * ring
+    assert area.high - area.low <= 2.0 * math.pi * radius * 4.0 * ring
 
 
 def test_the_bound_shrinks_with_the_cells():
@@ -286,9 +286,9 @@ def test_the_bound_shrinks_with_the_cells():
 
 
 def test_a_full_region_is_exact():
-    found = measured(square(1.0, 7), lambda u, v: u < 9.0)
-    assert (found.value, found.error) == (pytest.approx(4.0), 0.0)
-    assert str(found) == "4 m^2"
+    area = measured(square(1.0, 7), lambda u, v: u < 9.0)
+    assert (area.value, area.error) == (pytest.approx(4.0), 0.0)
+    assert str(area) == "4 m^2"
 
 
 # --- how it is counted -------------------------------------------------------------------------------------------
@@ -301,12 +301,12 @@ def test_where_a_whole_turn_begins_makes_no_difference(turn):
     middles = np.meshgrid(*(axis.middles() for axis in axes), indexing="ij")
     cells = np.hypot(middles[0] - 0.3, middles[1]) < 1.0
     rolled = np.roll(cells, turn, axis=0)
-    one, other = (
+    original, other = (
         extent_of(region, "m^2", these, *bounds(region.periodic, these, np.zeros_like(these)))
         for these in (cells, rolled)
     )
     for name in ("value", "low", "high"):
-        assert getattr(one, name) == pytest.approx(getattr(other, name))
+        assert getattr(original, name) == pytest.approx(getattr(other, name))
 
 
 @pytest.mark.parametrize("at_once", [1, 100, 700])
@@ -331,10 +331,10 @@ def test_what_nobody_has_looked_at_may_be_there(wrist):
     gone[30:40, 20:40] = True
     part["status"] = part.status.where(~gone, CellStatus.NOT_EVALUATED).astype("uint8")
     part["reachable"] = part.reachable & ~gone
-    found, all_of_it = extent(part), extent(wrist)
-    assert found.value < all_of_it.value
-    assert found.low < math.pi * (0.7**2 - 0.1**2) < found.high
-    assert found.high >= all_of_it.value
+    known, all_of_it = extent(part), extent(wrist)
+    assert known.value < all_of_it.value
+    assert known.low < math.pi * (0.7**2 - 0.1**2) < known.high
+    assert known.high >= all_of_it.value
 
 
 @pytest.mark.parametrize(

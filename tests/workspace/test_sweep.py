@@ -51,10 +51,10 @@ numbers = st.floats(-1e4, 1e4).map(lambda value: float(f"{value:.9g}"))
 def test_a_variation_is_read_as_it_is_written(low, high, count, names):
     if abs(high - low) < 1e-3:
         return
-    one = Variation(tuple(map(SweptParameter.parse, names.split("+"))), low, high, count)
-    assert Variation.parse(str(one)) == one
-    assert one.heading == names
-    assert one.values == pytest.approx([low + k * (high - low) / (count - 1) for k in range(count)], abs=1e-6)
+    variation = Variation(tuple(map(SweptParameter.parse, names.split("+"))), low, high, count)
+    assert Variation.parse(str(variation)) == variation
+    assert variation.heading == names
+    assert variation.values == pytest.approx([low + k * (high - low) / (count - 1) for k in range(count)], abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -89,30 +89,30 @@ def test_a_variant_is_a_raff_file_that_says_the_values_and_else_the_same(robot, 
     part = data.draw(st.sampled_from([document.robot().base, *document.robot().parts]))
     name, low = data.draw(st.sampled_from(KLEINFINGER)), data.draw(numbers)
     opposite = data.draw(st.booleans())
-    found = variants(document, [Variation((SweptParameter(part.node, name, opposite),), low, low + 90.0, 3)])
-    assert len({variant.name for variant in found}) == 3
-    for variant in found:
+    swept = variants(document, [Variation((SweptParameter(part.node, name, opposite),), low, low + 90.0, 3)])
+    assert len({variant.name for variant in swept}) == 3
+    for variant in swept:
         (value,) = variant.values.values()
-        there = raff2urdf.loads(variant.raff())
-        assert there == variant.document
-        changed = there.robot().nodes[part.number]
+        reread = raff2urdf.loads(variant.raff())
+        assert reread == variant.document
+        changed = reread.robot().nodes[part.number]
         assert getattr(changed.parameters, name) == (-value if opposite else value)
         back = replace(changed, parameters=part.parameters)
-        parts = tuple(back if one is changed else one for one in there.robot().parts)
-        base = back if part.number == 0 else there.robot().base
-        assert replace(there, robots=(replace(there.robot(), base=base, parts=parts),)) == document
+        parts = tuple(back if node is changed else node for node in reread.robot().parts)
+        base = back if part.number == 0 else reread.robot().base
+        assert replace(reread, robots=(replace(reread.robot(), base=base, parts=parts),)) == document
 
 
 def test_parameters_that_are_joined_vary_together_and_others_in_all_combinations(arm):
-    found = variants(raff2urdf.load(arm), parse("link2.d+tool.d+-frame3.r=100..200:2", "link1.limits.high=90..170:3"))
-    assert len(found) == 6
-    for variant in found:
+    swept = variants(raff2urdf.load(arm), parse("link2.d+tool.d+-frame3.r=100..200:2", "link1.limits.high=90..170:3"))
+    assert len(swept) == 6
+    for variant in swept:
         nodes = variant.document.robot().nodes
         length, limit = variant.values.values()
         assert [nodes[2].parameters.d, nodes[3].parameters.d, nodes[3].parameters.r] == [length, length, -length]
         assert nodes[1].limits == (-180.0, limit)
         assert nodes[2].velocity == 90.0
-    assert found[1].name == "link2.d+tool.d+-frame3.r=100,link1.limits.high=130"
+    assert swept[1].name == "link2.d+tool.d+-frame3.r=100,link1.limits.high=130"
 
 
 # --- figures ----------------------------------------------------------------------------------------------------------
@@ -196,12 +196,12 @@ def test_motors_lose_hold_of_a_five_bar_where_its_outer_bars_are_in_line(robot, 
         borders = (axis.borders[part.start : part.stop + 1] for axis, part in zip(region.axes, cells, strict=True))
         box = WantedBox({name: (at[0], at[-1]) for name, at in zip("xy", borders, strict=True)})
         field = BoxConfigurations(spec, box.grid(region), q[cells])
-        found = regularity(field)
-        if not found.joined or found.first:
+        result = regularity(field)
+        if not result.joined or result.first:
             continue
         signs = np.sign(np.sin(field.q[field.reached] @ [1.0, 1.0, -1.0, -1.0, *[0.0] * (q.shape[-1] - 4)]))
-        assert found.second == (signs.min() < signs.max())
-        sure += 1 + 100 * found.second
+        assert result.second == (signs.min() < signs.max())
+        sure += 1 + 100 * result.second
     assert sure > 120  # both were among them
 
 
@@ -240,8 +240,8 @@ def test_a_sweep_goes_on_and_its_variants_can_be_loaded(arm, tmp_path):
     written = {path: path.stat().st_mtime_ns for path in out.rglob("map.zarr/status/c.*")}
     assert len(written) >= 4
     for row in first.rows:
-        there = raff2urdf.load(out / row.name / "robot.raff").robot().nodes
-        assert (there[2].parameters.d, there[3].parameters.d) == tuple(row.values.values())
+        nodes = raff2urdf.load(out / row.name / "robot.raff").robot().nodes
+        assert (nodes[2].parameters.d, nodes[3].parameters.d) == tuple(row.values.values())
     text = (out / "table.csv").read_bytes()
     for path in (out / first.rows[2].name / "map.zarr" / "status").glob("c.*"):
         path.unlink()  # as if it had been stopped there

@@ -70,16 +70,16 @@ def again(spec, path):
 
 
 def test_what_is_read_is_what_was_found_in_every_cell(spec, whole):
-    found, read = mapped(spec), open_map(whole)
-    assert set(read.data_vars) == set(found)
-    for name, values in found.items():
+    layers, read = mapped(spec), open_map(whole)
+    assert set(read.data_vars) == set(layers)
+    for name, values in layers.items():
         assert read[name].dtype == values.dtype
         np.testing.assert_array_equal(read[name].values, values)
     assert 0 < int(read["reachable"].sum()) < spec.region.size
     for axis in spec.region.axes:
         np.testing.assert_array_equal(read[axis.name].values, axis.middles())
     group = zarr.open_group(whole, mode="r")
-    assert all((np.asarray(group[name]) == values).all() for name, values in found.items() if values.dtype == bool)
+    assert all((np.asarray(group[name]) == values).all() for name, values in layers.items() if values.dtype == bool)
     assert read["sigma_1"].attrs["units"] == "1"
     assert read.attrs["robot_sha256"] == spec.robot_hash
 
@@ -102,9 +102,9 @@ def test_xarray_opens_a_map_without_a_warning_and_finds_a_name_a_unit_and_a_coor
     assert read["configuration"].sizes["joint"] == mechanism.model.nq == len(set(read["joint"].values))
     assert "joint_unit" in read["configuration"].coords
     for joint in names:
-        one = read["configuration"].sel(joint=joint)
-        assert one["joint_unit"].item() == ("m" if mechanism.is_prismatic(joint) else "rad")
-        np.testing.assert_array_equal(one.values, read["configuration"].values[..., mechanism.q_index(joint)])
+        coordinate = read["configuration"].sel(joint=joint)
+        assert coordinate["joint_unit"].item() == ("m" if mechanism.is_prismatic(joint) else "rad")
+        np.testing.assert_array_equal(coordinate.values, read["configuration"].values[..., mechanism.q_index(joint)])
     for variable in read.variables:
         attributes = read[variable].attrs
         assert attributes["long_name"]
@@ -130,8 +130,8 @@ def test_a_chunk_comes_to_the_same_whatever_was_made_before(robot, name, of):
     shape = spec.region.shape
     chunks = chunk_shape(shape, 40, cube=True)
     cells = [chunk_cells(chunk, shape, chunks) for chunk in range(math.prod(chunk_counts(shape, chunks)))]
-    one, other = ChunkEvaluator(spec), ChunkEvaluator(spec)
-    forth = [one.values(chunk) for chunk in cells]
+    forward, other = ChunkEvaluator(spec), ChunkEvaluator(spec)
+    forth = [forward.values(chunk) for chunk in cells]
     back = [other.values(chunk) for chunk in reversed(cells)][::-1]
     for values, others in zip(forth, back, strict=True):
         first, second = ({key: value.tobytes() for key, value in some.items()} for some in (values, others))
@@ -210,9 +210,9 @@ def test_killed_between_two_chunks_or_in_one_it_goes_on(spec, whole, tmp_path, r
     done = MapStore(path).complete().sum()
     assert done >= 2
     cells = MapStore(path).done
-    told = []
-    make_map(spec, path, workers=1, most=MOST, report=lambda *counts: told.append(counts))
-    assert [told[0], told[-1]] == [(cells, spec.region.size), (spec.region.size, spec.region.size)]
+    reports = []
+    make_map(spec, path, workers=1, most=MOST, report=lambda *counts: reports.append(counts))
+    assert [reports[0], reports[-1]] == [(cells, spec.region.size), (spec.region.size, spec.region.size)]
     assert made[0] == len(MapStore(path).complete()) - done
     assert digest(path) == digest(whole)
     assert os.listdir(tmp_path) == ["map.zarr"]
