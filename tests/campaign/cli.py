@@ -45,11 +45,11 @@ def main() -> None:
             again(options, folder)
         elif options.what == "all":
             options.seed = options.seed or secrets.randbelow(10**6)
-            found = []
+            passed = []
             for what, share in SHARES.items():
                 options.seconds = 3600.0 * options.hours * share
-                found.append(campaign(what, options, folder))
-            sys.exit(0 if all(found) else 1)
+                passed.append(campaign(what, options, folder))
+            sys.exit(0 if all(passed) else 1)
         else:
             sys.exit(0 if campaign(options.what, options, folder) else 1)
     finally:
@@ -113,7 +113,7 @@ def again(options: Any, folder: Path) -> None:
     cases = make("files" if name in READERS else name, options, folder)
     cases.begin(0)
     try:
-        for one in cases.run(int(number))[2]:
-            print(one.key, one.detail, sep="\n")
+        for finding in cases.run(int(number))[2]:
+            print(finding.key, finding.detail, sep="\n")
     finally:
         cases.end()

@@ -35,7 +35,7 @@ def seed_of(entry: Path) -> Seed:
     """Return the files of an entry."""
     if not entry.is_dir():
         return Seed({entry.name: entry.read_bytes()}, entry.name, entry.name)
-    paths = sorted(entry.iterdir(), key=lambda path: [path.suffix == one for one in _MAIN], reverse=True)
+    paths = sorted(entry.iterdir(), key=lambda path: [path.suffix == ending for ending in _MAIN], reverse=True)
     files = {path.name: path.read_bytes() for path in paths if path.exists()}
     main, *others = files
     return Seed(files, main if entry.parent.name in ("urdf", "scene") else others[0], main)

@@ -73,35 +73,35 @@ def judged(act: Callable[[], Any], names: Iterable[str], checks: Callable[[Any],
         names: of files, one of which an error must name.
         checks: yields what is wrong with the result.
     """
-    found = Outcome()
+    outcome = Outcome()
     began = time.process_time()
-    with warnings.catch_warnings(record=True) as warned, leaks(found):
+    with warnings.catch_warnings(record=True) as warned, leaks(outcome):
         warnings.simplefilter("always")
         try:
-            found.value = act()
-            for wrong in checks(found.value):
-                found.broken.append(("invariant", re.sub(r"[-+]?\d[\d.e+-]*", "N", wrong), wrong))
+            outcome.value = act()
+            for wrong in checks(outcome.value):
+                outcome.broken.append(("invariant", re.sub(r"[-+]?\d[\d.e+-]*", "N", wrong), wrong))
         except (RaffError, CinegenError) as error:
-            found.status, found.message = "refused", str(error)
-            found.broken += list(_of_message(error, tuple(names)))
+            outcome.status, outcome.message = "refused", str(error)
+            outcome.broken += list(_of_message(error, tuple(names)))
         except Exception as error:
-            found.status, kind = "raised", "memory" if isinstance(error, MemoryError) else "exception"
-            found.broken.append((kind, where(error), "".join(traceback.format_exception(error))))
-    found.seconds = time.process_time() - began
-    for one in warned:
-        if issubclass(one.category, (RaffWarning, CinegenWarning)):
-            found.message += f"\nwarning: {one.message}"
-        elif one.category not in (DeprecationWarning, PendingDeprecationWarning, ResourceWarning):
-            place = f"{os.path.basename(os.path.dirname(one.filename))}/{os.path.basename(one.filename)}"
-            found.broken.append(("warning", f"{one.category.__name__} of {place}:{one.lineno}", str(one.message)))
-    if found.seconds > SLOW:
-        found.broken.append(("slow", "", f"{found.seconds:.1f} s of CPU"))
-    return found
+            outcome.status, kind = "raised", "memory" if isinstance(error, MemoryError) else "exception"
+            outcome.broken.append((kind, where(error), "".join(traceback.format_exception(error))))
+    outcome.seconds = time.process_time() - began
+    for warn in warned:
+        if issubclass(warn.category, (RaffWarning, CinegenWarning)):
+            outcome.message += f"\nwarning: {warn.message}"
+        elif warn.category not in (DeprecationWarning, PendingDeprecationWarning, ResourceWarning):
+            place = f"{os.path.basename(os.path.dirname(warn.filename))}/{os.path.basename(warn.filename)}"
+            outcome.broken.append(("warning", f"{warn.category.__name__} of {place}:{warn.lineno}", str(warn.message)))
+    if outcome.seconds > SLOW:
+        outcome.broken.append(("slow", "", f"{outcome.seconds:.1f} s of CPU"))
+    return outcome
 
 
 def where(error: BaseException) -> str:
     """Return the type of an error and the innermost function of the package that it passed."""
-    frames = [one for one in traceback.extract_tb(error.__traceback__) if _PACKAGES.search(one.filename)]
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if _PACKAGES.search(frame.filename)]
     if not frames:
         return type(error).__name__
     return f"{type(error).__name__} in {_PACKAGES.split(frames[-1].filename)[-1]}:{frames[-1].name}"
@@ -119,7 +119,7 @@ def _of_message(error: Exception, names: tuple[str, ...]) -> Iterator[tuple[str,
 
 
 @contextmanager
-def leaks(found: Outcome) -> Iterator[None]:
+def leaks(outcome: Outcome) -> Iterator[None]:
     """Find what libraries print, past Python, on standard output and standard error."""
     if _Captured.file is None:
         yield
@@ -132,7 +132,7 @@ def leaks(found: Outcome) -> Iterator[None]:
     if size > start:
         text = os.pread(_Captured.file, 4000, start).decode(errors="replace")
         first = re.sub(r"\d+|'[^']*'|\"[^\"]*\"|/\S+", "", text.strip().split("\n")[0])
-        found.broken.append(("printed", first[:60], text))
+        outcome.broken.append(("printed", first[:60], text))
 
 
 class _Captured:

@@ -511,7 +511,7 @@ def _kill_after(seconds: float) -> None:
 
 def _forked(process: Any, args: tuple[Any, ...], **settings: Any) -> Any:
     """Return a process that is forked with values that are sent to others."""
-    return process(args=tuple(getattr(one, "_value", one) for one in args), **settings)
+    return process(args=tuple(getattr(arg, "_value", arg) for arg in args), **settings)
 
 
 def _mount(folder: str, options: str, flags: int = 0) -> bool:

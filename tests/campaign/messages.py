@@ -43,7 +43,7 @@ GROWTH = 200.0
 """MB that the server may grow."""
 
 _SCHEMA = msgspec.json.schema(ClientMessage)
-_KINDS = [one["$ref"].rpartition("/")[2] for one in _SCHEMA["anyOf"]]
+_KINDS = [ref["$ref"].rpartition("/")[2] for ref in _SCHEMA["anyOf"]]
 _WITHOUT_SENSORS = [kind for kind in _KINDS if kind != "SelectSensor"]
 _PATHS = (
     *("", "session", "scene", "viewer.js", "snapshot.html", "static/cockpit.js", "static/index.html"),
@@ -126,7 +126,7 @@ class Messages(Campaign):
             broken.append(("memory", "server", f"{self._first_memory:.0f} MB became {memory:.0f} MB"))
             self._first_memory = memory
         worst = {"server, MB": [memory, case]} if memory else {}
-        return counts, worst, [Finding(case, *one, {"sent": sent}) for one in broken]
+        return counts, worst, [Finding(case, *fault, {"sent": sent}) for fault in broken]
 
     def _broken(self, number: int, counts: dict[str, int]) -> list[tuple[str, str, str]]:
         broken = []
@@ -172,10 +172,10 @@ class Messages(Campaign):
         of_joints = {name: [{joint: 0.3} for joint in names["joint"]] for name in ("values", "coefficients")}
         described = dict.fromkeys(("node", "other", "on"), names["node"]) | of_joints
         for part in (message, description, description.get("task") or {}):
-            own = names if part is message else described
+            choices = names if part is message else described
             for name in part:
-                if part[name] is not None and name in own and rng.random() >= careless:
-                    part[name] = rng.choice(own[name])
+                if part[name] is not None and name in choices and rng.random() >= careless:
+                    part[name] = rng.choice(choices[name])
             if part.get("target") is not None:
                 part["target"][3:] = [0.0, 0.0, 0.6, 0.8]
         if message.get("quaternion") is not None:
@@ -245,7 +245,7 @@ def names_of(url: str) -> list[dict[str, list[Any]]]:
     assert frame is not None
     hello = json.loads(frame[1])
     peer.socket.close()
-    found = []
+    all_names = []
     for robot in hello["robots"]:
         names = {
             "robot": [robot["name"]],
@@ -254,11 +254,11 @@ def names_of(url: str) -> list[dict[str, list[Any]]]:
             "task": [0, 1, 2, 3, 10],
             "waypoint": [0, 1, 2, 3, 10],
         }
-        found.append(names)
+        all_names.append(names)
         for switch in hello["switches"]:
             if switch["robot"] == robot["name"]:
-                found.append({**names, "node": [switch["node"]], "sensor": switch["choices"]})
-    return found
+                all_names.append({**names, "node": [switch["node"]], "sensor": switch["choices"]})
+    return all_names
 
 
 def _request(rng: Random) -> bytes:
@@ -282,9 +282,9 @@ def value(rng: Random, schema: dict[str, Any]) -> Any:
     kind = schema.get("type")
     if kind == "object":
         required, fields = schema.get("required", ()), schema.get("properties", {})
-        return {name: value(rng, one) for name, one in fields.items() if name in required or rng.random() < 0.6}
+        return {name: value(rng, field) for name, field in fields.items() if name in required or rng.random() < 0.6}
     if kind == "array":
-        items = [value(rng, one) for one in schema.get("prefixItems", ())]
+        items = [value(rng, member) for member in schema.get("prefixItems", ())]
         count = rng.randint(schema.get("minItems", 0), schema.get("maxItems", 8))
         return items or [value(rng, schema["items"]) for _ in range(count)]
     if kind in ("number", "integer"):

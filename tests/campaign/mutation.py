@@ -69,17 +69,17 @@ def change_bytes(rng: Random, data: bytes, _: Words) -> bytes:
 
 def change_number(rng: Random, data: bytes, _: Words) -> bytes:
     """Replace a number of the text."""
-    return _replace(rng, data, _NUMBER, lambda found: _number(rng, found.decode()).encode())
+    return _replace(rng, data, _NUMBER, lambda number: _number(rng, number.decode()).encode())
 
 
 def change_word(rng: Random, data: bytes, words: Words) -> bytes:
     """Replace a word by another word of the text or of the format, or misspell it."""
 
-    def other(found: bytes) -> bytes:
+    def other(word: bytes) -> bytes:
         kind = rng.randrange(3)
         if kind == 0:
-            return rng.choice([one[0] for one in _some(rng, _WORD, data)] or [b"x"])
-        return rng.choice(words).encode() if kind == 1 and words else misspelt(rng, found.decode("latin-1")).encode()
+            return rng.choice([match[0] for match in _some(rng, _WORD, data)] or [b"x"])
+        return rng.choice(words).encode() if kind == 1 and words else misspelt(rng, word.decode("latin-1")).encode()
 
     return _replace(rng, data, _WORD, other)
 
@@ -111,11 +111,11 @@ def misspelt(rng: Random, word: str) -> str:
     ))  # fmt: skip
 
 
-def _number(rng: Random, found: str) -> str:
+def _number(rng: Random, text: str) -> str:
     if rng.random() < 0.5:
         return rng.choice(NUMBERS)
     try:
-        value = float(found)
+        value = float(text)
     except ValueError:
         return rng.choice(NUMBERS)
     near = (value + 1e-9, value * (1 + 1e-6), value + 1.0)
@@ -129,11 +129,11 @@ def _some(rng: Random, pattern: re.Pattern[bytes], data: bytes) -> list[re.Match
 
 
 def _replace(rng: Random, data: bytes, pattern: re.Pattern[bytes], new: Callable[[bytes], bytes]) -> bytes:
-    found = _some(rng, pattern, data)
-    if not found:
+    matches = _some(rng, pattern, data)
+    if not matches:
         return change_bytes(rng, data, ())
-    one = rng.choice(found)
-    return data[: one.start()] + new(one[0]) + data[one.end() :]
+    match = rng.choice(matches)
+    return data[: match.start()] + new(match[0]) + data[match.end() :]
 
 
 def _parsed(parse: Callable[[bytes], Any]) -> Callable[[bytes], Any]:
@@ -173,7 +173,7 @@ def change_xml(rng: Random, data: bytes, words: Words) -> bytes:
     parent = node.getparent()
     kind = rng.randrange(8)
     if kind < 4:
-        others = [one for one in nodes if one.attrib] or nodes
+        others = [element for element in nodes if element.attrib] or nodes
         _change_attribute(rng, node if node.attrib else rng.choice(others), words)
     elif kind == 4 or parent is None:
         node.tag = _tag(rng, node.tag, words)
@@ -251,7 +251,7 @@ def change_json(rng: Random, data: bytes, words: Words) -> bytes:
         return change_word(rng, data, words)
     text = json.dumps(_changed(rng, values, words))
     if rng.random() < 0.15:  # a number that Python's json would not write; a key twice
-        text = re.sub(r"-?\d+\.\d+", lambda found: rng.choice((found[0], "1e400", "1e999", "-0.0")), text, count=3)
+        text = re.sub(r"-?\d+\.\d+", lambda match: rng.choice((match[0], "1e400", "1e999", "-0.0")), text, count=3)
     if rng.random() < 0.1 and isinstance(values, dict) and values:
         key = rng.choice(list(values))
         text = f"{text[:-1]}, {json.dumps(key)}: {json.dumps(rng.choice(([], {}, None, 0, values[key])))}}}"
@@ -263,7 +263,7 @@ def misspell_json(rng: Random, data: bytes, _: Words) -> bytes:
     values = _json(data)
     if not isinstance(values, dict):
         return data
-    table = rng.choice([one for one in _containers(values) if isinstance(one, dict) and one])
+    table = rng.choice([container for container in _containers(values) if isinstance(container, dict) and container])
     key = rng.choice(list(table))
     if table is values and rng.random() < 0.5:
         return f"{json.dumps(values)[:-1]}, {json.dumps(key)}: {rng.choice(('[]', 'null', '{}'))}}}".encode()
@@ -307,17 +307,17 @@ def relayout_yaml(rng: Random, data: bytes, _: Words) -> bytes:
 
 
 def _containers(values: Any) -> list[Any]:
-    found, left = [], [values]
-    while left and len(found) < 2000:
-        one = left.pop()
-        if isinstance(one, (dict, list)):
-            found.append(one)
-            left += one.values() if isinstance(one, dict) else one
-    return found
+    containers, left = [], [values]
+    while left and len(containers) < 2000:
+        container = left.pop()
+        if isinstance(container, (dict, list)):
+            containers.append(container)
+            left += container.values() if isinstance(container, dict) else container
+    return containers
 
 
 def _changed(rng: Random, values: Any, words: Words) -> Any:
-    containers = [one for one in _containers(values) if one]
+    containers = [container for container in _containers(values) if container]
     if not containers:
         return rng.choice(([], {}, None, 1))
     table = rng.choice(containers)
@@ -336,7 +336,7 @@ def _changed(rng: Random, values: Any, words: Words) -> Any:
         table[key] = rng.choice((None, True, [], {}, "", "x", *numbers, [value], {"x": value}, "\ud83d"))
     elif kind == 4:
         other = rng.choice(containers)
-        holds = any(one is table for one in _containers(other))
+        holds = any(container is table for container in _containers(other))
         table[key] = other if rng.random() < 0.3 and not holds else rng.choice(words or ("x",))
     elif kind == 5 and isinstance(value, str):
         table[key] = misspelt(rng, value)
@@ -358,15 +358,15 @@ def _changed(rng: Random, values: Any, words: Words) -> Any:
 
 def change_raff(rng: Random, data: bytes, _: Words) -> bytes:
     """Delete, repeat or move a statement, or insert one that the grammar has."""
-    found = _statements(data)
-    if len(found) < 2:
+    statements = _statements(data)
+    if len(statements) < 2:
         return change_word(rng, data, ())
-    text, (start, end, block) = data.decode(), rng.choice(found)
+    text, (start, end, block) = data.decode(), rng.choice(statements)
     kind = rng.randrange(4)
     if kind == 0:
         return (text[:start] + text[end:]).encode()
     if kind == 1:
-        at = rng.choice(found)[rng.randrange(2)]
+        at = rng.choice(statements)[rng.randrange(2)]
         return (text[:at] + " " + text[start:end] + " " + text[at:]).encode()
     if kind == 2:
         return (text[:start] + statement(rng, block) + text[end:]).encode()
@@ -383,8 +383,8 @@ def relayout_raff(rng: Random, data: bytes, _: Words) -> bytes:
 
 def misspell_raff(rng: Random, data: bytes, _: Words) -> bytes:
     """Misspell a word."""
-    text, found = data.decode(), _statements(data)
-    start = rng.choice(found)[0]
+    text, statements = data.decode(), _statements(data)
+    start = rng.choice(statements)[0]
     word = re.match(r"\w*", text[start:])[0]
     return (text[:start] + misspelt(rng, word) + text[start + len(word) :]).encode()
 
@@ -423,7 +423,7 @@ def _statements(data: bytes) -> list[tuple[int, int, str]]:
     for line in lines:
         starts.append(at)
         at += len(line) + 1
-    found: list[tuple[int, int, str]] = []
+    statements: list[tuple[int, int, str]] = []
     opened: list[tuple[str, int]] = [("", 0)]  # kind of block, start of its present statement
     word, last = "", 0
     for token in tokens(lines):
@@ -432,19 +432,19 @@ def _statements(data: bytes) -> list[tuple[int, int, str]]:
         at = starts[token.line - 1] + token.column - 1
         if token.kind == "}":
             if opened[-1][1]:
-                found.append((opened[-1][1], last, opened[-1][0]))
+                statements.append((opened[-1][1], last, opened[-1][0]))
             if len(opened) > 1:
                 opened.pop()
         elif token.kind == "{":
             opened.append((word if word in STATEMENTS else opened[-1][0], 0))
         elif token.text in STATEMENTS.get(opened[-1][0], ()):
             if opened[-1][1]:
-                found.append((opened[-1][1], last, opened[-1][0]))
+                statements.append((opened[-1][1], last, opened[-1][0]))
             word, opened[-1] = token.text, (opened[-1][0], at)
         last = at + len(token.text)
     if opened[-1][1]:
-        found.append((opened[-1][1], last, opened[-1][0]))
-    return found
+        statements.append((opened[-1][1], last, opened[-1][0]))
+    return statements
 
 
 PLAIN: tuple[Mutation, ...] = (change_bytes, change_number, change_number, change_word, change_lines)

@@ -70,7 +70,7 @@ def wrong_with(mechanism: cinegen.Mechanism) -> Iterator[str]:
     model, q = mechanism.model, mechanism.q_home
     lower, upper = mechanism.limits.lower, mechanism.limits.upper
     placements = [placement.homogeneous for placement in model.jointPlacements]
-    if not all(np.isfinite(one).all() for one in (q, *placements)):
+    if not all(np.isfinite(array).all() for array in (q, *placements)):
         yield "numbers that are not finite"
     if np.isnan(lower).any() or np.isnan(upper).any() or (lower > upper).any():
         yield "limits that are not ordered"
@@ -128,8 +128,8 @@ def make_recording(folder: Path, names: tuple[str, ...] = ("planar_3r", "four_ba
 def _of_folder(folder: Path, subject: str, main: str | None = None) -> list[Seed]:
     """Return the seeds of each folder in a folder: all its files, the subject by its ending."""
     seeds = []
-    for one in sorted(folder.iterdir()) if folder.is_dir() else ():
-        files = {path.name: path.read_bytes() for path in sorted(one.iterdir()) if path.is_file()}
+    for subfolder in sorted(folder.iterdir()) if folder.is_dir() else ():
+        files = {path.name: path.read_bytes() for path in sorted(subfolder.iterdir()) if path.is_file()}
         mains = [name for name in files if name.endswith(main or subject)]
         seeds += [Seed(files, name, (mains or [name])[0]) for name in files if name.endswith(subject)]
     return seeds
@@ -145,8 +145,8 @@ def _raff(_: Path) -> list[Seed]:
 
 
 def _urdf(folder: Path) -> list[Seed]:
-    declared = [one for dialect in _DIALECTS for one in _of_folder(folder / dialect, ".urdf")]
-    alone = [Seed({one.subject: one.files[one.subject]}, one.subject, one.subject) for one in declared]
+    declared = [seed for dialect in _DIALECTS for seed in _of_folder(folder / dialect, ".urdf")]
+    alone = [Seed({seed.subject: seed.files[seed.subject]}, seed.subject, seed.subject) for seed in declared]
     return [*alone, *_of_folder(folder / "json", ".urdf")]
 
 
@@ -156,8 +156,8 @@ _DIALECTS = ("urdf+", "closing-frames", "mimic", "constraint")
 def _robot_yaml(folder: Path) -> list[Seed]:
     seeds = _of_folder(folder / "robot.yaml", ".yaml", ".urdf")
     return [
-        Seed({name: data for name, data in one.files.items() if not name.endswith(".json")}, one.subject, one.main)
-        for one in seeds
+        Seed({name: data for name, data in seed.files.items() if not name.endswith(".json")}, seed.subject, seed.main)
+        for seed in seeds
     ]
 
 
@@ -185,7 +185,7 @@ def _graphics(ending: str) -> Callable[[Path], list[Seed]]:
 
 def _zarr(folder: Path) -> list[Seed]:
     path = folder / "map"
-    files = {str(one.relative_to(path)): one.read_bytes() for one in sorted(path.rglob("*")) if one.is_file()}
+    files = {str(file.relative_to(path)): file.read_bytes() for file in sorted(path.rglob("*")) if file.is_file()}
     return [Seed(files, name, "map.zarr") for name in files]
 
 
@@ -227,8 +227,8 @@ def _read_graphics(path: Path) -> Any:
     return drawings, reasons
 
 
-def _wrong_with_drawings(found: Any) -> Iterator[str]:
-    drawings, reasons = found
+def _wrong_with_drawings(graphics: Any) -> Iterator[str]:
+    drawings, reasons = graphics
     if not drawings and not reasons:
         yield "neither drawn nor reported"
 
@@ -280,8 +280,8 @@ def _mechanism(name: str, seeds: Any, mutations: tuple[m.Mutation, ...], words: 
 
 
 READERS = {
-    one.name: one
-    for one in (
+    reader.name: reader
+    for reader in (
         _mechanism("raff", _raff, m.RAFF, _RAFF_WORDS),
         _mechanism("urdf", _urdf, m.XML, (*_DIALECT_WORDS, *_tags(_URDF))),
         _mechanism("constraints", lambda folder: _of_folder(folder / "json", ".json", ".urdf"), m.JSON, _SCHEMA_WORDS),
@@ -353,8 +353,8 @@ class Files(Campaign):
         """Begin in a process of its own, with a folder of its own."""
         self.folder = self.folder / f"worker{worker}"
         for name, seeds in self.seeds.items():
-            for i, one in enumerate(seeds):
-                write(one.files, self.folder / name / str(i))
+            for i, seed in enumerate(seeds):
+                write(seed.files, self.folder / name / str(i))
 
     def case(self, number: int) -> Case:
         """Return a case."""
@@ -384,7 +384,7 @@ class Files(Campaign):
         findings = []
         if outcome.broken:
             name, files = self.evidence(number)
-            findings = [Finding(name, *one, files) for one in dict.fromkeys(outcome.broken)]
+            findings = [Finding(name, *fault, files) for fault in dict.fromkeys(outcome.broken)]
         return {"cases": 1, outcome.status: 1}, {"slowest": [outcome.seconds, case.name]}, findings
 
     def read(self, case: Case) -> Outcome:
@@ -392,10 +392,10 @@ class Files(Campaign):
         reader, seed = case.reader, self.seeds[case.reader.name][case.index]
         folder = self.folder / reader.name / str(case.index)
         (folder / seed.subject).write_bytes(case.data)
-        found = read(reader, folder, seed)
+        outcome = read(reader, folder, seed)
         if case.compare is not None:
-            found.broken += case.compare(self._original(reader, case.index), found)
-        return found
+            outcome.broken += case.compare(self._original(reader, case.index), outcome)
+        return outcome
 
     @cache  # noqa: B019 (lives as long as the process)
     def _original(self, reader: Reader, i: int) -> Outcome:
@@ -406,28 +406,28 @@ class Files(Campaign):
 def read(reader: Reader, folder: Path, seed: Seed) -> Outcome:
     """Read files from a folder that has them."""
     names = [os.path.basename(name) for name in (*seed.files, seed.main)] if reader.names_file else []
-    found = judged(lambda: reader.read(folder / seed.main), names, reader.checks)
-    if found.status == "read":
-        found.value = reader.summary(found.value)
-    return found
+    outcome = judged(lambda: reader.read(folder / seed.main), names, reader.checks)
+    if outcome.status == "read":
+        outcome.value = reader.summary(outcome.value)
+    return outcome
 
 
-def _lost(original: Outcome, found: Outcome) -> list[tuple[str, str, str]]:
+def _lost(original: Outcome, outcome: Outcome) -> list[tuple[str, str, str]]:
     """A name that is misspelt must not lose a loop in silence."""
-    if original.status != "read" or found.status != "read" or original.value is None:
+    if original.status != "read" or outcome.status != "read" or original.value is None:
         return []
-    had, has = (len(loops) + couplings for _, _, _, loops, couplings, *_ in (original.value, found.value))
-    if has < had and not found.message:
+    had, has = (len(loops) + couplings for _, _, _, loops, couplings, *_ in (original.value, outcome.value))
+    if has < had and not outcome.message:
         return [("silent loss", "a misspelt name", f"{had} loops and couplings became {has}, and nothing is reported")]
     return []
 
 
-def _changed(original: Outcome, found: Outcome) -> list[tuple[str, str, str]]:
+def _changed(original: Outcome, outcome: Outcome) -> list[tuple[str, str, str]]:
     """Blanks, comments and the order of attributes mean nothing."""
-    if (original.status, original.value) == (found.status, found.value):
+    if (original.status, original.value) == (outcome.status, outcome.value):
         return []
-    detail = f"{original.value}\n{found.value}\n{found.message}"
-    return [("layout matters", f"{original.status} became {found.status}", detail)]
+    detail = f"{original.value}\n{outcome.value}\n{outcome.message}"
+    return [("layout matters", f"{original.status} became {outcome.status}", detail)]
 
 
 def write(files: dict[str, bytes], folder: Path) -> None:

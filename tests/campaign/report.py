@@ -17,7 +17,7 @@ def write(folder: Path, what: str, result: Result, command: str) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "report.json"
     report: dict[str, Any] = json.loads(path.read_text()) if path.exists() else {}
-    cases = {one.key: one.case for one in reversed(result.findings)}
+    cases = {finding.key: finding.case for finding in reversed(result.findings)}
     report[what] = {
         "command": command,
         "version": __version__,
@@ -31,10 +31,13 @@ def write(folder: Path, what: str, result: Result, command: str) -> None:
     }
     path.write_text(json.dumps(report, indent=1, default=str) + "\n")
     (folder / "report.md").write_text(table(report))
-    for one in result.findings:
-        name = f"{one.case.replace(':', '-')}-{hashlib.sha1(one.key.encode()).hexdigest()[:6]}"
-        text = f"{one.key}\n\n{one.detail}\n".encode(errors="replace")
-        for file, data in {f"{name}.txt": text, **{f"{name}/{file}": data for file, data in one.files.items()}}.items():
+    for finding in result.findings:
+        name = f"{finding.case.replace(':', '-')}-{hashlib.sha1(finding.key.encode()).hexdigest()[:6]}"
+        text = f"{finding.key}\n\n{finding.detail}\n".encode(errors="replace")
+        for file, data in {
+            f"{name}.txt": text,
+            **{f"{name}/{file}": data for file, data in finding.files.items()},
+        }.items():
             target = folder / "findings" / file
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_bytes(data)
@@ -46,16 +49,16 @@ def table(report: dict[str, Any]) -> str:
         "| campaign | done | rate a core | worst | causes of findings | command |",
         "| --- | --- | --- | --- | --- | --- |",
     ]
-    for what, one in report.items():
-        unit = "s" if what == "soak" else what if what in one["counts"] else "cases"
-        done = one["counts"].get(unit, 0)
-        rate = done / max(one["seconds"], 1e-9) / one["workers"]
-        worst = "; ".join(f"{name} {shown(value)}" for name, value in one["worst"].items())
-        done_in = f"{done:,} {unit} in {one['seconds']:.0f} s"
-        lines.append(f"| {what} | {done_in} | {rate:,.0f}/s | {worst} | {len(one['causes'])} | `{one['command']}` |")
-    for what, one in report.items():
-        lines += ["", f"**{what}**: " + ", ".join(f"{name} {n:,}" for name, n in one["counts"].items())]
-        lines += ["", *(f"- {cause['number']:,} x {key} (`{cause['case']}`)" for key, cause in one["causes"].items())]
+    for what, run in report.items():
+        unit = "s" if what == "soak" else what if what in run["counts"] else "cases"
+        done = run["counts"].get(unit, 0)
+        rate = done / max(run["seconds"], 1e-9) / run["workers"]
+        worst = "; ".join(f"{name} {shown(value)}" for name, value in run["worst"].items())
+        done_in = f"{done:,} {unit} in {run['seconds']:.0f} s"
+        lines.append(f"| {what} | {done_in} | {rate:,.0f}/s | {worst} | {len(run['causes'])} | `{run['command']}` |")
+    for what, run in report.items():
+        lines += ["", f"**{what}**: " + ", ".join(f"{name} {n:,}" for name, n in run["counts"].items())]
+        lines += ["", *(f"- {cause['number']:,} x {key} (`{cause['case']}`)" for key, cause in run["causes"].items())]
     return "\n".join(lines) + "\n"
 
 

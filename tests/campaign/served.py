@@ -45,7 +45,7 @@ class Served:
         self._folder = tempfile.TemporaryDirectory(prefix="served")
         self._output = tempfile.TemporaryFile()  # noqa: SIM115 (closed with the process)
         self._read = 0
-        command = [sys.executable, "-m", "cinegen", "drive", *(str(ROOT / one) for one in robots)]
+        command = [sys.executable, "-m", "cinegen", "drive", *(str(ROOT / robot) for robot in robots)]
         command += ["--no-browser", "--no-token", "--seconds", "1e6", *options]
         environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1", "COLUMNS": "200"}
         self.process = subprocess.Popen(
@@ -59,9 +59,9 @@ class Served:
         while time.monotonic() < end and self.process.poll() is None:
             self._output.seek(0)
             text = self._output.read().decode(errors="replace")
-            if found := re.search(r"http://[\w.]+:\d+/\S*", text):
+            if match := re.search(r"http://[\w.]+:\d+/\S*", text):
                 self._read = len(text.encode())
-                return found[0]
+                return match[0]
             time.sleep(0.05)
         self.stop()
         raise RuntimeError(f"the page is not served: {text}")
@@ -75,12 +75,12 @@ class Served:
 
     def memory(self) -> float:
         """Return the resident memory of all its processes, MB."""
-        found = 0
+        total = 0
         with suppress(psutil.NoSuchProcess):  # it has ended, or one of them just now
             whole = psutil.Process(self.process.pid)
-            for one in (whole, *whole.children(recursive=True)):
-                found += one.memory_info().rss
-        return found / 1e6
+            for process in (whole, *whole.children(recursive=True)):
+                total += process.memory_info().rss
+        return total / 1e6
 
     def stop(self) -> int | None:
         """Interrupt it; return its exit code, or None if it had to be killed."""
@@ -194,9 +194,9 @@ class Honest:
     def gap(self) -> float:
         """Return the longest time between two states since the last call, s."""
         last = self._shared[_LAST]
-        found = max(self._shared[_GAP], time.monotonic() - last if last else 0.0)
+        longest = max(self._shared[_GAP], time.monotonic() - last if last else 0.0)
         self._shared[_GAP] = 0.0
-        return float(found)
+        return float(longest)
 
     def stop(self) -> None:
         """End it."""
@@ -222,7 +222,7 @@ def _watch(url: str, shared: Any) -> None:
                         shared[_GAP] = max(shared[_GAP], now - shared[_LAST])
                     shared[_LAST] = now
                     shared[_STATES] += 1
-                    poses = [x for one in message["poses"].values() for x in one]
+                    poses = [x for pose in message["poses"].values() for x in pose]
                     shared[_WRONG] += not all(x is not None and math.isfinite(x) for x in poses)
                     peer.send(type="ack", frame=message["frame"])
         except OSError:

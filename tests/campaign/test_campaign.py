@@ -30,14 +30,14 @@ def reader(read, **more):
     return Reader("planted", lambda _: [Seed({"r.xml": TEXT}, "r.xml", "r.xml")], read, mutation.XML, **more)
 
 
-def found(read, tmp_path, cases=300, wall=600.0, **more):
+def run_planted(read, tmp_path, cases=300, wall=600.0, **more):
     files = Files(tmp_path, 0, [reader(read, **more)])
     files.limit = 1.0
     return workers.run(files, cases, workers=1, wall=wall)
 
 
 def causes(read, tmp_path, cases=300, **more):
-    return {cause.partition(": ")[0] for cause in found(read, tmp_path, cases, **more).causes}
+    return {cause.partition(": ")[0] for cause in run_planted(read, tmp_path, cases, **more).causes}
 
 
 def with_a_number(path):
@@ -59,7 +59,7 @@ def test_an_exception_of_another_kind_is_found(tmp_path):
         if b'""' in path.read_bytes():
             raise KeyError("x")
 
-    assert set(found(read, tmp_path).causes) == {"planted exception: KeyError"}
+    assert set(run_planted(read, tmp_path).causes) == {"planted exception: KeyError"}
 
 
 def warn_and_print(path):
@@ -102,7 +102,7 @@ def test_a_hang_a_crash_and_too_much_memory_are_found_and_the_others_go_on(tmp_p
         if len(data) > len(TEXT) + 500:
             bytearray(2 * workers.MEMORY)
 
-    result = found(read, tmp_path, 38)
+    result = run_planted(read, tmp_path, 38)
     assert {cause.partition(": ")[0] for cause in result.causes} == {
         "planted hang", "planted abort or deadlock", "planted memory",
     }  # fmt: skip
@@ -110,9 +110,9 @@ def test_a_hang_a_crash_and_too_much_memory_are_found_and_the_others_go_on(tmp_p
 
 
 def test_a_case_is_made_from_its_number_alone(tmp_path):
-    one, other = (Files(tmp_path / name, 7, [reader(with_a_number)]) for name in "ab")
-    assert [one.case(i).data for i in range(50)] == [other.case(i).data for i in reversed(range(50))][::-1]
-    assert len({one.case(i).data for i in range(50)}) > 40
+    files, other = (Files(tmp_path / name, 7, [reader(with_a_number)]) for name in "ab")
+    assert [files.case(i).data for i in range(50)] == [other.case(i).data for i in reversed(range(50))][::-1]
+    assert len({files.case(i).data for i in range(50)}) > 40
 
 
 def test_mutations_of_a_tree_leave_a_tree(root):
@@ -120,8 +120,8 @@ def test_mutations_of_a_tree_leave_a_tree(root):
     data = (root / "generated/four_bar.urdf").read_bytes()
     made = {mutation.change_xml(Random(i), data, ("loop", "joint")) for i in range(200)}
     assert len(made) > 150
-    for one in made:
-        etree.fromstring(one)
+    for text in made:
+        etree.fromstring(text)
 
 
 @pytest.mark.parametrize(
@@ -136,7 +136,7 @@ def test_mutations_of_a_tree_leave_a_tree(root):
 def test_a_tick_that_breaks_a_promise_is_found(plant, kind):
     campaign = Ticks(0, ("planar_3r",))
     sessions = (campaign._session(Random(f"0/ticks:{i}"), i) for i in range(99))
-    session = next(one for one in sessions if one.name == "arm" and one.ticks > 999)
+    session = next(session for session in sessions if session.name == "arm" and session.ticks > 999)
     session.ticks = 300
     session.run()
     _, layout, records = session.records[-1]
@@ -149,7 +149,7 @@ def test_a_tick_that_breaks_a_promise_is_found(plant, kind):
 
 
 def assert_nothing(result):
-    assert {key: next(one for one in result.findings if one.key == key) for key in result.causes} == {}
+    assert {key: next(finding for finding in result.findings if finding.key == key) for key in result.causes} == {}
 
 
 @pytest.fixture(scope="module")
@@ -192,9 +192,9 @@ def test_every_option_that_names_an_output_is_killed():
         whole = typer.main.get_command(module.app)
         for name, command in getattr(whole, "commands", {"": whole}).items():
             rules = command.callback.rules
-            for one in command.params:
-                if one.name in ("output", "out") or (one.name in rules and rules[one.name].endings):
-                    written.add((f"{program} {name}".strip(), max(one.opts, key=len)))
+            for option in command.params:
+                if option.name in ("output", "out") or (option.name in rules and rules[option.name].endings):
+                    written.add((f"{program} {name}".strip(), max(option.opts, key=len)))
     calls = [f" {writer.call} " for writer in WRITERS.values()]
     for command, name in written:
         words = "" if name == "out" else f" {name} "  # an argument

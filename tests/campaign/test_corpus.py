@@ -12,9 +12,9 @@ from campaign.readers import READERS, read
 def test_an_entry_of_the_corpus(entry, tmp_path):
     folder = tmp_path / "entry"
     shutil.copytree(entry, folder, symlinks=True) if entry.is_dir() else shutil.copy(entry, tmp_path)
-    found = read(READERS[entry.parent.name], folder if entry.is_dir() else tmp_path, seed_of(entry))
-    assert found.broken == []
-    assert found.status == entry.name.partition("-")[0], found.message
+    outcome = read(READERS[entry.parent.name], folder if entry.is_dir() else tmp_path, seed_of(entry))
+    assert outcome.broken == []
+    assert outcome.status == entry.name.partition("-")[0], outcome.message
 
 
 def test_every_entry_belongs_to_a_reader_and_states_what_must_happen():

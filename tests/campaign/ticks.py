@@ -76,12 +76,12 @@ class Ticks(Campaign):
             warnings.simplefilter("ignore", ResourceWarning)  # of what others left to the garbage collector
             session.run()
         session.check()
-        for one in warned:
-            place = f"{one.category.__name__} of {'/'.join(Path(one.filename).parts[-2:])}:{one.lineno}"
-            session.broken.append(("warning", place, str(one.message)))
-        found = [Finding(case, *one) for one in dict.fromkeys(session.broken)]
+        for warning in warned:
+            place = f"{warning.category.__name__} of {'/'.join(Path(warning.filename).parts[-2:])}:{warning.lineno}"
+            session.broken.append(("warning", place, str(warning.message)))
+        findings = [Finding(case, *fault) for fault in dict.fromkeys(session.broken)]
         worst = {name: [*value, session.name, case] for name, value in session.worst.items()}
-        return {"cases": 1, **session.counts}, worst, found
+        return {"cases": 1, **session.counts}, worst, findings
 
     def _session(self, rng: Random, number: int) -> Session:
         kind = rng.random()
@@ -321,9 +321,10 @@ class Session:
 
     def _aim(self, _: int) -> None:
         rng = self.rng
-        own = [objectives.Posture(rate=10 ** rng.uniform(-3, 6)), objectives.LimitMargin(rate=10 ** rng.uniform(-3, 6)),
-               objectives.Manipulability(), *(_Raises(how) for how in ("raise", "nan", "shape", "huge"))]  # fmt: skip
-        self.solver.objectives = rng.sample(own, rng.randint(0, 2)) if rng.random() < 0.4 else []
+        candidates = [objectives.Posture(rate=10 ** rng.uniform(-3, 6)),
+                      objectives.LimitMargin(rate=10 ** rng.uniform(-3, 6)), objectives.Manipulability(),
+                      *(_Raises(how) for how in ("raise", "nan", "shape", "huge"))]  # fmt: skip
+        self.solver.objectives = rng.sample(candidates, rng.randint(0, 2)) if rng.random() < 0.4 else []
 
     def _blend(self, _: int) -> None:
         seconds, speed = self.rng.choice((0.0, 0.05, 1e9)), self.rng.choice((None, 0.0, 1.0, 1e300))

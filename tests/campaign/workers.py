@@ -79,16 +79,16 @@ class Result:
         self.counts.update(counts)
         for name, value in worst.items():
             self.worst[name] = max(self.worst.get(name, value), value)
-        self.causes.update(one.key for one in findings)
-        for one in findings:
-            if sum(one.key == kept.key for kept in self.findings) < _KEPT:
-                self.findings.append(one)
+        self.causes.update(finding.key for finding in findings)
+        for finding in findings:
+            if sum(finding.key == kept.key for kept in self.findings) < _KEPT:
+                self.findings.append(finding)
 
     def merge(self, other: Result) -> None:
         """Add what another process did."""
         self.add(dict(other.counts), other.worst, other.findings)
         self.causes.update(other.causes)
-        self.causes.subtract(one.key for one in other.findings)
+        self.causes.subtract(finding.key for finding in other.findings)
 
 
 @dataclass
@@ -125,34 +125,34 @@ def run(
     done = dict.fromkeys(running, 0)
     reported = began
     while running:
-        ready = wait([one.pipe for one in running.values()], 1.0)
+        ready = wait([worker.pipe for worker in running.values()], 1.0)
         now = time.monotonic()
-        for i, one in list(running.items()):
+        for i, worker in list(running.items()):
             dead = False
-            if one.pipe in ready:
+            if worker.pipe in ready:
                 try:
-                    message = one.pipe.recv()
-                    one.alive_at = now
+                    message = worker.pipe.recv()
+                    worker.alive_at = now
                     if message is None:
-                        one.process.join()
+                        worker.process.join()
                         del running[i]
                         continue
                     if isinstance(message, Result):
                         result.merge(message)
-                        done[i] = one.number
+                        done[i] = worker.number
                     else:
-                        one.number = message
+                        worker.number = message
                 except (EOFError, OSError):
                     dead = True
-            if not dead and now - one.alive_at > wall:
-                os.kill(one.process.pid, signal.SIGABRT)
-                one.process.join(5.0)
+            if not dead and now - worker.alive_at > wall:
+                os.kill(worker.process.pid, signal.SIGABRT)
+                worker.process.join(5.0)
                 dead = True
             if dead:
-                one.process.join(10.0)
-                one.process.kill()
-                _bury(result, campaign, one)
-                following = one.number + workers
+                worker.process.join(10.0)
+                worker.process.kill()
+                _bury(result, campaign, worker)
+                following = worker.number + workers
                 if following < cases and now < began + seconds:
                     running[i] = _start(context, campaign, i, following, workers, cases, began + seconds)
                 else:
@@ -165,12 +165,12 @@ def run(
 
 
 def _start(context: Any, campaign: Campaign, index: int, first: int, step: int, cases: int, end: float) -> _Worker:
-    here, there = context.Pipe(duplex=False)
+    receiver, sender = context.Pipe(duplex=False)
     trace = tempfile.TemporaryFile()  # noqa: SIM115 (read when the process has died)
-    process = context.Process(target=_work, args=(there, trace, campaign, index, range(first, cases, step), end))
+    process = context.Process(target=_work, args=(sender, trace, campaign, index, range(first, cases, step), end))
     process.start()
-    there.close()
-    return _Worker(process, here, trace, index, first, time.monotonic())
+    sender.close()
+    return _Worker(process, receiver, trace, index, first, time.monotonic())
 
 
 def _work(pipe: Connection, trace: Any, *arguments: Any) -> None:

@@ -21,8 +21,8 @@ MJCF = """<mujoco model="arm"><worldbody><body name="upper"><joint name="joint1"
 def test_named_joints_are_actuated_in_every_format(tmp_path, typed, ending, text):
     path = tmp_path / f"arm.{ending}"
     path.write_text(text)
-    (found,) = json.loads(typed("info", path, "--actuated", "joint2", "--json").out)
-    assert found["actuated"] == ["joint2"]
+    (report,) = json.loads(typed("info", path, "--actuated", "joint2", "--json").out)
+    assert report["actuated"] == ["joint2"]
     said = typed("info", path, "--actuated", "joint2 joint1", "--json")
     assert json.loads(said.out)[0]["actuated"] == ["joint1", "joint2"]
     assert "no joint 'joint3': did you mean 'joint" in typed("info", path, "--actuated", "joint3", code=1).err
@@ -51,10 +51,10 @@ def scene(tmp_path):
 
 
 def test_a_plan_does_not_move_what_is_locked(scene, typed):
-    found = json.loads(typed("plan", scene, "--lock", "joint3", "--json").out)
-    assert found["locked"] == ["joint3"]
-    assert {q["joint3"] for q in found["path"]} == {np.radians(50.42)}
-    assert np.ptp([q["joint1"] for q in found["path"]]) > 0.01
+    planned = json.loads(typed("plan", scene, "--lock", "joint3", "--json").out)
+    assert planned["locked"] == ["joint3"]
+    assert {q["joint3"] for q in planned["path"]} == {np.radians(50.42)}
+    assert np.ptp([q["joint1"] for q in planned["path"]]) > 0.01
 
 
 def test_a_snapshot_with_a_locked_joint_is_drawn(typed, tmp_path):

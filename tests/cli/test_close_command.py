@@ -18,8 +18,8 @@ def filtered(root, monkeypatch, capsys):
     """`filtered(text, "delta4.raff", ...)`: all answers to a text, without a process of its own."""
 
     def answers(text: str | bytes, file: str, *options: str) -> list[dict]:
-        given = text if isinstance(text, bytes) else text.encode()
-        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(given)))
+        data = text if isinstance(text, bytes) else text.encode()
+        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(data)))
         code = main(["close", str(root / "robots" / file), *options])
         out, err = capsys.readouterr()
         assert (code, err) == (0, "")
@@ -30,11 +30,11 @@ def filtered(root, monkeypatch, capsys):
 
 def test_each_line_is_answered_by_all_joints_loops_closed(robot, filtered):
     delta = robot("delta4")
-    given = [{"joint1": 0.1, "joint6": -0.2}, {"joint12": 0.05}, {}, {"joint1": 0.1}]
-    said = filtered("".join(json.dumps(line) + "\n" for line in given), "delta4.raff")
+    lines = [{"joint1": 0.1, "joint6": -0.2}, {"joint12": 0.05}, {}, {"joint1": 0.1}]
+    said = filtered("".join(json.dumps(line) + "\n" for line in lines), "delta4.raff")
     motion = ForwardKinematics(delta)
     assert len(said) == 4
-    for line, answer in zip(given, said, strict=True):
+    for line, answer in zip(lines, said, strict=True):
         q = motion.move(line)
         assert tuple(answer) == delta.joints
         assert [answer[joint] for joint in delta.joints] == [q[delta.q_index(joint)] for joint in delta.joints]
@@ -126,8 +126,8 @@ def test_degrees_and_millimetres_are_no_radians_and_metres(filtered):
 
 
 def test_bytes_that_are_no_text_are_answered_too(filtered):
-    given = b'\xff\xfe\n{"joint1": 0.5}\n\0\n{"j\xc3\xb6int": 1}\n'
-    answers = filtered(given, "four_bar.raff")
+    data = b'\xff\xfe\n{"joint1": 0.5}\n\0\n{"j\xc3\xb6int": 1}\n'
+    answers = filtered(data, "four_bar.raff")
     assert ["error" in answer for answer in answers] == [True, False, True, True]
     assert "jöint" in answers[3]["error"]
 

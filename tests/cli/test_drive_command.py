@@ -89,11 +89,11 @@ def test_a_session_that_is_killed_leaves_its_recording_whole(tmp_path):
 
 def test_the_token_can_come_from_the_environment(run, monkeypatch):
     """On the command line other users of the machine see it."""
-    found = []
-    monkeypatch.setattr(PageOptions, "show", lambda self, *_: found.append(self.token) or 0)
+    tokens = []
+    monkeypatch.setattr(PageOptions, "show", lambda self, *_: tokens.append(self.token) or 0)
     monkeypatch.setenv("CINEGEN_TOKEN", "secret")
     assert run("drive", "planar_3r")[0] == run("drive", "planar_3r", "--token", "mine")[0] == 0
-    assert found == ["secret", "mine"]
+    assert tokens == ["secret", "mine"]
 
 
 @pytest.mark.usefixtures("session_in_a_thread")

@@ -46,7 +46,7 @@ NEED = {
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory):
+def outcomes(tmp_path_factory):
     """What commands return and print in one process that can't import the packages of the extras."""
     folder = tmp_path_factory.mktemp("without extras")
     (folder / "robot.xml").write_text("<mujoco/>")
@@ -58,14 +58,14 @@ def found(tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", WORK)
-def test_the_core_is_enough(found, name):
-    code, _, err = found[name]
+def test_the_core_is_enough(outcomes, name):
+    code, _, err = outcomes[name]
     assert code == 0, err
 
 
 @pytest.mark.parametrize("extra", NEED)
-def test_a_command_says_what_to_install(found, extra):
-    code, _, err = found[extra]
+def test_a_command_says_what_to_install(outcomes, extra):
+    code, _, err = outcomes[extra]
     assert code == 1
     last = err.splitlines()[-1]
     assert last.startswith("cinegen: ")
@@ -87,7 +87,7 @@ def test_without_dask_one_process_works_and_several_are_refused(monkeypatch):
             cluster.processes(workers, scheduler, 8)
 
 
-def test_graphics_that_need_an_extra_are_replaced_and_it_is_said(found):
-    code, _, err = found["dxf"]
+def test_graphics_that_need_an_extra_are_replaced_and_it_is_said(outcomes):
+    code, _, err = outcomes["dxf"]
     assert code == 0
     assert 'install "cinegen[dxf]"' in err

@@ -18,19 +18,19 @@ def typed(printed):
 def test_an_arm_holds_a_payload_by_its_levers(typed):
     """Links of 0.4, 0.3 and 0.2 m that lie flat; the tool is at their end."""
     words = (*LOADED, "--gravity", "0,-10,0", "--json")
-    found = json.loads(typed("planar_3r", *words))
+    report = json.loads(typed("planar_3r", *words))
     levers = [0.9, 0.5, 0.2]
-    assert [one["value"] for one in found["torques"]] == pytest.approx([20.0 * lever for lever in levers])
+    assert [torque["value"] for torque in report["torques"]] == pytest.approx([20.0 * lever for lever in levers])
     moved = json.loads(typed("planar_3r", *words, "--payload", "500g@link2", "--wrench", "tool=0,0,0,0,0,3"))
-    more = [one["value"] - was["value"] for one, was in zip(moved["torques"], found["torques"], strict=True)]
+    more = [torque["value"] - was["value"] for torque, was in zip(moved["torques"], report["torques"], strict=True)]
     assert more == pytest.approx([5.0 * 0.4 - 3.0, -3.0, -3.0])
 
 
 def test_velocities_are_in_degrees_and_the_power_is_printed(typed):
     words = (*LOADED, "--gravity", "0,0,0")
-    found = json.loads(typed("planar_3r", *words, "--acceleration", "joint1=90", "--velocity", "joint1=180", "--json"))
-    assert found["torques"][0]["value"] == pytest.approx(2.0 * 0.9**2 * math.pi / 2.0)
-    assert found["power"] == pytest.approx(2.0 * 0.9**2 * math.pi**2 / 2.0)
+    report = json.loads(typed("planar_3r", *words, "--acceleration", "joint1=90", "--velocity", "joint1=180", "--json"))
+    assert report["torques"][0]["value"] == pytest.approx(2.0 * 0.9**2 * math.pi / 2.0)
+    assert report["power"] == pytest.approx(2.0 * 0.9**2 * math.pi**2 / 2.0)
     text = typed("planar_3r", *words, "--acceleration", "joint1=1.5rad/s2", "--velocity", "joint1=1rad/s")
     assert f"{2.0 * 0.9**2 * 1.5:.4g} N m" in text
     assert "power" in text
@@ -41,13 +41,13 @@ def test_torques_along_a_recorded_motion(typed, printed):
     """Three times the mass needs three times the torque, at the same times."""
     printed("plan", "disc", "-o", "run.jsonl")
     along = ("planar_3r", "--massless", "--payload", "2kg", "--trajectory", "run.jsonl")
-    found = json.loads(typed(*along, "--json"))
-    assert found["held"]
-    assert all(0.0 < one["rms"] < one["peak"] for one in found["torques"])
+    report = json.loads(typed(*along, "--json"))
+    assert report["held"]
+    assert all(0.0 < torque["rms"] < torque["peak"] for torque in report["torques"])
     heavy = json.loads(typed(*along, "--payload", "4kg", "--json"))
-    for one, three in zip(found["torques"], heavy["torques"], strict=True):
-        assert three["peak"] == pytest.approx(3.0 * one["peak"])
-        assert three["at"] == one["at"]
+    for torque, three in zip(report["torques"], heavy["torques"], strict=True):
+        assert three["peak"] == pytest.approx(3.0 * torque["peak"])
+        assert three["at"] == torque["at"]
     assert "peak" in typed(*along)
     refused = typed("five_bar", "--massless", "--trajectory", "run.jsonl", code=1)
     assert "joints of 'planar_3r' are not those of five_bar" in refused

@@ -56,7 +56,7 @@ def test_the_name_of_a_file_is_text_in_a_picture(root, tmp_path, typed):
     picture = str(tmp_path / "a.svg")
     said = typed("tolerance", path, "--sigma", "link*.d=1mm", "--samples", "0", "--plot", picture)
     assert not CONTROL.search(said.out + said.err)
-    tags = {one.tag.rpartition("}")[2] for one in ElementTree.parse(picture).iter()}
+    tags = {element.tag.rpartition("}")[2] for element in ElementTree.parse(picture).iter()}
     assert "script" not in tags
 
 
@@ -72,9 +72,9 @@ def test_code_of_a_robot_with_such_a_name_stays_in_its_folder(tmp_path):
     path = tmp_path / "in" / "x.urdf"
     path.parent.mkdir()
     path.write_text(urdf("../../owned", LINKS[:2], JOINTS[:2]), encoding="utf-8")
-    before = {one for one in tmp_path.rglob("*")}
+    before = {entry for entry in tmp_path.rglob("*")}
     assert main(["generate", str(path), "--to", "c", "-o", str(tmp_path / "out"), "--functions", "fk"]) == 0
-    assert {one.parent.name for one in {*tmp_path.rglob("*")} - before} == {tmp_path.name, "out"}
+    assert {entry.parent.name for entry in {*tmp_path.rglob("*")} - before} == {tmp_path.name, "out"}
 
 
 @pytest.mark.filterwarnings("default::raff2urdf.errors.RaffWarning")

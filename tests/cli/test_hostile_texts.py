@@ -50,16 +50,16 @@ def terminal(mechanism, path, tmp_path, typed):
     said = typed("info", path).out
     assert not CONTROL.search(said)
     assert "\nchecked" not in said
-    assert all(one in said for one in mechanism.joints)
-    found = json.loads(typed("info", path, "--json").out)
-    assert [one["name"] for one in found[0]["joints"]] == list(mechanism.joints)
+    assert all(joint in said for joint in mechanism.joints)
+    report = json.loads(typed("info", path, "--json").out)
+    assert [joint["name"] for joint in report[0]["joints"]] == list(mechanism.joints)
 
 
 def notebook(mechanism, path, tmp_path, typed):
     elements = Elements(mechanism._repr_html_()).found
     assert {tag for tag, _, _ in elements} <= TABLES
     assert {name for _, attributes, _ in elements for name in attributes} <= {"class", "style", "colspan", "scope"}
-    assert all(one in "".join(text for *_, text in elements) for one in mechanism.joints)
+    assert all(joint in "".join(text for *_, text in elements) for joint in mechanism.joints)
 
 
 def local_page(mechanism, path, tmp_path, typed):
@@ -67,27 +67,27 @@ def local_page(mechanism, path, tmp_path, typed):
     plain.write_text(arm_of(tuple(f"n{k}" for k in range(len(mechanism.joints))), "plain"), encoding="utf-8")
     titles = ("</title><script>window.owned = 1</script>", "plain")
     hostile, known = (
-        [(tag, set(attributes)) for tag, attributes, _ in Elements(build_page(Setup({name: one}), title)).found]
-        for name, one, title in ((NAMES[6], mechanism, titles[0]), ("plain", cinegen.load(plain), titles[1]))
+        [(tag, set(attributes)) for tag, attributes, _ in Elements(build_page(Setup({name: loaded}), title)).found]
+        for name, loaded, title in ((NAMES[6], mechanism, titles[0]), ("plain", cinegen.load(plain), titles[1]))
     )
     assert hostile == known
 
 
 def c(mechanism, path, tmp_path, typed):
-    found = generate(mechanism, Language.C, functions=[Function("fk")], name="arm", source=NAMES[5])
-    for name, text in found.items():
+    files = generate(mechanism, Language.C, functions=[Function("fk")], name="arm", source=NAMES[5])
+    for name, text in files.items():
         (tmp_path / name).write_text(text, encoding="utf-8")
     if shutil.which("gcc"):
         strict = ["-std=c99", "-trigraphs", "-Wall", "-Wextra", "-Werror"]
         subprocess.run(["gcc", *strict, "-c", "arm.c"], cwd=tmp_path, check=True)
         sections = subprocess.run(["objdump", "-ht", "arm.o"], cwd=tmp_path, check=True, capture_output=True, text=True)
         assert not re.search(r"\bowned\b|\.(init_array|ctors|fini_array)", sections.stdout)
-    assert not re.search(r"^\s*(?:void owned|__attribute__)", "\n".join(found.values()), re.MULTILINE)
+    assert not re.search(r"^\s*(?:void owned|__attribute__)", "\n".join(files.values()), re.MULTILINE)
 
 
 def javascript(mechanism, path, tmp_path, typed):
-    found = generate(mechanism, Language("js"), functions=[Function("fk")], name="arm", source=NAMES[5])
-    (tmp_path / "arm.mjs").write_text(found["arm.mjs"], encoding="utf-8")
+    files = generate(mechanism, Language("js"), functions=[Function("fk")], name="arm", source=NAMES[5])
+    (tmp_path / "arm.mjs").write_text(files["arm.mjs"], encoding="utf-8")
     if node := shutil.which("node"):
         program = """const before = Object.getOwnPropertyNames(globalThis).length;
             const { default: create, names } = await import("./arm.mjs");
@@ -103,8 +103,8 @@ def javascript(mechanism, path, tmp_path, typed):
 def table(mechanism, path, tmp_path, typed):
     text = FORMATS["csv"].write(moved(mechanism), mechanism.joints).decode()
     heads = next(csv.reader(io.StringIO(text)))
-    assert not any(one.startswith(("=", "+", "-", "@", "\t", "\r")) for one in heads)
-    assert [csv_text(one) for one in heads] == ["time", *mechanism.joints]
+    assert not any(head.startswith(("=", "+", "-", "@", "\t", "\r")) for head in heads)
+    assert [csv_text(head) for head in heads] == ["time", *mechanism.joints]
 
 
 def ros2(mechanism, path, tmp_path, typed):
@@ -113,8 +113,8 @@ def ros2(mechanism, path, tmp_path, typed):
 
 
 def npz(mechanism, path, tmp_path, typed):
-    found = np.load(io.BytesIO(FORMATS["npz"].write(moved(mechanism), mechanism.joints)), allow_pickle=False)
-    assert found["joints"].tolist() == list(mechanism.joints)
+    arrays = np.load(io.BytesIO(FORMATS["npz"].write(moved(mechanism), mechanism.joints)), allow_pickle=False)
+    assert arrays["joints"].tolist() == list(mechanism.joints)
 
 
 def urscript(mechanism, path, tmp_path, typed):
@@ -148,7 +148,7 @@ def robot_files(mechanism, path, tmp_path, typed):
         folder = tmp_path / "-".join([kind, *dialect])
         assert convert([str(file), "--format", kind, *dialect, "-o", f"{folder}/"]) == 0
         (made,) = folder.glob(f"*.{'xml' if kind == 'mjcf' else kind}")
-        names = {one.get("name") for one in ElementTree.parse(made).iter() if one.tag in ("link", "body")}
+        names = {element.get("name") for element in ElementTree.parse(made).iter() if element.tag in ("link", "body")}
         assert names >= {*mechanism.nodes} - {"base"}
         assert cinegen.load(made).joints == mechanism.joints
 
@@ -157,13 +157,13 @@ def map_and_picture(mechanism, path, tmp_path, typed):
     marked = [name for name in mechanism.actuated if "frac" in name or "onload" in name]
     first, second = marked or mechanism.actuated[:2]
     axes = (GridAxis(first, 0.0, 0.1, 2), GridAxis(second, 0.0, 0.1, 2))
-    found = make_map(MapSpecification(mechanism, Region(axes), ("sigma_1",)), tmp_path / "map.zarr", workers=1)
-    assert {first, second} <= {*found.dims} | {str(one.attrs.get("long_name")) for one in found.coords.values()}
+    dataset = make_map(MapSpecification(mechanism, Region(axes), ("sigma_1",)), tmp_path / "map.zarr", workers=1)
+    assert {first, second} <= {*dataset.dims} | {str(coord.attrs.get("long_name")) for coord in dataset.coords.values()}
     json.loads((tmp_path / "map.zarr" / "zarr.json").read_text(encoding="utf-8"))
-    write_figure(tmp_path / "map.svg", draw_map(found, "sigma_1", name=NAMES[6]), quiet=True)
+    write_figure(tmp_path / "map.svg", draw_map(dataset, "sigma_1", name=NAMES[6]), quiet=True)
     texts = ElementTree.parse(tmp_path / "map.svg")
-    assert not [one for one in texts.iter() if one.tag.rpartition("}")[2] == "script"]
-    found.close()
+    assert not [element for element in texts.iter() if element.tag.rpartition("}")[2] == "script"]
+    dataset.close()
 
 
 def moved(mechanism):
@@ -179,7 +179,7 @@ WRITERS = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("writer", WRITERS, ids=lambda one: one.__name__)
+@pytest.mark.parametrize("writer", WRITERS, ids=lambda writer: writer.__name__)
 def test_names_stay_text(arm, writer, tmp_path, typed):
     writer(*arm, tmp_path, typed)
 
@@ -206,9 +206,9 @@ def test_titles_of_pictures(tmp_path, robot):
     """matplotlib reads a formula between two dollars, which may be invalid."""
     arm = robot("planar_3r")
     axes = tuple(GridAxis(name, 0.0, 0.1, 2) for name in arm.actuated[:2])
-    with make_map(MapSpecification(arm, Region(axes), ("sigma_1",)), tmp_path / "map.zarr", workers=1) as found:
+    with make_map(MapSpecification(arm, Region(axes), ("sigma_1",)), tmp_path / "map.zarr", workers=1) as dataset:
         for k, name in enumerate(name for name in NAMES if "$" in name):
-            write_figure(tmp_path / f"{k}.png", draw_map(found, "sigma_1", name=name), quiet=True)
+            write_figure(tmp_path / f"{k}.png", draw_map(dataset, "sigma_1", name=name), quiet=True)
             assert (tmp_path / f"{k}.png").stat().st_size > 5000
 
 
@@ -221,7 +221,7 @@ def test_obstacles_of_a_scene(tmp_path, root, typed):
     path = tmp_path / "scene.toml"
     path.write_text(f"robot = '{root}/robots/planar_3r.raff'\ngoal = {{ point = [0.9, 0.9] }}\n{balls}", "utf-8")
     scene = load_scene(path)
-    assert [one.name for one in scene.obstacles] == [*NAMES]
+    assert [obstacle.name for obstacle in scene.obstacles] == [*NAMES]
     assert {tag for tag, _, _ in Elements(scene._repr_html_()).found} <= TABLES
     said = typed("plan", path, code=1).out
     assert not CONTROL.search(said)

@@ -26,12 +26,12 @@ def test_limits_that_are_exceeded_are_named(printed):
 
 def test_one_solution_within_limits_nearest_home(robot, printed):
     delta = robot("delta4")
-    found = json.loads(printed("ik", "delta4", "--at", "x=0.1,y=0.2,z=-2.9", "--json"))
-    assert len(found["solutions"]) == 1
-    assert found["complete"] is False
-    q = delta.configuration(found["solutions"][0]["joints"])
+    answer = json.loads(printed("ik", "delta4", "--at", "x=0.1,y=0.2,z=-2.9", "--json"))
+    assert len(answer["solutions"]) == 1
+    assert answer["complete"] is False
+    q = delta.configuration(answer["solutions"][0]["joints"])
     assert np.allclose(delta.placement(q, "platform").translation, [0.1, 0.2, -2.9])
-    assert found["solutions"][0]["within_limits"]
+    assert answer["solutions"][0]["within_limits"]
     assert "--all lists all" in printed("ik", "delta4", "--at", "x=0.1,y=0.2,z=-2.9")
 
 
@@ -45,8 +45,8 @@ def test_a_pose_out_of_reach_ends_with_code_1(printed):
 def test_a_redundant_arm_needs_a_locked_joint(printed):
     assert "lock 1 of its joints" in printed("ik", "arm7", "--at", "x=0.4,rz=10", "--all", code=1)
     assert "These are all." in printed("ik", "arm7", "--at", "x=0.4,rz=10", "--all", "--lock", "joint3=10")
-    (found,) = json.loads(printed("ik", "arm7", "--at", "x=0.4", "--lock", "joint3=10", "--json"))["solutions"]
-    assert found["joints"]["joint3"] == pytest.approx(np.radians(10.0))
+    (solution,) = json.loads(printed("ik", "arm7", "--at", "x=0.4", "--lock", "joint3=10", "--json"))["solutions"]
+    assert solution["joints"]["joint3"] == pytest.approx(np.radians(10.0))
     assert "no joint 'joint8'" in printed("ik", "arm7", "--at", "x=0.4", "--all", "--lock", "joint8=10", code=1)
 
 
@@ -54,15 +54,15 @@ def test_the_pose_of_a_floating_base_is_reported_and_a_fixed_one_has_none(tmp_pa
     path = tmp_path / "biped.urdf"
     path.write_text(bipeds.URDF)
     asked = "ik", path, "--node", "hand", "--at", "x=1.5,y=0.3,z=1.1"
-    (found,) = json.loads(printed(*asked, "--json"))["solutions"]
+    (solution,) = json.loads(printed(*asked, "--json"))["solutions"]
     biped = cinegen.load(path)
-    q = biped.configuration(found["joints"])
-    q[:7] = found["base"]
+    q = biped.configuration(solution["joints"])
+    q[:7] = solution["base"]
     assert np.allclose(biped.placement(q, "hand").translation, [1.5, 0.3, 1.1], atol=1e-6)
     text = printed(*asked)
     assert "the base moves to x" in text
     assert "--fixed-base holds it" in text
     assert "misses it by" in printed(*asked, "--fixed-base", code=1)
     nearer = printed("ik", path, "--node", "hand", "--at", "x=0.6,z=1.2", "--fixed-base", "--json")
-    (found,) = json.loads(nearer)["solutions"]
-    assert "base" not in found
+    (solution,) = json.loads(nearer)["solutions"]
+    assert "base" not in solution

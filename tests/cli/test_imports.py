@@ -66,9 +66,9 @@ HEAVY = {
 def test_load_and_solver_import_numpy_pinocchio_and_numba_alone(root):
     program = "import json, sys\nimport cinegen\nfrom cinegen import Solver, load\nprint(json.dumps(list(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", program], cwd=root, capture_output=True, timeout=60, check=True)
-    found = set(json.loads(done.stdout))
-    assert {"numpy", "pinocchio", "numba"} <= found
-    assert found & HEAVY == set()
+    modules = set(json.loads(done.stdout))
+    assert {"numpy", "pinocchio", "numba"} <= modules
+    assert modules & HEAVY == set()
 
 
 def test_help_of_every_command_imports_nothing_that_computes(imported):

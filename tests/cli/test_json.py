@@ -29,10 +29,10 @@ def documented(root, command, number=0):
 
 def leaf(types):
     """The schema of a type as it is written: `string`, `number or null`, `numbers`."""
-    lists = [one.removesuffix("s") for one in types.split(" or ") if one not in TYPES]
-    choices = [{"type": TYPES[one]} for one in types.split(" or ") if one in TYPES]
+    lists = [name.removesuffix("s") for name in types.split(" or ") if name not in TYPES]
+    choices = [{"type": TYPES[name]} for name in types.split(" or ") if name in TYPES]
     if lists:
-        choices.append({"type": "array", "items": {"anyOf": [{"type": TYPES[one]} for one in lists]}})
+        choices.append({"type": "array", "items": {"anyOf": [{"type": TYPES[name]} for name in lists]}})
     return {"anyOf": choices}
 
 
@@ -46,14 +46,14 @@ def schema(rows):
     for name, inner in groups.items():
         optional = all(types.endswith(", optional") for types in inner.values())
         types = next(iter(inner.values())).removesuffix(", optional")
-        found = leaf(types) if set(inner) == {""} else schema(inner)
+        value_schema = leaf(types) if set(inner) == {""} else schema(inner)
         if name.endswith("[]"):
-            found = {"type": ["array", "null"], "items": found}
+            value_schema = {"type": ["array", "null"], "items": value_schema}
         name = name.removesuffix("[]")
         if name == "*":
-            other = found
+            other = value_schema
             continue
-        properties[name] = found
+        properties[name] = value_schema
         required += [] if optional else [name]
     return {"type": ["object", "null"], "properties": properties, "required": required, "additionalProperties": other}
 
@@ -61,9 +61,9 @@ def schema(rows):
 def check(root, document, command, number=0):
     """Check a document, or each document of a list, against a table."""
     of = schema(documented(root, command, number))
-    for one in document if isinstance(document, list) else [document]:
-        assert one is not None
-        jsonschema.Draft202012Validator(of).validate(one)
+    for entry in document if isinstance(document, list) else [document]:
+        assert entry is not None
+        jsonschema.Draft202012Validator(of).validate(entry)
 
 
 @pytest.fixture
@@ -121,7 +121,7 @@ def test_calibrate(checked, tmp_path):
         lines.append(f"{i},{a},{b},{c},{x},{y + 30.0 * (i == 5)}")
     (tmp_path / "m.csv").write_text("\n".join(lines), encoding="utf-8")
     words = "calibrate", "planar_3r", "m.csv", "--vary", "link*.d"
-    assert [one["pose"] for one in checked(*words)["outliers"]] == ["5"]
+    assert [outlier["pose"] for outlier in checked(*words)["outliers"]] == ["5"]
     checked(*words, "--propose", "3")
 
 
@@ -161,11 +161,11 @@ def test_proofs(checked):
     checked("prove", "gough", *box, code=1)
     checked("check-proof", "gough-proof.json", code=1)
     box = ("--over", "x=-10..10mm,y=500..510mm", "--sigma", "0.5", "-o", "sigma.json")
-    found = checked("prove", "five_bar", *box, code=1)
-    assert {witness["sigma"] for witness in found["witnesses"]} == {"sigma_1"}
+    proof = checked("prove", "five_bar", *box, code=1)
+    assert {witness["sigma"] for witness in proof["witnesses"]} == {"sigma_1"}
     box = ("--over", "x=-10..10mm,y=500..510mm", "--clearance", "300mm", "-o", "near.json")
-    found = checked("prove", "five_bar", *box, code=1)
-    assert {witness["clearance"] for witness in found["witnesses"]} <= {"base and link2", "base and link4"}
+    proof = checked("prove", "five_bar", *box, code=1)
+    assert {witness["clearance"] for witness in proof["witnesses"]} <= {"base and link2", "base and link4"}
 
 
 def test_raff2urdf(root, capsys, monkeypatch, tmp_path):

@@ -10,38 +10,38 @@ from cinegen.cli import app
 from cinegen.workspace import open_map
 
 
-def told(text):
+def numbers_of(text):
     """The numbers of the lines, by their first word."""
     return {words[0]: words[1:] for words in (line.split() for line in text.splitlines() if line.startswith("  "))}
 
 
 def test_a_map_is_written_told_and_drawn(printed, tmp_path):
     said = printed("map", "planar_3r", "--over", "xy", "--grid", 24, "-o", "arm.zarr", "--plot", "arm.png")
-    found = open_map("arm.zarr")
-    assert found.sizes["x"] == found.sizes["y"] == 24
-    numbers = told(said)
-    cell = found.x.attrs["cell_width"] * found.y.attrs["cell_width"]
-    assert float(numbers["reachable"][0]) == pytest.approx(int(found.reachable.sum()) * cell, rel=1e-3)
+    dataset = open_map("arm.zarr")
+    assert dataset.sizes["x"] == dataset.sizes["y"] == 24
+    numbers = numbers_of(said)
+    cell = dataset.x.attrs["cell_width"] * dataset.y.attrs["cell_width"]
+    assert float(numbers["reachable"][0]) == pytest.approx(int(dataset.reachable.sum()) * cell, rel=1e-3)
     assert "m^2," in numbers["reachable"]
-    assert float(numbers["sigma_1"][1].rstrip(",")) == pytest.approx(float(found.sigma_1.min()), rel=0.01)
+    assert float(numbers["sigma_1"][1].rstrip(",")) == pytest.approx(float(dataset.sigma_1.min()), rel=0.01)
     assert (tmp_path / "arm.png").stat().st_size > 10_000
 
 
 def test_the_answer_as_json_has_all_numbers_in_si(printed):
     options = "--over", "x=-500..500mm:8,y=-0.5..0.5:8", "--at", "z=-1800mm", "--json"
-    found = json.loads(printed("map", "delta4", *options))
-    assert found["over"]["x"] == [-0.5, 0.5, 8]
-    assert found["at"]["z"] == pytest.approx(-1.8)
-    assert found["reachable"] == found["cells"] == 64
-    assert found["extent"] == {"value": pytest.approx(1.0), "error": pytest.approx(0.0), "unit": "m^2"}
-    assert set(found["quantities"]) == {"sigma_1", "sigma_2"}
-    assert sum(found["status"].values()) == 64
+    report = json.loads(printed("map", "delta4", *options))
+    assert report["over"]["x"] == [-0.5, 0.5, 8]
+    assert report["at"]["z"] == pytest.approx(-1.8)
+    assert report["reachable"] == report["cells"] == 64
+    assert report["extent"] == {"value": pytest.approx(1.0), "error": pytest.approx(0.0), "unit": "m^2"}
+    assert set(report["quantities"]) == {"sigma_1", "sigma_2"}
+    assert sum(report["status"].values()) == 64
 
 
 @pytest.mark.parametrize(("allowed", "least"), [([], (-1.0, 1.0)), (["base", "link2", "link3"], (5.0, 20.0))])
 def test_collisions_that_a_scene_allows_do_not_count_as_clearance(printed, root, tmp_path, allowed, least):
     """A box 10 m away; nearer are only the arm's own links."""
-    pairs = [[one, other] for i, one in enumerate(allowed) for other in allowed[i + 1 :]]
+    pairs = [[node, other] for i, node in enumerate(allowed) for other in allowed[i + 1 :]]
     pairs += [["link1", "link3"]] * bool(pairs)
     goal = {"point": [1, 0], "angle": 0.0}
     box = {"kind": "box", "size": [0.1, 0.1], "point": [10.0, 0.0]}
@@ -49,8 +49,8 @@ def test_collisions_that_a_scene_allows_do_not_count_as_clearance(printed, root,
     values["allowed_collisions"] = pairs
     (tmp_path / "scene.json").write_text(json.dumps(values))
     printed("map", "planar_3r", "--over", "joint2:5,joint3:5", "--scene", tmp_path / "scene.json", "-o", "map.zarr")
-    found = float(open_map("map.zarr").clearance.min())
-    assert least[0] <= found <= least[1]
+    clearance = float(open_map("map.zarr").clearance.min())
+    assert least[0] <= clearance <= least[1]
 
 
 @pytest.mark.parametrize("value", ["-0.5,0,-1.8..0.5,0,-1.8:20", "-.5,1"])
@@ -67,9 +67,9 @@ def test_what_begins_with_a_negative_number_is_a_value(words, value):
     command, *before, option = words.split()
     joined = [f"{option}={value}"] if option.startswith("--") else [f"{option}{value}"]
     parser = typer.main.get_command(app).commands[command]
-    apart, together = (parser.make_context(command, [*before, *given]).params for given in ([option, value], joined))
+    apart, together = (parser.make_context(command, [*before, *form]).params for form in ([option, value], joined))
     assert apart == together
-    assert any(given in (value, [value], Path(value)) for given in apart.values())
+    assert any(parsed in (value, [value], Path(value)) for parsed in apart.values())
 
 
 def test_variants_get_a_table_and_files(printed, tmp_path):
@@ -88,9 +88,9 @@ def test_what_is_without_bound_is_said(printed):
     options += ("--along", "0,0,1")
     said = "min unbounded, median unbounded, max unbounded N, along 0, 0, 1"
     assert said in printed("map", *options, "-o", "a.zarr")
-    found = json.loads(printed("map", *options, "-o", "a.zarr", "--json"))
+    report = json.loads(printed("map", *options, "-o", "a.zarr", "--json"))
     lost = {"unit": "N", "min": None, "median": None, "max": None, "undetermined": []}
-    assert found["quantities"]["force"] == lost
+    assert report["quantities"]["force"] == lost
     assert "there is no cell that both maps reach and where it is finite" in printed("compare", "a.zarr", "a.zarr")
 
 
@@ -105,8 +105,8 @@ def test_ctrl_c_is_no_traceback(printed, monkeypatch):
 def test_two_maps_are_compared(printed, tmp_path):
     for name, more in (("a", ()), ("b", ("--no-limits",))):
         printed("map", "five_bar", "--over", "x=-0.4..0.4:16,y=-0.7..0.7:16", "-o", f"{name}.zarr", *more)
-    found = json.loads(printed("compare", "a.zarr", "b.zarr", "--json"))
-    assert found["extents"]["only_second"]["value"] > 0.0
+    report = json.loads(printed("compare", "a.zarr", "b.zarr", "--json"))
+    assert report["extents"]["only_second"]["value"] > 0.0
     said = printed("compare", "a.zarr", "b.zarr", "--plot", "both.png")
     assert "only b" in said
     assert (tmp_path / "both.png").stat().st_size > 10_000
@@ -131,9 +131,9 @@ def test_loads_and_springs(printed):
     assert "reaction_moment" in out
     springs = ("map", "delta4", "--over", "x=0..0.1:2", "--at", "y=0,z=-1.8", "--payload", "2kg")
     out = printed(*springs, "-q", "frequency,stiffness", "--stiffness", "*=1e6,joint1=900kNm/rad", "-o", "delta")
-    found = told(out)
-    assert found["frequency"][-1] == "Hz"
-    assert float(found["stiffness"][1].strip(",")) > 1e5
+    numbers = numbers_of(out)
+    assert numbers["frequency"][-1] == "Hz"
+    assert float(numbers["stiffness"][1].strip(",")) > 1e5
     err = printed(*springs, "-q", "stiffness", "--stiffness", "joint1=4N/m", "-o", "x", code=2)
     assert "joint1: '4N/m' is a stiffness: an angular stiffness is wanted (Nm/rad, kNm/rad)" in err
 

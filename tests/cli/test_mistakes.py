@@ -180,7 +180,7 @@ def folder(root: Path, tmp_path_factory) -> Path:
 
 
 @pytest.mark.usefixtures("session_in_a_thread")
-@pytest.mark.parametrize(("typed", "code", "says"), MISTAKES, ids=[one[0] for one in MISTAKES])
+@pytest.mark.parametrize(("typed", "code", "says"), MISTAKES, ids=[mistake[0] for mistake in MISTAKES])
 def test_a_mistake_is_answered_in_three_lines(folder, monkeypatch, capsys, typed, code, says):
     if "Permission" in says and os.geteuid() == 0:
         pytest.skip("root may read and write everything")
@@ -188,7 +188,7 @@ def test_a_mistake_is_answered_in_three_lines(folder, monkeypatch, capsys, typed
         pytest.skip("no /dev/full here")
     monkeypatch.chdir(folder)
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO()))
-    before, there = {path: path.read_bytes() for path in folder.glob("[!s]*.*")}, {*folder.rglob("*")}
+    before, paths = {path: path.read_bytes() for path in folder.glob("[!s]*.*")}, {*folder.rglob("*")}
     program, *words = shlex.split(typed)
     assert PROGRAMS[program](words) == code
     out, said = capsys.readouterr()
@@ -198,7 +198,7 @@ def test_a_mistake_is_answered_in_three_lines(folder, monkeypatch, capsys, typed
     assert "Traceback" not in said
     assert code == 1 or f"Try '{program}" in said
     assert all(path.read_bytes() == content for path, content in before.items())
-    assert {*folder.rglob("*")} == there
+    assert {*folder.rglob("*")} == paths
 
 
 def test_a_full_disk_for_kernels_is_told_with_a_remedy(monkeypatch, capsys):

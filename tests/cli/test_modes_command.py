@@ -14,13 +14,13 @@ from cinegen.user_units import pose_numbers
 
 def rows(said):
     """Of a table: the mode's number as written, its numbers, and what is noted."""
-    found = []
+    table = []
     for line in said.splitlines():
         words = line.split()
         if words and words[0].rstrip("*").isdecimal() and line.startswith("  "):
             count = next((k for k, word in enumerate(words[1:], 1) if not _is_number(word)), len(words))
-            found.append((words[0], [float(word) for word in words[1:count]], " ".join(words[count:])))
-    return found
+            table.append((words[0], [float(word) for word in words[1:count]], " ".join(words[count:])))
+    return table
 
 
 def _is_number(word):
@@ -55,12 +55,12 @@ def test_modes_at_a_mode_that_was_listed_contain_it(printed, name, mode):
 
 def test_a_pose_may_be_typed_by_name_and_without_orientation(robot, printed):
     gough = robot("gough")
-    found = json.loads(printed("modes", "gough", "--at", "x=-20mm", "y=0.03,z=88 cm", "--json"))[0]
-    assert min(math.dist(mode["position"], (-0.02, 0.03, 0.88)) for mode in found["modes"]) < 1e-4
-    found = json.loads(printed("modes", "gough", "--at", "rz=25", "--json"))[0]
+    report = json.loads(printed("modes", "gough", "--at", "x=-20mm", "y=0.03,z=88 cm", "--json"))[0]
+    assert min(math.dist(mode["position"], (-0.02, 0.03, 0.88)) for mode in report["modes"]) < 1e-4
+    report = json.loads(printed("modes", "gough", "--at", "rz=25", "--json"))[0]
     home = pose_numbers(gough.placement(gough.q_home, "platform"))
     turned = pin.rpy.rpyToMatrix(np.radians([*home[3:5], 25.0]))
-    assert min(np.abs(np.array(mode["rotation"]) - turned).max() for mode in found["modes"]) < 1e-4
+    assert min(np.abs(np.array(mode["rotation"]) - turned).max() for mode in report["modes"]) < 1e-4
 
 
 def test_where_solutions_meet_it_says_so(printed):
@@ -90,8 +90,8 @@ def test_what_is_not_proved_is_not_called_all(printed):
     assert "the last 6 monodromy loops found no more; trace test satisfied to " in said
     assert "in infinitely many configurations (self-motions): joint6, joint7 move (1 DoF, a curve of degree 2)" in said
     assert "2 self-motions found; not excluded: modes and self-motions that neither paths nor 64 random starts" in said
-    found = json.loads(printed("modes", path, "--json"))[0]
-    assert (found["complete"], found["trace_test"]) == (False, True)
-    curves = [(m["dimension"], m["degree"], m["moving"]) for m in found["self_motions"]]
+    report = json.loads(printed("modes", path, "--json"))[0]
+    assert (report["complete"], report["trace_test"]) == (False, True)
+    curves = [(m["dimension"], m["degree"], m["moving"]) for m in report["self_motions"]]
     assert curves == [(1, 2, ["joint6", "joint7"])] * 2
-    assert all(mode["isolated"] for mode in found["modes"])
+    assert all(mode["isolated"] for mode in report["modes"])

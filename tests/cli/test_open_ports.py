@@ -42,22 +42,22 @@ OTHER_PAGES = (
 
 def sockets(pid):
     """(process, address, port) of each socket of a process tree that anybody may connect or send to."""
-    found = set()
+    opened = set()
     try:
         processes = [psutil.Process(pid), *psutil.Process(pid).children(recursive=True)]
     except psutil.NoSuchProcess:
-        return found
+        return opened
     for process in processes:
         try:
-            for one in process.net_connections("inet"):
-                if one.laddr and (one.status == psutil.CONN_LISTEN or one.type == socket.SOCK_DGRAM):
-                    found.add((process.pid, one.laddr.ip, one.laddr.port))
-            for one in process.net_connections("unix"):  # without a name nobody else reaches it
-                if one.laddr:
-                    found.add((process.pid, one.laddr, 0))
+            for conn in process.net_connections("inet"):
+                if conn.laddr and (conn.status == psutil.CONN_LISTEN or conn.type == socket.SOCK_DGRAM):
+                    opened.add((process.pid, conn.laddr.ip, conn.laddr.port))
+            for conn in process.net_connections("unix"):  # without a name nobody else reaches it
+                if conn.laddr:
+                    opened.add((process.pid, conn.laddr, 0))
         except (psutil.NoSuchProcess, psutil.ZombieProcess):
             continue
-    return found
+    return opened
 
 
 # Commands one after the other in one process: each is announced on standard output before it begins.
@@ -78,7 +78,7 @@ def watched(root, tmp_path):
     listened on."""
 
     def run(*calls):
-        log, found, end = tmp_path / "log", [set() for _ in calls], time.monotonic() + PATIENCE * len(calls)
+        log, opened, end = tmp_path / "log", [set() for _ in calls], time.monotonic() + PATIENCE * len(calls)
         with log.open("wb") as out:
             process = subprocess.Popen(
                 [sys.executable, "-c", PROGRAM, json.dumps(calls)], cwd=tmp_path, stdin=subprocess.DEVNULL,
@@ -88,14 +88,14 @@ def watched(root, tmp_path):
             while process.poll() is None:
                 assert time.monotonic() < end, log.read_text()
                 begun = log.read_bytes().count(b"#")
-                there = sockets(process.pid)
+                current = sockets(process.pid)
                 if begun and begun == log.read_bytes().count(b"#"):
-                    found[begun - 1] |= there
+                    opened[begun - 1] |= current
                 time.sleep(0.1)
         finally:
             process.kill()
         assert process.returncode == 0, log.read_text()
-        return found
+        return opened
 
     return run
 
@@ -104,15 +104,15 @@ def sys_path():
     return sys.path
 
 
-def beyond(found):
+def beyond(opened):
     """Those sockets that other machines reach."""
-    return {(address, port) for _, address, port in found if not address.startswith(LOOPBACK)}
+    return {(address, port) for _, address, port in opened if not address.startswith(LOOPBACK)}
 
 
 @pytest.mark.parametrize("commands", [PAGES, *slow((OTHER_PAGES,))])
 def test_pages_and_sensors_listen_on_this_machine_only(watched, commands):
-    *found, elsewhere = watched(*commands)
-    for command, listened in zip(commands, found, strict=False):
+    *local, elsewhere = watched(*commands)
+    for command, listened in zip(commands, local, strict=False):
         assert listened, command
         assert not beyond(listened), command
     assert beyond(elsewhere)  # a page for other machines is seen here
@@ -130,11 +130,11 @@ objective = [{ minimise = "condition" }]
 @pytest.mark.parametrize("command", [("map", *MAP), ("synthesize", "five_bar", "--task", "task.toml")])
 def test_processes_that_share_work_listen_on_this_machine_only_and_serve_no_http(watched, tmp_path, command):
     (tmp_path / "task.toml").write_text(TASK)
-    (found,) = watched((*command, "--workers", "2"))
-    assert len({pid for pid, *_ in found}) == 3  # the scheduler and both workers
+    (opened,) = watched((*command, "--workers", "2"))
+    assert len({pid for pid, *_ in opened}) == 3  # the scheduler and both workers
     # One socket each: another one would be an HTTP server's. A process that begins holds its parent's for a moment.
-    assert len({(address, port) for _, address, port in found}) == 3
-    assert not beyond(found)
+    assert len({(address, port) for _, address, port in opened}) == 3
+    assert not beyond(opened)
 
 
 LISTENING = {f"cinegen {name}" for name in ("demo", "drive", "replay", "synthesize")}
@@ -144,8 +144,8 @@ LISTENING = {f"cinegen {name}" for name in ("demo", "drive", "replay", "synthesi
 def test_all_other_commands_listen_nowhere(watched, inputs, tmp_path):
     shutil.copytree(inputs, tmp_path, dirs_exist_ok=True)
     names = [name for name in CALLS if name.startswith("cinegen ") and name not in LISTENING]
-    given = CALLS | {"cinegen plan": "disc -o way.jsonl"}
-    calls = [*(f"{name} {given[name]}" for name in names), "cinegen drive four_bar.raff --snapshot page.html"]
+    arguments = CALLS | {"cinegen plan": "disc -o way.jsonl"}
+    calls = [*(f"{name} {arguments[name]}" for name in names), "cinegen drive four_bar.raff --snapshot page.html"]
     quiet = [call.split()[1:] for call in calls]
     assert watched(*quiet) == [set()] * len(quiet)
 
@@ -183,9 +183,9 @@ def test_who_knows_the_addresses_of_those_that_make_a_map_can_neither_run_nor_pl
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     with cluster.connected(None, 1) as client:
         ((address, worker),) = client.scheduler_info(n_workers=-1)["workers"].items()
-        here = [path for path in sys.path if "scratch" in path]
-        there = client.submit(sys_path).result()
-        for path in (*here, worker["local_directory"], there[0]):
+        local_paths = [path for path in sys.path if "scratch" in path]
+        worker_paths = client.submit(sys_path).result()
+        for path in (*local_paths, worker["local_directory"], worker_paths[0]):
             parents = [Path(path), *Path(path).parents]
             assert tmp_path / "dask-scratch-space" not in parents
             private = parents[parents.index(tmp_path) - 1]

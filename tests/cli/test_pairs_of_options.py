@@ -82,32 +82,32 @@ LEFT_OUT = {"--help", "--version", "--install-completion", "--show-completion", 
 
 def type_of(option):
     """The type of an option's value, without None."""
-    kinds = [one for one in get_args(option.type_descriptor.annotation) if isinstance(one, type) or get_args(one)]
-    return next((one for one in kinds if one is not type(None)), option.type_descriptor.annotation)
+    kinds = [kind for kind in get_args(option.type_descriptor.annotation) if isinstance(kind, type) or get_args(kind)]
+    return next((kind for kind in kinds if kind is not type(None)), option.type_descriptor.annotation)
 
 
 def options_of(command, call):
     """Each option of a command with a value that is not its default, as words."""
     rules = command.callback.rules
-    found = {}
-    for one in command.params:
-        name = max(one.opts, key=len)
-        if one.param_type_name == "argument" or name in LEFT_OUT or name in call:
+    words_of = {}
+    for option in command.params:
+        name = max(option.opts, key=len)
+        if option.param_type_name == "argument" or name in LEFT_OUT or name in call:
             continue
-        if one.is_flag:
+        if option.is_flag:
             words = [name]
         elif name in VALUES:
             words = [name, VALUES[name]]
-        elif choices := get_args(type_of(one)):
-            words = [name, next(choice for choice in choices[::-1] if choice != one.default)]
-        elif one.type_descriptor.parameter_info.parser or type_of(one) in (int, float):
+        elif choices := get_args(type_of(option)):
+            words = [name, next(choice for choice in choices[::-1] if choice != option.default)]
+        elif option.type_descriptor.parameter_info.parser or type_of(option) in (int, float):
             words = [name, "7"]
         else:
-            endings = rules[one.name].endings if one.name in rules else ()
-            words = [name, f"{one.name}{endings[0] if endings else ''}"]
+            endings = rules[option.name].endings if option.name in rules else ()
+            words = [name, f"{option.name}{endings[0] if endings else ''}"]
         if None not in words:
-            found[name] = words
-    return found
+            words_of[name] = words
+    return words_of
 
 
 @pytest.fixture
@@ -152,11 +152,11 @@ def test_each_option_of_a_pair_has_an_effect_or_is_refused(answer, name, call):
     options = options_of(command, [*base, *BY_INPUT.get(name, ())])
     nothing = answer(command, base)
     assert not nothing[0], nothing
-    alone = {one: answer(command, [*base, *words]) for one, words in options.items()}
-    idle = [one for one, said in alone.items() if said == nothing]
-    there = {one: said for one, said in alone.items() if not said[0] and said != nothing}
-    for one, other in itertools.combinations(there, 2):
-        both = answer(command, [*base, *options[one], *options[other]])
+    alone = {option: answer(command, [*base, *words]) for option, words in options.items()}
+    idle = [option for option, said in alone.items() if said == nothing]
+    effective = {option: said for option, said in alone.items() if not said[0] and said != nothing}
+    for option, other in itertools.combinations(effective, 2):
+        both = answer(command, [*base, *options[option], *options[other]])
         if not both[0]:
-            idle += [f"{b} with {a}" for a, b in ((one, other), (other, one)) if both == there[a]]
+            idle += [f"{b} with {a}" for a, b in ((option, other), (other, option)) if both == effective[a]]
     assert not idle, "\n" + "\n".join(idle)

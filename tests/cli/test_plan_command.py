@@ -44,15 +44,15 @@ def scene(tmp_path):
 @pytest.mark.parametrize("name", ["rod", "generic"])
 def test_scenes_of_the_paper_are_reached_and_the_answer_says_how(root, typed, name):
     said = typed(name)
-    found = load_scene(root / f"robots/scenes/{name}.toml")
+    toml_scene = load_scene(root / f"robots/scenes/{name}.toml")
     lines = said.splitlines()
     assert lines[0].startswith(f"{name}: ")
-    assert all(one.name in said for one in found.obstacles)
-    assert f"reached: {found.node} is at its goal" in lines
-    told = {words[0]: words[1:] for words in (line.split() for line in lines if line.startswith("  ")) if words}
-    assert float(told["clearance"][0]) >= found.safety
-    assert f"{found.safety:g} m required" in said
-    assert int(told["steps"][0]) > 0
+    assert all(obstacle.name in said for obstacle in toml_scene.obstacles)
+    assert f"reached: {toml_scene.node} is at its goal" in lines
+    numbers = {words[0]: words[1:] for words in (line.split() for line in lines if line.startswith("  ")) if words}
+    assert float(numbers["clearance"][0]) >= toml_scene.safety
+    assert f"{toml_scene.safety:g} m required" in said
+    assert int(numbers["steps"][0]) > 0
     assert "strategy" in said
     assert max(map(len, lines)) <= 100
 
@@ -81,12 +81,12 @@ def test_what_repels_gets_stuck_and_it_is_said_where(root, typed):
     said = " ".join(typed("rod", code=1).split())
     assert " from 'rod'" in said
     assert "Try --planner auto: it also samples configurations" in said
-    found = plan(load_scene(root / "robots/scenes/rod.toml"), field=firas)
+    planned = plan(load_scene(root / "robots/scenes/rod.toml"), field=firas)
     words = said.split("stuck: tool at x ")[1]
     x, y = words.split(" m,")[0].split(", y ")
-    assert [float(x), float(y)] == pytest.approx(found.trace[-1][:2], abs=5e-4)
+    assert [float(x), float(y)] == pytest.approx(planned.trace[-1][:2], abs=5e-4)
     left = float(words.split(" m, ")[1].split(" m from its goal")[0])
-    assert left == pytest.approx(math.dist(found.trace[-1][:2], (0.6, 0.3)), abs=5e-4)
+    assert left == pytest.approx(math.dist(planned.trace[-1][:2], (0.6, 0.3)), abs=5e-4)
     mm = " ".join(typed("rod", "--units", "mm", code=1).split())
     assert f"stuck: tool at x {1e3 * float(x):g}, y {1e3 * float(y):g} mm, {1e3 * left:g} mm from its goal" in mm
     document = json.loads(typed("rod", "--json", code=1))
@@ -120,22 +120,22 @@ def test_what_can_not_be_is_said_at_once_with_what_to_do(typed, scene, values, s
 
 def test_json_holds_a_way_from_the_start_to_the_goal(root, typed):
     said = json.loads(typed("rod", "--json"))
-    found = load_scene(root / "robots/scenes/rod.toml")
-    mechanism = found.mechanism
+    toml_scene = load_scene(root / "robots/scenes/rod.toml")
+    mechanism = toml_scene.mechanism
     assert (said["scene"], said["status"], said["planner"]) == ("rod", "reached", "auto")
     path = [mechanism.configuration(values) for values in said["path"]]
     assert set(said["path"][0]) == set(mechanism.joints)
-    assert (path[0] == found.start).all()
-    end = mechanism.placement(path[-1], found.node).translation
-    goal = found.goal.translation[: found.translation]
-    assert end[: found.translation] == pytest.approx(goal, abs=2e-4 * mechanism.length)
+    assert (path[0] == toml_scene.start).all()
+    end = mechanism.placement(path[-1], toml_scene.node).translation
+    goal = toml_scene.goal.translation[: toml_scene.translation]
+    assert end[: toml_scene.translation] == pytest.approx(goal, abs=2e-4 * mechanism.length)
     assert said["trace"][-1] == pytest.approx(end)
     assert len(said["clearances"]) == len(path) == said["attempts"][-1]["steps"] + 1
-    assert min(said["clearances"]) >= said["clearance"] >= said["safety"] == found.safety
+    assert min(said["clearances"]) >= said["clearance"] >= said["safety"] == toml_scene.safety
     assert said["length"] >= math.dist(said["trace"][0], said["trace"][-1])
     steps = np.linalg.norm(np.diff(said["trace"], axis=0), axis=1).sum()
     assert said["length"] == pytest.approx(steps, rel=0.02)
-    assert [one["status"] for one in said["attempts"]][-1] == "reached"
+    assert [attempt["status"] for attempt in said["attempts"]][-1] == "reached"
 
 
 def test_json_is_json_where_there_is_no_way_and_nothing_to_meet(typed, scene):

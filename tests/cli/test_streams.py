@@ -39,9 +39,9 @@ def start(root, tmp_path):
         arguments = [word.replace("ROBOTS", str(robots)) for word in COMMANDS[name]]
         command = ["/bin/sh", "-c", f'exec "$@" {closing}', "sh", sys.executable, *arguments]
         streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | streams
-        given = {} if "stdin" in streams else {"input": '{"joint1": 0.1}\n'}
+        feed = {} if "stdin" in streams else {"input": '{"joint1": 0.1}\n'}
         environment = os.environ | {"PYTHONPATH": str(root)}
-        return subprocess.run(command, cwd=tmp_path, env=environment, text=True, timeout=120, **given, **streams)
+        return subprocess.run(command, cwd=tmp_path, env=environment, text=True, timeout=120, **feed, **streams)
 
     return start
 
@@ -120,8 +120,8 @@ def test_what_only_streams_ends_with_its_reader(close, monkeypatch):
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, TERMINATED), (signal.SIGINT, 0)])
 def test_signals_end_a_filter_in_order(close, number, code):
     """While it waits for its second line."""
-    found, out, err = close(lambda: b"{}\n", lambda: signal.raise_signal(number))
-    assert (found, err) == (code, "")
+    exit_code, out, err = close(lambda: b"{}\n", lambda: signal.raise_signal(number))
+    assert (exit_code, err) == (code, "")
     assert json.loads(out)
 
 
@@ -165,8 +165,8 @@ def test_a_file_is_read_from_standard_input_and_written_to_standard_output(root,
         ["/bin/sh", "-c", pipe], cwd=root / "robots", env=environment, capture_output=True, text=True, timeout=120
     )
     assert "robot 'arm': 3 links" in done.stderr  # what is said of a file on standard output
-    (found,) = json.loads(done.stdout)
-    assert (found["name"], found["robot"], len(found["joints"])) == ("stdin", "arm", 3)
+    (answer,) = json.loads(done.stdout)
+    assert (answer["name"], answer["robot"], len(answer["joints"])) == ("stdin", "arm", 3)
 
 
 # --- the streams -----------------------------------------------------------------------------------------------------

@@ -62,15 +62,15 @@ MORE = {"--monitor": ["--seconds", "0.01"]}  # else it waits for a device to be 
 
 def command_of(command: str):
     program, *names = command.split()
-    found = typer.main.get_command(PROGRAMS[program].app)
-    return found.commands[names[0]] if names else found
+    top_command = typer.main.get_command(PROGRAMS[program].app)
+    return top_command.commands[names[0]] if names else top_command
 
 
 def parameters(command: str) -> list[object]:
     """Those of a command that take a value."""
     left_out = {"help", "version", "install_completion", "show_completion"}
     return [
-        one for one in command_of(command).params if one.name not in left_out and not getattr(one, "is_flag", False)
+        arg for arg in command_of(command).params if arg.name not in left_out and not getattr(arg, "is_flag", False)
     ]
 
 
@@ -78,14 +78,14 @@ def mistaken(command: str) -> Iterator[list[str]]:
     """Calls of a command in which one argument or option is wrong."""
     call, chosen = CALLS[command].split(), random.Random(command)
     declared = parameters(command)
-    arguments = [one for one in declared if one.param_type_name == "argument"]
-    for number, one in enumerate(declared):
+    arguments = [parameter for parameter in declared if parameter.param_type_name == "argument"]
+    for number, parameter in enumerate(declared):
         value = chosen.choice((NAMES, NUMBERS, PAIRS, PLACES)[number % 4])
-        if one in arguments:
-            place = arguments.index(one)
+        if parameter in arguments:
+            place = arguments.index(parameter)
             yield [*call[:place], value, *call[place + 1 :]]
         else:
-            yield [*call, one.opts[0], value, *MORE.get(one.opts[0], ())]
+            yield [*call, parameter.opts[0], value, *MORE.get(parameter.opts[0], ())]
 
 
 OUTPUTS = {"output", "plot", "plot_joints", "poses", "record", "report", "snapshot", "state", "video"}
@@ -94,9 +94,9 @@ BY_FORMAT = {("cinegen export", "output"), ("raff2urdf", "output")}
 
 
 def test_every_output_declares_its_endings():
-    found = {(one, parameter.name) for one in CALLS for parameter in parameters(one) if parameter.name in OUTPUTS}
-    rules = {one: command_of(one).callback.rules for one in CALLS}
-    assert {(one, name) for one, name in found if not (name in rules[one] and rules[one][name].endings)} == BY_FORMAT
+    outputs = {(cmd, parameter.name) for cmd in CALLS for parameter in parameters(cmd) if parameter.name in OUTPUTS}
+    rules = {cmd: command_of(cmd).callback.rules for cmd in CALLS}
+    assert {(cmd, name) for cmd, name in outputs if not (name in rules[cmd] and rules[cmd][name].endings)} == BY_FORMAT
 
 
 def test_every_command_is_tried():
@@ -109,9 +109,9 @@ def test_what_makes_no_sense_is_answered_by_a_sentence(inputs, tmp_path, monkeyp
     monkeypatch.setattr(PageOptions, "show", lambda *_: 0)  # values that are right would serve a page
     program, *names = command.split()
     for call in mistaken(command):
-        here = tmp_path / "here"
-        shutil.copytree(inputs, here)
-        monkeypatch.chdir(here)
+        folder = tmp_path / "here"
+        shutil.copytree(inputs, folder)
+        monkeypatch.chdir(folder)
         monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO()))
         code = PROGRAMS[program].main([*names, *call])
         out, err = capfd.readouterr()
@@ -121,7 +121,7 @@ def test_what_makes_no_sense_is_answered_by_a_sentence(inputs, tmp_path, monkeyp
         assert code == 0 or err or out, call  # `plan` and `ik` print that there is no answer
         assert code != 2 or f"Try '{program}" in err, (call, err)
         assert len(err.splitlines()) <= 4, (call, err)
-        assert (here / "run.jsonl").read_bytes() == (inputs / "run.jsonl").read_bytes(), call
+        assert (folder / "run.jsonl").read_bytes() == (inputs / "run.jsonl").read_bytes(), call
         monkeypatch.chdir(os.sep)
-        shutil.rmtree(here)
+        shutil.rmtree(folder)
     gc.collect()  # a cluster's client that failed ends its thread when it is collected

@@ -36,7 +36,7 @@ def elements(page):
 
 def unpacked(elements):
     """What the page unpacks."""
-    ((_, text),) = [one for one in elements.named("script") if one[0].get("id") == "packed"]
+    ((_, text),) = [script for script in elements.named("script") if script[0].get("id") == "packed"]
     return json.loads(zlib.decompress(base64.b64decode(text)))
 
 
@@ -55,24 +55,24 @@ def test_it_refers_to_nothing_outside(elements):
 
 
 def test_every_import_is_a_module_of_the_page_and_all_names_are_used(elements):
-    found = unpacked(elements)["modules"]
+    addresses = unpacked(elements)["modules"]
     used = {"cinegen/start.js", "cinegen/kernels.js"}
-    for name, address in found.items():
+    for name, address in addresses.items():
         kind, _, content = address.partition(",")
         assert kind == "data:text/javascript;charset=utf-8"
         imported = IMPORTED.findall(unquote(content))
-        assert set(imported) <= set(found), name
+        assert set(imported) <= set(addresses), name
         assert len(imported) == len(
             re.findall(r'^(?:import\b|\} from)[^;(]*"[^"]*";|^ *await import\("', unquote(content), re.MULTILINE)
         )
         used |= set(imported)
-    assert used == set(found)
-    assert "cinegen/base/link.js" not in found  # the page's own line is there instead
-    assert "cinegen/page/session/link.js" in found
+    assert used == set(addresses)
+    assert "cinegen/base/link.js" not in addresses  # the page's own line is there instead
+    assert "cinegen/page/session/link.js" in addresses
 
 
 def test_only_its_own_scripts_may_run(elements):
-    ((policy, _),) = [one for one in elements.named("meta") if "http-equiv" in one[0]]
+    ((policy, _),) = [meta for meta in elements.named("meta") if "http-equiv" in meta[0]]
     rules = dict(rule.split(" ", 1) for rule in policy["content"].split("; "))
     assert rules["default-src"] == "'none'"
     nonce = re.fullmatch(r"'nonce-([0-9a-f]{32})'", rules["script-src"])[1]
@@ -85,7 +85,7 @@ def test_licences_are_whole(page, root):
     viewer = Path(meshcat.__file__).parent / "viewer"
     libraries = json.loads((viewer / "dist" / "main.min.js.THIRD_PARTY_LICENSES.json").read_text())
     texts = [path.read_text() for path in (root / "LICENSE", viewer / "LICENSE")]
-    for licence in (*texts, *(one.get("licenseText") or one["license"] for one in libraries)):
+    for licence in (*texts, *(library.get("licenseText") or library["license"] for library in libraries)):
         assert "".join(licence.replace("- -", "--").split()) in spaceless
 
 
@@ -109,7 +109,7 @@ def test_modules_lose_their_comments_and_nothing_else(root):
     ]
     pairs = {path: [(root / path).read_text(), modules.source(path)] for path in paths}
     comment = re.compile(r"^\s*(//.*|\*\s.*|/\*.*\*/|/\*\*?)$", re.MULTILINE)  # on lines of their own
-    assert all(comment.search(one) for one, _ in pairs.values())
+    assert all(comment.search(source) for source, _ in pairs.values())
     assert not any(comment.search(other) for _, other in pairs.values())
     script = root / "tests" / "javascript" / "same_code.js"
     run = subprocess.run([NODE, script], input=json.dumps(pairs), check=True, stdout=subprocess.PIPE, text=True)
@@ -117,7 +117,7 @@ def test_modules_lose_their_comments_and_nothing_else(root):
 
 
 def test_it_draws_what_the_server_would(elements, robot):
-    paths = [umsgpack.unpackb(bytes.fromhex(one))["path"] for one in unpacked(elements)["content"]["scene"]]
+    paths = [umsgpack.unpackb(bytes.fromhex(packed))["path"] for packed in unpacked(elements)["content"]["scene"]]
     nodes = {path.split("/")[4] for path in paths if path.startswith("/meshcat/cinegen/:rx90/")}
     assert nodes
     assert nodes <= {f":{node}" for node in robot("rx90").nodes}

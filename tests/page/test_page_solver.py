@@ -34,10 +34,10 @@ def some_calls(mechanism, count, seed):
         for _ in range(rng.integers(1, 4)):
             node = int(rng.integers(1, len(mechanism.nodes)))
             offset = pin.SE3(pin.exp3(rng.normal(size=3)), 0.2 * mechanism.length * rng.normal(size=3))
-            here = mechanism.placement(q, mechanism.nodes[node]) * offset
+            pose = mechanism.placement(q, mechanism.nodes[node]) * offset
             moved = pin.SE3(pin.exp3(0.2 * rng.normal(size=3)), 0.05 * mechanism.length * rng.normal(size=3))
             translation, rotation = [(3, 3), (3, 0), (2, 1), (1, 2), (0, 3)][rng.integers(5)]
-            offset, target = (pin.SE3ToXYZQUAT(one).tolist() for one in (offset, here * moved))
+            offset, target = (pin.SE3ToXYZQUAT(placement).tolist() for placement in (offset, pose * moved))
             weight = float(rng.choice([0.5, 1.0, 3.0]))
             counts = {"translation": translation, "rotation": rotation}
             tasks.append({"node": node, "offset": offset, "target": target, "weight": weight} | counts)
@@ -46,21 +46,21 @@ def some_calls(mechanism, count, seed):
 
 
 def python_tasks(mechanism, call):
-    for one in call["tasks"]:
-        target, offset = (pin.XYZQUATToSE3(np.array(one[name])) for name in ("target", "offset"))
-        yield mechanism.nodes[one["node"]], target, offset, one
+    for task in call["tasks"]:
+        target, offset = (pin.XYZQUATToSE3(np.array(task[name])) for name in ("target", "offset"))
+        yield mechanism.nodes[task["node"]], target, offset, task
 
 
 @pytest.mark.parametrize("name", [*ROBOTS, "biped"])
 def test_ticks_are_those_of_python(any_robot, tmp_path, name):
     mechanism = any_robot(name)
     calls = some_calls(mechanism, 12, 3)
-    for call, found in zip(calls, in_javascript(robot_tables(mechanism, RATE), calls, tmp_path), strict=True):
+    for call, answer in zip(calls, in_javascript(robot_tables(mechanism, RATE), calls, tmp_path), strict=True):
         solver = Solver(mechanism, 1.0 / RATE, np.array(call["q"]), gain=GAIN)
         solver.damping_threshold = DAMPING
-        for node, target, offset, one in python_tasks(mechanism, call):
-            solver.add_task(node, target, one["translation"], one["rotation"], one["weight"], offset=offset)
-        for step in found["steps"]:
+        for node, target, offset, task in python_tasks(mechanism, call):
+            solver.add_task(node, target, task["translation"], task["rotation"], task["weight"], offset=offset)
+        for step in answer["steps"]:
             expected = solver.step()
             assert step["status"] == expected.status.name
             assert step["q"] == pytest.approx(expected.q, abs=1e-8)
@@ -80,21 +80,21 @@ def test_singular_values_are_those_of_python(any_robot, tmp_path, name):
     calls = [call | {"ticks": 0} for call in some_calls(mechanism, 12, 5)]
     counted = CountedLoops(mechanism) if balls(mechanism) else mechanism.structure.own_system()
     inner = {mechanism.model.getJointId(joint) for names in balls(mechanism) for joint in names[:2]}
-    for call, found in zip(calls, in_javascript(robot_tables(mechanism, RATE), calls, tmp_path), strict=True):
+    for call, answer in zip(calls, in_javascript(robot_tables(mechanism, RATE), calls, tmp_path), strict=True):
         q = np.array(call["q"])
         solver, loops = Solver(mechanism, 1.0 / RATE, q), counted
-        for node, _, offset, one in python_tasks(mechanism, call):
+        for node, _, offset, task in python_tasks(mechanism, call):
             target = mechanism.placement(q, node) * offset
-            solver.add_task(node, target, one["translation"], one["rotation"], one["weight"], offset=offset)
+            solver.add_task(node, target, task["translation"], task["rotation"], task["weight"], offset=offset)
             if mechanism.model.frames[mechanism.frame_id(node)].parentJoint in inner:
                 loops = mechanism.structure.own_system()
         lost, uncontrolled = solver.step().lost_dof_in(loops), gained(mechanism, q, loops)
-        assert found["type1"] == (None if lost is None else pytest.approx(lost.values[-1], abs=1e-8))
-        assert found["type2"] == (None if uncontrolled is None else pytest.approx(uncontrolled.values[-1], abs=1e-8))
+        assert answer["type1"] == (None if lost is None else pytest.approx(lost.values[-1], abs=1e-8))
+        assert answer["type2"] == (None if uncontrolled is None else pytest.approx(uncontrolled.values[-1], abs=1e-8))
 
 
 def test_a_name_can_not_leave_its_comment(tmp_path):
     mechanism = cinegen.load(urdf("x */ throw new Error('it runs'); /*", ("a",), ("j",)))
     assert "*/" in mechanism.name
-    (found,) = in_javascript(robot_tables(mechanism, RATE), some_calls(mechanism, 1, 0), tmp_path)
-    assert len(found["steps"]) == TICKS
+    (answer,) = in_javascript(robot_tables(mechanism, RATE), some_calls(mechanism, 1, 0), tmp_path)
+    assert len(answer["steps"]) == TICKS

@@ -35,16 +35,16 @@ def in_python(setup, script):
         state = session.state()
         robots = {
             name: {
-                "q": one.q.tolist(),
-                "status": one.status.name,
-                "closure": one.closure,
-                "tasks": [[t.id, t.node, t.source, t.translation, t.rotation, t.weight] for t in one.tasks],
-                "base": pin.SE3ToXYZQUAT(one.base).tolist(),
+                "q": robot_state.q.tolist(),
+                "status": robot_state.status.name,
+                "closure": robot_state.closure,
+                "tasks": [[t.id, t.node, t.source, t.translation, t.rotation, t.weight] for t in robot_state.tasks],
+                "base": pin.SE3ToXYZQUAT(robot_state.base).tolist(),
             }
-            for name, one in state.robots.items()
+            for name, robot_state in state.robots.items()
         }
         shown = {name: getattr(state, name) for name in ("undo", "redo", "paused", "moving")}
-        waypoints = [{"id": one.id, "name": one.name} for one in state.waypoints]
+        waypoints = [{"id": waypoint.id, "name": waypoint.name} for waypoint in state.waypoints]
         shown |= {"waypoints": waypoints, "waypoint": state.waypoint}
         states.append({"robots": robots, **shown, "notices": len(state.notices)})
     session.close()
@@ -57,9 +57,9 @@ def same(tmp_path):
 
     def compare(setup, script, tolerance=MOVED):
         expected = in_python(setup, script)
-        found = run("run_session.js", tmp_path, content=content_of(setup, ""), script=script)
-        for (_, command), one, other in zip(script, expected, found, strict=True):
-            for name, robot in one["robots"].items():
+        actual = run("run_session.js", tmp_path, content=content_of(setup, ""), script=script)
+        for (_, command), wanted, other in zip(script, expected, actual, strict=True):
+            for name, robot in wanted["robots"].items():
                 mine = other["robots"][name]
                 where = f"{name} after {command}"
                 assert mine["q"] == pytest.approx(robot["q"], abs=tolerance), where
@@ -69,7 +69,7 @@ def same(tmp_path):
                 base = np.array(mine["base"]) * np.array([1.0, 1.0, 1.0, *[turned] * 4])
                 assert base == pytest.approx(robot["base"], abs=tolerance), where
             for name in ("undo", "redo", "paused", "moving", "waypoints", "waypoint", "notices"):
-                assert other[name] == one[name], f"{name} after {command}"
+                assert other[name] == wanted[name], f"{name} after {command}"
         return expected
 
     return compare
@@ -207,7 +207,7 @@ def test_waypoints_are_saved_changed_and_played(same, robot):
         (5, {"type": "play_waypoints", "on": False}),
     ]
     states = same(setup, script)
-    assert [one["name"] for one in states[9]["waypoints"]] == ["two", "three", "last"]
+    assert [waypoint["name"] for waypoint in states[9]["waypoints"]] == ["two", "three", "last"]
     assert states[12]["waypoint"] is not None
     assert states[13]["robots"]["five_bar"]["q"] == pytest.approx(states[2]["robots"]["five_bar"]["q"], abs=1e-9)
     assert states[-1]["waypoint"] is None

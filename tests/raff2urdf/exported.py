@@ -106,8 +106,8 @@ class Exported:
 
     def placed(self, q: dict[str, float]) -> dict[str, Matrix]:
         """Placement in the world of every node by its name, at joint values by name."""
-        found = placements(self.document, self.made.robot, q)
-        return {part.node: found[number] for number, part in self.made.robot.nodes.items()}
+        by_number = placements(self.document, self.made.robot, q)
+        return {part.node: by_number[number] for number, part in self.made.robot.nodes.items()}
 
 
 @cache

@@ -17,8 +17,8 @@ def rounded(urdf: str, constraints: dict, digits: int, seed: int) -> tuple[str, 
     tree = etree.fromstring(urdf.encode())
     root, rng, turned = root_first(tree)[0], np.random.default_rng(seed), np.eye(4)
     if seed:
-        found = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-        turned[:3, :3] = found * np.linalg.det(found)
+        orthogonal = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        turned[:3, :3] = orthogonal * np.linalg.det(orthogonal)
 
     def numbers(placement):
         values = (*placement[:3, 3], *roll_pitch_yaw(placement))
@@ -46,7 +46,7 @@ def rounded(urdf: str, constraints: dict, digits: int, seed: int) -> tuple[str, 
 def largest_change(before: str, after: str) -> float:
     """Return the largest change of a joint's origin between two URDFs, m or rad."""
     pairs = zip(joints(etree.fromstring(before.encode())), joints(etree.fromstring(after.encode())), strict=True)
-    changes = [inverse(origin(one, "")) @ origin(other, "") for one, other in pairs]
+    changes = [inverse(origin(joint, "")) @ origin(other, "") for joint, other in pairs]
     return max(float(np.abs(change - np.eye(4)).max()) for change in changes)
 
 

@@ -103,8 +103,8 @@ def documents(draw, moderate=False, loops=True, graphics=True, least_robots=0, m
 def _robots(draw, name, sensors, params, values, loops, graphics, most_parts, least_speed, compounds) -> RaffRobot:
     files = st.none() | st.lists(TEXTS, max_size=2).map(tuple) if graphics else st.none()
     numbers = draw(st.lists(st.integers(1, 40) | st.integers(1, 10**9), unique=True, max_size=most_parts))
-    own = st.none() | (XML_NAMES | KEYWORDS).filter(lambda word: word not in ("base", "world", "universe"))
-    names = draw(st.lists(own, min_size=len(numbers), max_size=len(numbers), unique_by=_or_unlike))
+    name_or_none = st.none() | (XML_NAMES | KEYWORDS).filter(lambda word: word not in ("base", "world", "universe"))
+    names = draw(st.lists(name_or_none, min_size=len(numbers), max_size=len(numbers), unique_by=_or_unlike))
     parts: list[RaffLink | RaffFrame] = []
     for number, own_name in zip(numbers, names, strict=True):
         common = {
@@ -143,8 +143,8 @@ def _robots(draw, name, sensors, params, values, loops, graphics, most_parts, le
 def _driven(draw: st.DrawFn, pair: Any, speed: Any) -> dict[str, Any]:
     """What a joint, or one of its variables, may have."""
     words = {"limits": pair} | dict.fromkeys(("velocity", "effort", "armature", "damping", "friction"), speed)
-    found = {word: draw(st.none() | value) for word, value in words.items()}
-    return found | {"actuated": draw(st.sampled_from([None, None, True, False]))}
+    drawn = {word: draw(st.none() | value) for word, value in words.items()}
+    return drawn | {"actuated": draw(st.sampled_from([None, None, True, False]))}
 
 
 @st.composite
@@ -173,7 +173,7 @@ def _couplings(draw: st.DrawFn, parts: list[RaffLink | RaffFrame], values: st.Se
     if len(links) < 2:
         return ()
     factor = values.map(lambda value: value if abs(value) > 1e-2 else 1.0)
-    found = []
+    couplings = []
     for name in draw(st.lists(st.none() | TEXTS, max_size=2, unique_by=_or_unlike)):
         follower, *others = draw(st.lists(st.sampled_from(links), min_size=2, max_size=4, unique=True))
         drives = []
@@ -182,8 +182,8 @@ def _couplings(draw: st.DrawFn, parts: list[RaffLink | RaffFrame], values: st.Se
             kind = draw(st.sampled_from([*kinds, DriveKind.POLYNOMIAL]))
             most = 3 if kind is DriveKind.POLYNOMIAL else 1
             drives.append(RaffDrive(other.number, kind, tuple(draw(st.lists(factor, min_size=1, max_size=most)))))
-        found.append(RaffCoupling(follower.number, tuple(drives), draw(values), name))
-    return tuple(found)
+        couplings.append(RaffCoupling(follower.number, tuple(drives), draw(values), name))
+    return tuple(couplings)
 
 
 def _or_unlike(name: str | None) -> object:

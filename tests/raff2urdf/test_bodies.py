@@ -54,7 +54,7 @@ def corners(shape: Shape) -> Array:
 
 
 def plates(drawing: BodyDrawing, number: int) -> list[Shape]:
-    return [one for one in drawing.of(drawing.robot.nodes[number]) if one.recipe.startswith("plate")]
+    return [shape for shape in drawing.of(drawing.robot.nodes[number]) if shape.recipe.startswith("plate")]
 
 
 def solid(text: str) -> Any:
@@ -79,12 +79,12 @@ def test_a_plate_holds_all_joints_of_a_link_and_hides_none(polar: list[tuple[flo
     drawing = drawn(robot(f"link 9 {{ parameters {{ alpha {tilt} d 50 }} type 2 pred 0 }}", *rows))
     points = np.array([[0.0, 0.0], *([d * math.cos(math.radians(a)), d * math.sin(math.radians(a))] for a, d in polar)])
     points *= 1e-3
-    found = plates(drawing, 9)
-    if not found:  # all in a line
+    shapes = plates(drawing, 9)
+    if not shapes:  # all in a line
         spread = np.linalg.svd(points - points.mean(axis=0))[1]
         assert len(np.unique(np.round(points / drawing.unit), axis=0)) < 3 or spread[1] < 8.0 * drawing.unit
         return
-    (plate,) = found
+    (plate,) = shapes
     vertices = corners(plate)
     hull = ConvexHull(vertices)
     inside = hull.equations[:, :3] @ np.column_stack([points, np.zeros(len(points))]).T + hull.equations[:, 3:]
@@ -118,10 +118,10 @@ def test_a_loop_of_another_kind_welds_nothing() -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_every_joint_is_touched_by_both_of_its_bodies(name: str) -> None:
     """Of each joint, a shape of the parent's body and one of the child's are at its origin: tubes end at joints."""
-    for one in raff2urdf.load(ROBOTS / f"{name}.raff").robots:
+    for raff_robot in raff2urdf.load(ROBOTS / f"{name}.raff").robots:
         document = raff2urdf.load(ROBOTS / f"{name}.raff")
-        drawing = BodyDrawing(document, one)
-        world = placements(document, one)
+        drawing = BodyDrawing(document, raff_robot)
+        world = placements(document, raff_robot)
         for link in drawing.robot.links:
             bodies = [drawing.bodies[link.pred], drawing.bodies[link.number]]
             thin = [body for body in bodies if not body.shapes]  # inside a joint
@@ -157,10 +157,10 @@ def test_rod_and_sleeve_stay_together_over_the_whole_stroke(low: int, stroke: in
     """As do carriage and rail."""
     high, home = low + stroke, low + part * stroke
     drawing = drawn(robot(f"link 1 {{ parameters {{ d 100 r {home} }} type 1 pred 0 limits {{ {low} {high} }} }}"))
-    on_base = [one for one in drawing.of(drawing.robot.base) if one.kind in ("cylinder", "box") and one.placement[0, 3]]
-    (moving,) = [one for one in drawing.of(drawing.robot.nodes[1]) if one.kind in ("cylinder", "box")]
+    on_base = [bar for bar in drawing.of(drawing.robot.base) if bar.kind in ("cylinder", "box") and bar.placement[0, 3]]
+    (moving,) = [bar for bar in drawing.of(drawing.robot.nodes[1]) if bar.kind in ("cylinder", "box")]
     spans = np.array(
-        [[one.placement[2, 3] - one.sizes[-1] / 2, one.placement[2, 3] + one.sizes[-1] / 2] for one in on_base]
+        [[bar.placement[2, 3] - bar.sizes[-1] / 2, bar.placement[2, 3] + bar.sizes[-1] / 2] for bar in on_base]
     )
     for value in (1e-3 * low, 1e-3 * home, 1e-3 * high):
         a, b = (
@@ -174,9 +174,11 @@ def test_a_hinge_is_an_eye_between_two_discs_of_its_parent() -> None:
     drawing = drawn(
         robot("link 1 { parameters { d 100 } type 2 pred 0 }", "link 2 { parameters { d 100 } type 2 pred 1 }")
     )
-    (eye,) = [one for one in drawing.of(drawing.robot.nodes[2]) if one.kind == "cylinder"]
-    discs = [one for one in drawing.of(drawing.robot.nodes[1]) if one.kind == "cylinder" and one.placement[0, 3] > 0.05]
-    sides = sorted((one.placement[2, 3], one.sizes[1]) for one in discs if one.sizes[0] == eye.sizes[0])
+    (eye,) = [shape for shape in drawing.of(drawing.robot.nodes[2]) if shape.kind == "cylinder"]
+    discs = [
+        disc for disc in drawing.of(drawing.robot.nodes[1]) if disc.kind == "cylinder" and disc.placement[0, 3] > 0.05
+    ]
+    sides = sorted((disc.placement[2, 3], disc.sizes[1]) for disc in discs if disc.sizes[0] == eye.sizes[0])
     (below, thick), (above, _) = sides
     assert below + thick / 2 < -eye.sizes[1] / 2 < eye.sizes[1] / 2 < above - thick / 2
 
@@ -224,31 +226,31 @@ def test_a_belt_is_drawn_where_the_file_says_so(name: str) -> None:
 
 def test_a_planetary_gear_has_its_ring_around_the_planets() -> None:
     """Sun 24, planets 24, ring 72 teeth of module 2: pitch radii 24 and 72."""
-    found = meshes(raff2urdf.load(ROBOTS / "planetary_gear.raff"))
-    assert [mesh.kind for mesh in found] == ["ring"] * 3 + ["spur"] * 3
-    for mesh in found:
+    gears = meshes(raff2urdf.load(ROBOTS / "planetary_gear.raff"))
+    assert [mesh.kind for mesh in gears] == ["ring"] * 3 + ["spur"] * 3
+    for mesh in gears:
         expected = (0.024, 0.072) if mesh.kind == "ring" else (0.024, 0.024)
         assert mesh.radii == pytest.approx(expected)
 
 
 def test_a_differential_has_bevel_gears_with_one_apex() -> None:
-    found = meshes(raff2urdf.load(ROBOTS / "differential_wrist.raff"))
-    assert [mesh.kind for mesh in found] == ["bevel", "bevel"]
-    for mesh in found:
+    gears = meshes(raff2urdf.load(ROBOTS / "differential_wrist.raff"))
+    assert [mesh.kind for mesh in gears] == ["bevel", "bevel"]
+    for mesh in gears:
         (high, aside), contact = (np.linalg.norm(centre) for centre in mesh.centres), sum(mesh.centres)
         assert (mesh.radii[0], mesh.radii[1]) == pytest.approx((aside, high))  # 90 degrees between the axes
         speeds = [np.cross(axis, contact) for axis in mesh.axes]
         assert mesh.ratio * speeds[0] == pytest.approx(speeds[1])  # no slip
-    assert {round(float(np.sign(mesh.centres[1] @ mesh.axes[1]))) for mesh in found} == {-1, 1}
+    assert {round(float(np.sign(mesh.centres[1] @ mesh.axes[1]))) for mesh in gears} == {-1, 1}
 
 
 @given(st.floats(0.05, 20))
 @settings(max_examples=60)
 def test_numbers_of_teeth_have_the_ratio(ratio: float) -> None:
     """To 2 % at least, and exactly if it is a ratio of small numbers."""
-    one, other = tooth_numbers(ratio)
-    assert 9 <= min(one, other) <= max(one, other) <= 400
-    assert other / one == pytest.approx(ratio, rel=0.02)
+    teeth, other = tooth_numbers(ratio)
+    assert 9 <= min(teeth, other) <= max(teeth, other) <= 400
+    assert other / teeth == pytest.approx(ratio, rel=0.02)
     assert tooth_numbers(1e6) == (3, 400)
     assert tooth_numbers(3.0) == (18, 54)
     assert tooth_numbers(-0.4) == (45, 18)
@@ -259,13 +261,13 @@ def test_teeth_go_into_gaps_at_every_angle(name: str) -> None:
     """Outlines of meshing wheels overlap by less than an eighth of the height of a tooth, wherever the robot is."""
     document = raff2urdf.load(ROBOTS / "planetary_gear.raff") if name != "pair" else pair(60.0, -0.4)
     drawing = CouplingDrawing(drawn(document))
-    found = [mesh for coupling in document.robot().couplings for mesh in drawing.meshes(coupling)]
+    gears = [mesh for coupling in document.robot().couplings for mesh in drawing.meshes(coupling)]
     for drive in (0.0, 0.11, 0.5, 2.0):
         q = {"joint1": math.radians(20.0) + drive, "joint2": math.radians(-10.0) - 0.4 * drive}
         if name != "pair":
             q = {"joint1": drive, "joint2": drive / 4.0} | {f"joint{i}": -0.75 * drive for i in (3, 4, 5)}
         world = placements(document, document.robot(), q)
-        for mesh in found:
+        for mesh in gears:
             outlines = [
                 outline(wheel.body, world, radius) for wheel, radius in zip(mesh.wheels, mesh.radii, strict=True)
             ]
@@ -276,7 +278,7 @@ def test_teeth_go_into_gaps_at_every_angle(name: str) -> None:
 def outline(body: DrawnBody, world: dict[int, Array], radius: float) -> tuple[Array, Array]:
     """The centre (3,) and the corners (n, 3) of the teeth of the wheel with that pitch radius on a body."""
     (shape,) = [
-        one for one in body.shapes if one.recipe[:5] in ("wheel", "ring/") and one.sizes[0] == pytest.approx(radius)
+        gear for gear in body.shapes if gear.recipe[:5] in ("wheel", "ring/") and gear.sizes[0] == pytest.approx(radius)
     ]
     placement = world[next(iter(body.nodes))] @ shape.placement
     rim = triangles(shape.recipe).reshape(-1, 3) * shape.sizes
@@ -311,8 +313,8 @@ def test_a_pinion_rolls_on_its_rack_over_the_whole_stroke(radius: float) -> None
         f"coupling {{ link 4 link 3 radius {radius} }}",
     )
     drawing = drawn(document)
-    (rack,) = [one for one in drawing.of(drawing.robot.nodes[4]) if one.recipe.startswith("rack")]
-    (pinion,) = [one for one in drawing.of(drawing.robot.nodes[3]) if one.recipe.startswith("wheel")]
+    (rack,) = [shape for shape in drawing.of(drawing.robot.nodes[4]) if shape.recipe.startswith("rack")]
+    (pinion,) = [shape for shape in drawing.of(drawing.robot.nodes[3]) if shape.recipe.startswith("wheel")]
     assert pinion.sizes[0] == pytest.approx(0.025)
     for value in (-0.06, 0.02, 0.09):
         world = placements(document, document.robot(), {"joint4": value})
@@ -357,7 +359,7 @@ def test_a_screw_has_its_lead() -> None:
         "coupling { link 4 link 3 lead 15 }",
     )
     drawing = drawn(document)
-    (screw,) = [one for one in drawing.of(drawing.robot.nodes[3]) if one.recipe.startswith("screw")]
+    (screw,) = [shape for shape in drawing.of(drawing.robot.nodes[3]) if shape.recipe.startswith("screw")]
     turns = float(screw.recipe.split("/")[1].split(",")[0])
     assert screw.sizes[2] / turns == pytest.approx(0.015, rel=1e-5)
     assert screw.placement[2, 3] < 0.0
@@ -370,8 +372,8 @@ def test_a_screw_has_its_lead() -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_nothing_is_drawn_without_a_volume(name: str) -> None:
     recipes = set()
-    for one in raff2urdf.load(ROBOTS / f"{name}.raff").robots:
-        for _, shape in shapes_of(BodyDrawing(raff2urdf.load(ROBOTS / f"{name}.raff"), one)):
+    for raff_robot in raff2urdf.load(ROBOTS / f"{name}.raff").robots:
+        for _, shape in shapes_of(BodyDrawing(raff2urdf.load(ROBOTS / f"{name}.raff"), raff_robot)):
             assert all(0.0 < size < math.inf for size in shape.sizes)
             recipes |= {shape.recipe} - {""}
     for text in recipes:
@@ -444,5 +446,5 @@ def lab(colour, vision=NORMAL):
 
 @pytest.mark.parametrize("vision", [NORMAL, *DEFICIENT.values()], ids=["normal", *DEFICIENT])
 def test_branches_are_distinguished(vision):
-    for one, other in combinations([*BRANCHES, BASE, JOINT, SHARED], 2):
-        assert np.linalg.norm(lab(one, vision) - lab(other, vision)) > (0.0 if {one, other} == {BASE, JOINT} else 15.0)
+    for hue, other in combinations([*BRANCHES, BASE, JOINT, SHARED], 2):
+        assert np.linalg.norm(lab(hue, vision) - lab(other, vision)) > (0.0 if {hue, other} == {BASE, JOINT} else 15.0)

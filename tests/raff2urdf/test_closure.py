@@ -187,9 +187,9 @@ def test_loops_that_share_joints_are_closed_together_and_others_by_themselves() 
     o, a, b, c = FOUR_BAR_AXES
     bodies = [Body(1, 0, o), Body(2, 1, a), Body(3, 0, c), Body(4, 2, b, None), Body(5, 3, b, None)]
     twice_closed = raff_of(bodies, (4, 5, REVOLUTE), (4, 5, REVOLUTE))
-    found = clusters_of(loads(side_by_side(twice_closed, twice_closed)))
-    assert [cluster.loops for cluster in found] == [[0, 1], [2, 3]]
-    assert [[joint.number for joint in cluster.joints] for cluster in found] == [[11, 12, 13], [21, 22, 23]]
+    clusters = clusters_of(loads(side_by_side(twice_closed, twice_closed)))
+    assert [cluster.loops for cluster in clusters] == [[0, 1], [2, 3]]
+    assert [[joint.number for joint in cluster.joints] for cluster in clusters] == [[11, 12, 13], [21, 22, 23]]
     assert [len(cluster.loops) for cluster in clusters_of(loads(delta()))] == [2]
 
 
@@ -252,9 +252,9 @@ def test_passive_joints_are_the_first_in_order_that_depend_on_none_before_them(
 def test_the_generic_rank_is_joints_less_mobility_and_reached_on_a_closed_configuration(name: str) -> None:
     document = loads(KNOWN[name][0])
     (cluster,) = clusters_of(document)
-    found, where = generic_rank(cluster, close(cluster, cluster.home).q)
-    assert found == len(cluster.joints) - KNOWN[name][1]
-    assert np.linalg.matrix_rank(cluster.evaluate(where)[1], tol=1e-6) == found
+    full_rank, where = generic_rank(cluster, close(cluster, cluster.home).q)
+    assert full_rank == len(cluster.joints) - KNOWN[name][1]
+    assert np.linalg.matrix_rank(cluster.evaluate(where)[1], tol=1e-6) == full_rank
     assert apart(document, cluster, where) <= MET
 
 
@@ -314,13 +314,13 @@ def test_hinges_whose_axes_differ_are_told_with_the_frame_that_helps_and_it_does
     angle = np.degrees(np.arccos(turned[2, 2]))
     apart = "point against each other" if angle > 179.5 else f"are {angle:.4g} degrees apart"
     assert f"the z axes of frame5 and frame6 {apart} as written" in said
-    found = re.search(r"It closes with a frame on frame6, '(parameters \{ .* \})', as that end of the loop", said)
-    assert found is not None, said
-    numbers = [[float(x) for x in re.findall(r"-?[\d.]+", one)] for one in (found[1], edit)]
+    remedy = re.search(r"It closes with a frame on frame6, '(parameters \{ .* \})', as that end of the loop", said)
+    assert remedy is not None, said
+    numbers = [[float(x) for x in re.findall(r"-?[\d.]+", edit_text)] for edit_text in (remedy[1], edit)]
     assert numbers[0] == pytest.approx(numbers[1], abs=1e-4)
     assert "ball" not in said
     mended = text.replace("frame 5 frame 6", "frame 5 frame 7").replace(
-        "constraint", f"frame 7 {{ {found[1]} pred 6 }}\n  constraint"
+        "constraint", f"frame 7 {{ {remedy[1]} pred 6 }}\n  constraint"
     )
     document = loads(mended)
     assert analyse(document, document.robot()).mobility == 1

@@ -127,8 +127,8 @@ def test_every_format_has_the_same_bytes_every_time(folder: Path) -> None:
     for seed in "12":
         environment = os.environ | {"PYTHONHASHSEED": seed}
         subprocess.run([sys.executable, "-c", EVERY_FORMAT, seed], cwd=folder, env=environment, check=True)
-    own = {name for name in files_in(folder / "made1") if not name.startswith("meshes/")}
-    assert own == {"delta4.urdf", "delta4.constraints.json", "delta4.sdf", "delta4.xml"}
+    written = {name for name in files_in(folder / "made1") if not name.startswith("meshes/")}
+    assert written == {"delta4.urdf", "delta4.constraints.json", "delta4.sdf", "delta4.xml"}
     assert files_in(folder / "made1") == files_in(folder / "made2")
 
 
@@ -318,8 +318,8 @@ def test_twice_the_robot_takes_twice_the_work(tmp_path: Path, text_of: Callable[
         profile = cProfile.Profile()
         profile.runcall(raff2urdf.convert, path, tmp_path)
         calls.append(pstats.Stats(profile).total_calls)  # type: ignore[attr-defined]
-    _, one, two, four = calls
-    assert four - two <= 2.2 * (two - one)
+    _, single, two, four = calls
+    assert four - two <= 2.2 * (two - single)
 
 
 # --- in the same process -----------------------------------------------------------------------------------------

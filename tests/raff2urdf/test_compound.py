@@ -47,18 +47,18 @@ def test_joints_move_as_the_reference_defines(kind: str) -> None:
     document = raff2urdf.loads(text(kind, HOMES.get(kind, "")))
     robot = document.robot()
     link = robot.links[0]
-    mechanism_joints = [one for one in expanded(robot).links if one.type]
-    values = dict(zip([one.joint for one in mechanism_joints], [0.4, -0.7, 1.9], strict=False))
+    mechanism_joints = [part for part in expanded(robot).links if part.type]
+    values = dict(zip([part.joint for part in mechanism_joints], [0.4, -0.7, 1.9], strict=False))
     kept = {parameter: 0.0 for parameter in VARIABLES[link.compound].values() if parameter}
     expected = transform(kleinfinger(document, replace(link.parameters, **kept)))
     for (name, _), value in zip(VARIABLES[link.compound].items(), values.values(), strict=True):
         expected = expected @ step(name, value)
-    for each in (values, {one.joint: home(document, one) for one in mechanism_joints}):
-        found = placements(document, expanded(robot), each)
+    for each in (values, {part.joint: home(document, part) for part in mechanism_joints}):
+        placed = placements(document, expanded(robot), each)
         if each is values:
-            assert np.abs(found[1] - expected).max() < 1e-15
+            assert np.abs(placed[1] - expected).max() < 1e-15
         else:
-            assert np.abs(found[1] - placements(document, expanded(robot))[1]).max() < 1e-15
+            assert np.abs(placed[1] - placements(document, expanded(robot))[1]).max() < 1e-15
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -73,9 +73,9 @@ def test_urdf_sdf_and_mjcf_move_alike(kind: str, tmp_path) -> None:
         read = cinegen.load(tmp_path / f"arm.{ending}")
         assert read.joints == mechanism.joints
         assert read.actuated == mechanism.actuated
-        there = read.configuration({name: q[mechanism.q_index(name)] for name in mechanism.joints})
+        q_read = read.configuration({name: q[mechanism.q_index(name)] for name in mechanism.joints})
         for node in ("link1", "frame2"):
-            assert read.placement(there, node).isApprox(mechanism.placement(q, node), 1e-9)
+            assert read.placement(q_read, node).isApprox(mechanism.placement(q, node), 1e-9)
         assert np.abs(read.q_home - mechanism.q_home).max() < 1e-12
 
 

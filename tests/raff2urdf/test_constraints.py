@@ -62,10 +62,10 @@ def test_what_is_written_of_known_mechanisms_is_what_the_schema_describes(name: 
 @settings(max_examples=60)
 def test_what_is_written_of_any_robot_is_what_the_schema_describes_and_reads_back(document: Document) -> None:
     for robot in document.robots:
-        found = made(document, robot)
-        text = constraints.dumps(found)
+        values = made(document, robot)
+        text = constraints.dumps(values)
         jsonschema.validate(json.loads(text), SCHEMA)
-        assert constraints.loads(text) == found
+        assert constraints.loads(text) == values
 
 
 def test_everything_that_the_file_says_is_there(values: constraints.Constraints) -> None:
@@ -178,9 +178,9 @@ def test_a_wrong_name_is_told_by_its_line(values: constraints.Constraints) -> No
 # --- what contradicts itself, or the URDF ------------------------------------------------------------------------
 
 
-def refused(text: str, says: str, **given: Any) -> None:
+def refused(text: str, says: str, **options: Any) -> None:
     with pytest.raises(RaffError) as caught:
-        constraints.loads(text, "some.json", **given)
+        constraints.loads(text, "some.json", **options)
     assert str(caught.value).startswith("some.json:")
     assert says in str(caught.value)
 

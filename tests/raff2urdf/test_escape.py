@@ -21,7 +21,7 @@ TEXTS = st.text(st.characters(blacklist_categories=["Cs"]), max_size=40) | st.te
 @example("\x1b[31m\r\n\x9b2J\x7f\u202e\u2028\u00ad\U000e0041")
 def test_one_line_is_printable_and_has_the_text(text):
     shown = escape.one_line(text)
-    assert all(one.isprintable() or (one.isspace() and one not in "\n\r\t\v\f\x85\u2028\u2029") for one in shown)
+    assert all(char.isprintable() or (char.isspace() and char not in "\n\r\t\v\f\x85\u2028\u2029") for char in shown)
     if "\\" not in text and '"' not in text:
         assert json.loads(f'"{shown}"') == text  # JSON's escapes
 
@@ -29,7 +29,7 @@ def test_one_line_is_printable_and_has_the_text(text):
 @given(TEXTS)
 def test_a_terminal_gets_line_breaks_and_tabs_but_no_other_controls(text):
     shown = escape.terminal(text)
-    assert [shown.count(one) for one in "\n\t"] == [text.count(one) for one in "\n\t"]
+    assert [shown.count(char) for char in "\n\t"] == [text.count(char) for char in "\n\t"]
     assert escape.one_line(shown.replace("\n", "").replace("\t", "")) == shown.replace("\n", "").replace("\t", "")
 
 
@@ -57,18 +57,18 @@ def test_a_comment_ends_where_its_writer_ends_it(text):
 @example("--->")
 def test_comments_of_xml(text):
     root = etree.fromstring(f"<a><!--{escape.xml_comment(text)}--><b/></a>".encode())
-    assert [one.tag for one in root.iter("*")] == ["a", "b"]
+    assert [element.tag for element in root.iter("*")] == ["a", "b"]
 
 
 @given(st.lists(TEXTS, max_size=6, unique=True))
 @example(["a-b", "a_b", "a b", "a_b_2", "²", "ä", ""])
 def test_identifiers_are_different_identifiers(texts):
-    found = escape.identifiers(texts)
-    assert len(set(found)) == len(texts)
-    assert all(f"x{one}".isidentifier() for one in found)
+    identifiers = escape.identifiers(texts)
+    assert len(set(identifiers)) == len(texts)
+    assert all(f"x{name}".isidentifier() for name in identifiers)
 
 
-@given(st.recursive(TEXTS | st.integers(), lambda one: st.lists(one) | st.dictionaries(TEXTS, one), max_leaves=5))
+@given(st.recursive(TEXTS | st.integers(), lambda inner: st.lists(inner) | st.dictionaries(TEXTS, inner), max_leaves=5))
 def test_literals_of_javascript(value):
     text = escape.javascript(value)
     assert "<" not in text
@@ -107,9 +107,9 @@ def test_words_of_a_shell(text):
 
 
 @given(TEXTS, TEXTS)
-def test_segments_of_paths_differ_where_names_do(one, other):
-    first, second = escape.path_segment(one), escape.path_segment(other)
-    assert (first == second) == (one == other)
+def test_segments_of_paths_differ_where_names_do(name, other):
+    first, second = escape.path_segment(name), escape.path_segment(other)
+    assert (first == second) == (name == other)
     assert "/" not in first
     assert first.startswith(":")
 

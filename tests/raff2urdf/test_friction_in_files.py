@@ -33,10 +33,10 @@ def numbers_of(mechanism: cinegen.Mechanism) -> tuple[tuple[float, ...], ...]:
 
 
 def test_raff_gives_inertia_of_rotors_and_friction_in_its_own_units():
-    found = cinegen.load(ARM)
-    for own, expected in zip(numbers_of(found), NUMBERS, strict=True):
-        assert own == pytest.approx(expected, rel=1e-15)
-    assert (found.model.lowerDryFrictionLimit == -found.model.upperDryFrictionLimit).all()
+    mechanism = cinegen.load(ARM)
+    for numbers, expected in zip(numbers_of(mechanism), NUMBERS, strict=True):
+        assert numbers == pytest.approx(expected, rel=1e-15)
+    assert (mechanism.model.lowerDryFrictionLimit == -mechanism.model.upperDryFrictionLimit).all()
     metres = cinegen.load(ARM.replace("\n", "\nunits m\n", 1).replace("armature 2500", "armature 2500e-6"))
     assert numbers_of(metres)[1] == pytest.approx((NUMBERS[1][0], 0.1, 0.0), rel=1e-15)
     assert numbers_of(metres)[0] == pytest.approx(NUMBERS[0], rel=1e-15)
@@ -47,18 +47,18 @@ def test_every_format_and_raff_again_have_the_same_numbers_and_gravity(tmp_path,
     """A URDF has friction, and its constraints file the armature."""
     path, written, back, down = tmp_path / "arm.raff", tmp_path / "out", tmp_path / "back.raff", [0.25, 0.0, -1.62]
     path.write_text(ARM.replace("\n", "\ngravity { 0.25 0 -1.62 }\n", 1))
-    there = cinegen.load(path)
+    original = cinegen.load(path)
     raff2urdf.convert(path, written, format=kind)
-    (file,) = [one for one in written.iterdir() if one.suffix in (".urdf", ".sdf", ".xml")]
+    (file,) = [output for output in written.iterdir() if output.suffix in (".urdf", ".sdf", ".xml")]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         raff2urdf.to_raff(file, back)
-    for found in (cinegen.load(file), cinegen.load(back)):
-        assert (numbers_of(found), found.gravity.tolist()) == (numbers_of(there), down)
+    for loaded in (cinegen.load(file), cinegen.load(back)):
+        assert (numbers_of(loaded), loaded.gravity.tolist()) == (numbers_of(original), down)
     again = parse(back.read_text())
     assert again.gravity == tuple(down)
-    for own, other in zip(again.robots[0].links, parse(ARM).robots[0].links, strict=True):
-        assert (own.armature, own.damping, own.friction) == (other.armature, other.damping, other.friction)
+    for link, other in zip(again.robots[0].links, parse(ARM).robots[0].links, strict=True):
+        assert (link.armature, link.damping, link.friction) == (other.armature, other.damping, other.friction)
     if kind == "urdf":
         entries = json.loads((written / "arm.constraints.json").read_text())["joints"]
         assert [entry.get("armature") for entry in entries] == [2500.0e-6, 0.3, None]
@@ -92,7 +92,7 @@ def test_a_variable_of_several_has_its_own_numbers_and_then_a_ball_is_no_spheric
     text = text_of("link 1 { joint ball pred 0 variable y { armature 1000000 damping 1 friction 3 } }")
     ball = cinegen.load(text)
     assert ball.joints == ("joint1_X", "joint1_Y", "joint1_Z")
-    armature, damping, friction = (one[1] for one in numbers_of(ball))
+    armature, damping, friction = (row[1] for row in numbers_of(ball))
     assert (armature, friction) == (1.0, 3.0)
     assert damping == pytest.approx(180.0 / math.pi)
     assert cinegen.load(text_of("link 1 { joint ball pred 0 }")).balls == ("joint1",)
@@ -105,9 +105,9 @@ URDF = """<robot name="r"><link name="a"/><link name="b"/><link name="c"/>
 
 
 def test_what_a_urdf_has_for_joints_of_several_variables_is_told():
-    found = cinegen.load(URDF)
-    assert numbers_of(found) == ((0.0,) * 4, (0.2, 0.0, 0.0, 0.0), (0.1, 0.0, 0.0, 0.0))
-    assert "forces leave out the damping of roll, the springs of turn" in found.source.notes
+    mechanism = cinegen.load(URDF)
+    assert numbers_of(mechanism) == ((0.0,) * 4, (0.2, 0.0, 0.0, 0.0), (0.1, 0.0, 0.0, 0.0))
+    assert "forces leave out the damping of roll, the springs of turn" in mechanism.source.notes
 
 
 SDF = """<sdf version="1.9"><model name="m"><link name="a"/><link name="b"/>
@@ -122,8 +122,8 @@ SDF = """<sdf version="1.9"><model name="m"><link name="a"/><link name="b"/>
 
 
 def test_each_axis_of_an_sdf_has_its_friction_and_that_of_a_cut_joint_is_told():
-    found = cinegen.load(SDF)
-    assert numbers_of(found) == ((0.0,) * 3, (0.2, 0.0, 0.0), (0.0, 0.3, 0.0))
-    assert "forces leave out the friction of cut" in found.source.notes
+    mechanism = cinegen.load(SDF)
+    assert numbers_of(mechanism) == ((0.0,) * 3, (0.2, 0.0, 0.0), (0.0, 0.3, 0.0))
+    assert "forces leave out the friction of cut" in mechanism.source.notes
     with pytest.raises(cinegen.CinegenError, match=r":5: the damping '-0.2' of joint 'cross' must be a number, and"):
         cinegen.load(SDF.replace("<damping>0.2<", "<damping>-0.2<"))

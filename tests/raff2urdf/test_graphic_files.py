@@ -74,19 +74,19 @@ def test_triangles_have_the_area_of_their_polygon_and_face_where_it_does(
 ) -> None:
     """All of them the same way: overlapping ones that cancel out would show in the sum of their sizes."""
     plane = np.column_stack([np.array(outline), np.zeros(len(outline))])
-    found = directed_area(cut(plane @ rotation.T + offset))
+    vectors = directed_area(cut(plane @ rotation.T + offset))
     expected = shoelace(outline)
-    assert found.sum(axis=0) == pytest.approx(expected * rotation[:, 2], abs=1e-3)
-    assert np.linalg.norm(found, axis=1).sum() == pytest.approx(expected, rel=1e-4, abs=1e-3)
+    assert vectors.sum(axis=0) == pytest.approx(expected * rotation[:, 2], abs=1e-3)
+    assert np.linalg.norm(vectors, axis=1).sum() == pytest.approx(expected, rel=1e-4, abs=1e-3)
 
 
 @given(outlines())
 @settings(max_examples=30)
 def test_what_is_seen_from_both_sides_faces_both(outline: list[tuple[float, float]]) -> None:
     corners = np.column_stack([np.array(outline), np.zeros(len(outline))])
-    found = directed_area(cut(corners, both=True))
-    assert found.sum(axis=0) == pytest.approx(0.0, abs=1e-3)
-    assert np.linalg.norm(found, axis=1).sum() == pytest.approx(2.0 * shoelace(outline), rel=1e-4)
+    vectors = directed_area(cut(corners, both=True))
+    assert vectors.sum(axis=0) == pytest.approx(0.0, abs=1e-3)
+    assert np.linalg.norm(vectors, axis=1).sum() == pytest.approx(2.0 * shoelace(outline), rel=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -138,10 +138,12 @@ def test_colours_become_few_and_no_area_is_lost(parts: list[tuple[list[tuple[flo
     for most in (17, 32):
         few = fewer_colours(surfaces, most)
         assert len(few) <= most
-        assert sum(area(one.triangles) for one in few) == pytest.approx(sum(area(one.triangles) for one in surfaces))
-        assert (None in {one.colour for one in few}) == (None in {colour for _, colour in parts})
+        assert sum(area(surface.triangles) for surface in few) == pytest.approx(
+            sum(area(surface.triangles) for surface in surfaces)
+        )
+        assert (None in {surface.colour for surface in few}) == (None in {colour for _, colour in parts})
         if len(surfaces) <= most:
-            assert [one.colour for one in few] == [one.colour for one in surfaces]
+            assert [surface.colour for surface in few] == [surface.colour for surface in surfaces]
 
 
 # --- STL ---------------------------------------------------------------------------------------------------------
@@ -194,7 +196,7 @@ cube                    // the name of the object
 """
 
 
-def found(text: str) -> dict[Any, float]:
+def nff_areas(text: str) -> dict[Any, float]:
     """The area of each colour."""
     return {surface.colour: area(surface.triangles) for surface in nff.loads(text)}
 
@@ -206,7 +208,7 @@ def wrong_nff(text: str) -> str:
 
 
 def test_a_cube_has_six_faces_of_its_colours() -> None:
-    assert found(CUBE) == {
+    assert nff_areas(CUBE) == {
         (255, 0, 0, 255): 4.0,
         (0, 255, 0, 255): 4.0,
         (0, 0, 255, 255): 8.0,  # both sides
@@ -226,13 +228,13 @@ def test_it_is_read_from_a_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_any_end_of_line_any_space_and_comments_will_do(end: str) -> None:
     text = "// one more\n\n" + CUBE.replace(" ", "\t  ").replace("\n", " // said\n//\n \n") + "\n"
-    assert found(text.replace("\n", end)) == found(CUBE)
+    assert nff_areas(text.replace("\n", end)) == nff_areas(CUBE)
 
 
 def test_the_version_may_be_left_out_and_unknown_lines_of_the_head_too() -> None:
     head, body = CUBE.split("\n\n", 1)
-    assert found(f"NFF\n{body}") == found(CUBE)
-    assert found(f"{head}\nlight 0 0 1 0.5\nambient 0.3\n{body}") == found(CUBE)
+    assert nff_areas(f"NFF\n{body}") == nff_areas(CUBE)
+    assert nff_areas(f"{head}\nlight 0 0 1 0.5\nambient 0.3\n{body}") == nff_areas(CUBE)
 
 
 @pytest.mark.parametrize(
@@ -245,7 +247,7 @@ def test_the_version_may_be_left_out_and_unknown_lines_of_the_head_too() -> None
 )
 def test_a_colour_that_all_corners_share_is_the_polygons(vertices: tuple[str, ...], colour: tuple[int, ...]) -> None:
     a, b, c = vertices
-    assert list(found(f"nff\na\n3\n0 0 0 {a}\n1 0 0 {b}\n0 1 0 {c}\n1\n3 0 1 2 0xf00\n")) == [colour]
+    assert list(nff_areas(f"nff\na\n3\n0 0 0 {a}\n1 0 0 {b}\n0 1 0 {c}\n1\n3 0 1 2 0xf00\n")) == [colour]
 
 
 # --- written and read back ---------------------------------------------------------------------------------------
@@ -270,10 +272,10 @@ def test_random_polygons_are_read_back(objects: list[list[tuple[list[tuple[float
         lines += [f"object{number}", str(len(vertices)), *[" ".join(map(repr, v)) for v in vertices]]
         lines += [str(len(faces)), *faces]
     surfaces = nff.loads("\n".join(lines))
-    assert {one.colour: area(one.triangles) for one in surfaces} == {
+    assert {surface.colour: area(surface.triangles) for surface in surfaces} == {
         colour: pytest.approx(expected, rel=1e-4) for colour, expected in areas.items()
     }
-    assert {tuple(point) for one in surfaces for point in one.triangles.reshape(-1, 3)} == points
+    assert {tuple(point) for surface in surfaces for point in surface.triangles.reshape(-1, 3)} == points
 
 
 # --- what is wrong -----------------------------------------------------------------------------------------------
@@ -341,16 +343,16 @@ Read = Callable[[Drawing], tuple[list[ColouredSurface], str | None]]
 def areas(read: Read, drawing: Drawing) -> dict[Colour | None, float]:
     surfaces, lacking = read(drawing)
     assert lacking is None
-    return {one.colour: pytest.approx(area(one.triangles), rel=1e-6) for one in surfaces}
+    return {surface.colour: pytest.approx(area(surface.triangles), rel=1e-6) for surface in surfaces}
 
 
 def points(read: Read, drawing: Drawing) -> set[tuple[float, ...]]:
-    return {tuple(np.round(point, 4).tolist()) for one in read(drawing)[0] for point in one.triangles.reshape(-1, 3)}
+    return {tuple(np.round(point, 4).tolist()) for mesh in read(drawing)[0] for point in mesh.triangles.reshape(-1, 3)}
 
 
 def volume(read: Read, drawing: Drawing) -> float:
     """Inside a closed surface; negative if it is turned inside out."""
-    triangles = np.concatenate([one.triangles for one in read(drawing)[0]]).astype(float)
+    triangles = np.concatenate([surface.triangles for surface in read(drawing)[0]]).astype(float)
     return float(np.linalg.det(triangles).sum() / 6.0)
 
 
@@ -402,12 +404,12 @@ def test_colours_are_of_the_index_true_or_the_layers(drawing: Drawing, read: Rea
     space.add_3dface(SQUARE, dxfattribs={"layer": "true"})
     space.add_3dface(SQUARE, dxfattribs={"layer": "said nowhere"})
     space.add_3dface(SQUARE, dxfattribs={"color": 5, "transparency": ezdxf.colors.float2transparency(0.5)})
-    found = areas(read, drawing)
-    (glass,) = [colour for colour in found if colour[3] < 255]
+    by_colour = areas(read, drawing)
+    (glass,) = [colour for colour in by_colour if colour[3] < 255]
     assert glass[:3] == BLUE[:3]
     assert glass[3] == pytest.approx(127, abs=2)
     expected = {RED, (0x40, 0x50, 0x60, 255), GREEN, (0x11, 0x22, 0x33, 255), WHITE, glass}
-    assert set(found) == expected
+    assert set(by_colour) == expected
 
 
 def test_what_stands_in_a_block_may_have_the_blocks_colour_and_layer(drawing: Drawing, read: Read) -> None:

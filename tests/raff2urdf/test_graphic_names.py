@@ -87,9 +87,9 @@ def test_packages_are_searched_within_bounds(write: Write) -> None:
 
 def test_a_package_is_searched_first_where_the_user_says(write: Write, tmp_path: Path) -> None:
     folder = write("arm/meshes/a.stl", "arm/package.xml", "arm/urdf/arm.urdf")
-    given = write("meshes/a.stl", below="elsewhere/arm_of_today").parent
-    packages = Packages({"arm": given})
-    assert find("package://arm/meshes/a.stl", folder, packages=packages) == given / "meshes/a.stl"
+    package = write("meshes/a.stl", below="elsewhere/arm_of_today").parent
+    packages = Packages({"arm": package})
+    assert find("package://arm/meshes/a.stl", folder, packages=packages) == package / "meshes/a.stl"
     with pytest.raises(RaffError, match="there is no file"):
         find("package://arm/meshes/b.stl", folder, packages=packages)
     with pytest.raises(RaffError, match="leads out of"):

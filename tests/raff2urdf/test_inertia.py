@@ -36,11 +36,11 @@ def sphere(radius: float) -> Geometry:
     return Geometry(sphere=Sphere(radius=radius))
 
 
-def assert_same(one: Inertia, other: Inertia, relative: float = 1e-9) -> None:
+def assert_same(inertia: Inertia, other: Inertia, relative: float = 1e-9) -> None:
     size = math.sqrt(np.trace(other.second) / other.mass) + float(np.linalg.norm(other.centre))
-    assert one.mass == pytest.approx(other.mass, rel=relative)
-    np.testing.assert_allclose(one.centre, other.centre, atol=relative * size)
-    np.testing.assert_allclose(one.matrix, other.matrix, atol=relative * other.mass * size**2)
+    assert inertia.mass == pytest.approx(other.mass, rel=relative)
+    np.testing.assert_allclose(inertia.centre, other.centre, atol=relative * size)
+    np.testing.assert_allclose(inertia.matrix, other.matrix, atol=relative * other.mass * size**2)
 
 
 def assert_physical(body: Inertia) -> None:
@@ -125,9 +125,9 @@ def test_whatever_is_drawn_some_body_has_that_inertia(
     for x, y, z, place in shapes:
         shape = {"b": box(x, y, z), "c": cylinder(x, y), "s": sphere(z)}[kind]
         visuals.append(Visual(geometry=shape, origin=place))
-    found = inertias(drawn(*visuals), RHO)
-    assert_physical(found.links["a"])
-    assert_same(found.links["a"], sum_of(of_geometry(v.geometry, RHO).in_frame(v.origin) for v in visuals))
+    estimate = inertias(drawn(*visuals), RHO)
+    assert_physical(estimate.links["a"])
+    assert_same(estimate.links["a"], sum_of(of_geometry(v.geometry, RHO).in_frame(v.origin) for v in visuals))
 
 
 @pytest.mark.parametrize("density", [0.0, -1.0, math.nan, math.inf])
@@ -140,24 +140,24 @@ def test_a_density_that_is_none_is_refused(density: float) -> None:
 
 
 def test_a_body_that_moves_has_a_least_mass_and_is_named() -> None:
-    found = inertias(drawn(), RHO, moving=ALONE)
-    assert found.raised == ("a",)
-    assert found.links["a"].mass == LEAST_MASS
-    np.testing.assert_allclose(found.links["a"].matrix, LEAST_MOMENT * np.eye(3))
-    assert "a" in found.sentence()
+    estimate = inertias(drawn(), RHO, moving=ALONE)
+    assert estimate.raised == ("a",)
+    assert estimate.links["a"].mass == LEAST_MASS
+    np.testing.assert_allclose(estimate.links["a"].matrix, LEAST_MOMENT * np.eye(3))
+    assert "a" in estimate.sentence()
 
 
 def test_one_that_is_fixed_on_something_heavy_needs_none() -> None:
     model = drawn()
     model.links.append(yourdfpy.Link(name="b", visuals=[Visual(geometry=box(1.0, 1.0, 1.0))]))
-    found = inertias(model, RHO, moving={"a": [*ALONE["a"], ("b", shift("x", 1.0))]})
-    assert found.raised == ()
-    assert found.links["a"].mass == 0.0
+    estimate = inertias(model, RHO, moving={"a": [*ALONE["a"], ("b", shift("x", 1.0))]})
+    assert estimate.raised == ()
+    assert estimate.links["a"].mass == 0.0
 
 
 def test_a_body_that_is_raised_stays_physical() -> None:
     needle = drawn(Visual(geometry=cylinder(1e-6, 1e-1), origin=turn("x", 1.0)))
-    found = inertias(needle, RHO, moving=ALONE)
-    assert found.raised == ("a",)
-    assert_physical(found.links["a"])
-    assert np.linalg.eigvalsh(found.links["a"].matrix)[0] >= LEAST_MOMENT * (1 - 1e-9)
+    estimate = inertias(needle, RHO, moving=ALONE)
+    assert estimate.raised == ("a",)
+    assert_physical(estimate.links["a"])
+    assert np.linalg.eigvalsh(estimate.links["a"].matrix)[0] >= LEAST_MOMENT * (1 - 1e-9)

@@ -34,8 +34,8 @@ generic = st.builds(
 )
 
 
-def off(one: Matrix, other: Matrix) -> float:
-    return float(np.abs(one - other).max())
+def off(matrix: Matrix, other: Matrix) -> float:
+    return float(np.abs(matrix - other).max())
 
 
 @given(kleinfingers)
@@ -82,8 +82,8 @@ def test_an_axis_keeps_its_tilt_however_far_away_it_is(angle: float, far: float,
     """Up to the largest coordinate that a URDF may have. The tilt is far above any rounding of a rotation."""
     placement = turn("z", 0.4) @ turn("x", side + angle) @ turn("z", -1.1)
     placement[:3, 3] = far * np.array([0.9, -0.6, 0.7])
-    found = transform(parameters(placement))
-    assert off(found[:3, :3], placement[:3, :3]) <= EXACT
+    rebuilt = transform(parameters(placement))
+    assert off(rebuilt[:3, :3], placement[:3, :3]) <= EXACT
 
 
 @given(placements(st.sampled_from([0.0, math.pi])))

@@ -62,11 +62,11 @@ def convert(folder: Path, robot: str, units: str = "mm") -> tuple[Any, list[str]
 
 def named(xml: Any, link: str) -> list[tuple[str, str | None]]:
     """The meshes of a link and their colours."""
-    found = []
+    meshes = []
     for visual in xml.findall(f"link[@name='{link}']/visual"):
         colour = visual.find("material/color")
-        found.append((visual.find("geometry/mesh").get("filename"), None if colour is None else colour.get("rgba")))
-    return found
+        meshes.append((visual.find("geometry/mesh").get("filename"), None if colour is None else colour.get("rgba")))
+    return meshes
 
 
 def files_in(folder: Path) -> dict[str, bytes]:

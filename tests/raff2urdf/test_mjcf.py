@@ -179,11 +179,11 @@ def test_pinocchio_reads_the_same_robot(robot: Exported) -> None:
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)
     expected = robot.placed(random_values(robot, 7))
-    found = {node: data.oMf[model.getFrameId(node, pin.FrameType.BODY)].homogeneous for node in expected}
+    actual = {node: data.oMf[model.getFrameId(node, pin.FrameType.BODY)].homogeneous for node in expected}
     # Pinocchio 4.1 misplaces a floating body that is written turned: what stands on it counts.
-    start = [np.linalg.inv(placed["base"]) if robot.made.robot.movable else np.eye(4) for placed in (found, expected)]
+    start = [np.linalg.inv(placed["base"]) if robot.made.robot.movable else np.eye(4) for placed in (actual, expected)]
     for node in expected:
-        np.testing.assert_allclose(start[0] @ found[node], start[1] @ expected[node], atol=EXACT)
+        np.testing.assert_allclose(start[0] @ actual[node], start[1] @ expected[node], atol=EXACT)
 
 
 # --- what is written ---------------------------------------------------------------------------------------------
@@ -218,8 +218,8 @@ def workshop(tmp_path: Path) -> Path:
     bar.export(tmp_path / "parts" / "letters.stl", file_type="stl_ascii")
     bar.export(tmp_path / "parts" / "bar.obj")
     bar.export(tmp_path / "parts" / "bar.dae")
-    one = trimesh.Trimesh([[0, 0, 0], [100, 0, 0], [0, 100, 0]], [[0, 1, 2]])
-    one.export(tmp_path / "parts" / "triangle.stl")
+    triangle = trimesh.Trimesh([[0, 0, 0], [100, 0, 0], [0, 100, 0]], [[0, 1, 2]])
+    triangle.export(tmp_path / "parts" / "triangle.stl")
     return tmp_path
 
 

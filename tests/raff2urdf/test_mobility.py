@@ -94,10 +94,10 @@ def gap_at(text: str, home: Mapping[str, float], loops: Mapping[str, str] | None
     """How far the loops stand open there."""
     document = loads(text)
     kinds = loop_kinds(document.robot(), loops)
-    found = [0.0]
+    all_gaps = [0.0]
     for cluster in clusters(document, document.robot(), kinds, 1.0):
-        found += gaps(cluster, np.array([home[joint.joint] for joint in cluster.joints]))
-    return max(found)
+        all_gaps += gaps(cluster, np.array([home[joint.joint] for joint in cluster.joints]))
+    return max(all_gaps)
 
 
 @pytest.mark.parametrize("name", CLOSED_CHAINS)
@@ -150,7 +150,7 @@ def slips(document: Document, robot: RaffRobot, fault: Fault = Fault.OPEN) -> st
 
 def with_number(robot: RaffRobot, part: RaffPart, word: str, value: float) -> RaffRobot:
     other = replace(part, parameters=replace(part.parameters, **{word: value}))
-    return replace(robot, parts=tuple(other if one is part else one for one in robot.parts))
+    return replace(robot, parts=tuple(other if old is part else old for old in robot.parts))
 
 
 @pytest.mark.parametrize("name", ["five_bar", "gough", "tssm", "cusp_3rpr"])

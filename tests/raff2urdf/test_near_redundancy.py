@@ -53,7 +53,7 @@ def walkers(tmp_path_factory):
         healed = cinegen.load(path)
     with pytest.warns(cinegen.CinegenWarning, match="nearly redundant"):
         relaxed = cinegen.load(path, relax=True)
-    return healed, relaxed, cinegen.load(path, relax=False), [str(one.message) for one in warned]
+    return healed, relaxed, cinegen.load(path, relax=False), [str(warning.message) for warning in warned]
 
 
 def dragged(mechanism, nodes, ticks, size, seed=0, hold=25):
@@ -82,8 +82,8 @@ def test_legs_whose_hips_are_tilted_by_rounding_are_healed_or_relaxed(walkers):
     assert healed.mobility == 2 * 2  # 6 joints a leg; of its five rows, the one along the hinge is redundant
     assert set(healed.actuated) == {"hip_0+1", "hip_0-1", "hip_1+1", "hip_1-1"}
     assert {loop.kind.name for loop in healed.loops} == {"REVOLUTE"}
-    for own, at in subsystems(healed.structure.own_system()):
-        assert near_redundancy(own, healed.q_home[at]) is None
+    for system, at in subsystems(healed.structure.own_system()):
+        assert near_redundancy(system, healed.q_home[at]) is None
     assert {loop.kind.name for loop in relaxed.loops} == {"BALL"}
     assert relaxed.mobility == 2 * 3  # of each leg's six joints three are determined: the knees are universal joints
     assert written.mobility < 4  # as written nearly nothing moves
@@ -113,7 +113,7 @@ def test_exact_mechanisms_stay_as_they_are(name, recwarn):
     urdf, constraints = described(EXACT[name][0])
     mechanism = build(urdf, constraints, relax=None)
     assert mechanism.source.urdf == urdf
-    assert not [one for one in recwarn if "redundant" in str(one.message)]
+    assert not [warning for warning in recwarn if "redundant" in str(warning.message)]
 
 
 @pytest.mark.parametrize(("name", "form", "suffix"), [
@@ -124,11 +124,11 @@ def test_raff2urdf_heals_as_load_does_and_what_it_writes_is_exact(name, form, su
     path = tmp_path / "rounded.raff"
     tilted = re.sub(r"(?<=alpha )\S+(?=.*pred 2)", lambda alpha: repr(float(alpha[0]) + 1e-4), text, count=1)
     path.write_text(tilted, encoding="utf-8")
-    with pytest.warns(cinegen.CinegenWarning, match="healed") as told:
+    with pytest.warns(cinegen.CinegenWarning, match="healed") as warned:
         loaded = cinegen.load(path)
     with pytest.warns(cinegen.CinegenWarning, match="healed") as said:
         (made,) = raff2urdf.convert(path, tmp_path, format=form)
-    assert [str(one.message) for one in said] == [str(one.message) for one in told]
+    assert [str(warning.message) for warning in said] == [str(warning.message) for warning in warned]
     assert made.file.suffix == suffix
     assert made.analysis.mobility == loaded.mobility == mobility
     assert made.analysis.actuated == loaded.actuated
@@ -196,29 +196,29 @@ def written(healing, folder: Path) -> list[Path]:
 def check_numbers(path, healing, digits):
     """Changes are of the size of rounding, and all that differs."""
     assert healing.numbers
-    assert max(abs(one.change) for one in healing.numbers) < 4.0 * 10.0**-digits
+    assert max(abs(edit.change) for edit in healing.numbers) < 4.0 * 10.0**-digits
     for file, content in healing.contents.items():
         before, after = file.read_bytes().split(b"\n"), content.split(b"\n")
         pairs = enumerate(zip(before, after, strict=True), 1)
         lines = {k for k, (old, new) in pairs if old != new and b'"urdf_sha256"' not in new}
-        assert lines == {one.number.line for one in healing.numbers if one.number.file == file}
+        assert lines == {edit.number.line for edit in healing.numbers if edit.number.file == file}
 
 
 def test_an_sdf_whose_hips_are_tilted_is_healed(tmp_path, text_file):
     path = text_file("walker.sdf", walker(legs=1, tilt=4e-5))
     healing = heal_file(path)
-    tilts = [one for one in healing.numbers if abs(float(one.number.text)) == 4e-5]
+    tilts = [edit for edit in healing.numbers if abs(float(edit.number.text)) == 4e-5]
     assert len(tilts) == 2
-    assert all(abs(one.value) < 1e-11 for one in tilts)
-    assert max(abs(one.change) for one in healing.numbers) < 4.1e-5
+    assert all(abs(edit.value) < 1e-11 for edit in tilts)
+    assert max(abs(edit.change) for edit in healing.numbers) < 4.1e-5
     check_numbers(path, healing, 4)
     mechanism = cinegen.load(written(healing, tmp_path / "out")[0])  # without a warning
     assert {loop.kind.name for loop in mechanism.loops} == {"REVOLUTE"}
     assert mechanism.mobility == 2
-    for own, at in subsystems(mechanism.structure.own_system()):
-        for q in closed_walk(own, mechanism.q_home[at], 20):
-            assert rank(own.evaluate(q)[1]) <= 4
-            assert abs(own.evaluate(q)[0]).max() <= 1e-12
+    for system, at in subsystems(mechanism.structure.own_system()):
+        for q in closed_walk(system, mechanism.q_home[at], 20):
+            assert rank(system.evaluate(q)[1]) <= 4
+            assert abs(system.evaluate(q)[0]).max() <= 1e-12
 
 
 def test_a_urdf_with_its_constraints(tmp_path, text_file):
@@ -241,7 +241,7 @@ def test_bennett_in_each_format(suffix, tmp_path, text_file):
     digits = 2 if suffix == ".raff" else 5  # mm and degrees
     number = re.compile(r"(?<=[\s>\"'])-?\d+\.\d+(e-?\d+)?")
     path = text_file(
-        f"rounded{suffix}", number.sub(lambda found: repr(round(float(found[0]), digits)), source.read_text())
+        f"rounded{suffix}", number.sub(lambda match: repr(round(float(match[0]), digits)), source.read_text())
     )
     healing = heal_file(path)
     check_numbers(path, healing, 4)

@@ -173,8 +173,8 @@ robot s {
 
 
 def test_everything_that_blocks_lack_is_reported_at_once() -> None:
-    found = problems_of("RAFF t\nrobot r {\nlink 1 { }\nframe 2 { }\n}\nsensor 1 { }")
-    assert [(problem.location.line, problem.message.split("'")[1]) for problem in found if problem.location] == [
+    problems = problems_of("RAFF t\nrobot r {\nlink 1 { }\nframe 2 { }\n}\nsensor 1 { }")
+    assert [(problem.location.line, problem.message.split("'")[1]) for problem in problems if problem.location] == [
         (3, "type"), (3, "pred"), (4, "pred"), (6, "port"),
     ]  # fmt: skip
 
@@ -182,10 +182,10 @@ def test_everything_that_blocks_lack_is_reported_at_once() -> None:
 @pytest.mark.parametrize("line", ["lnk 1 { type 2 pred 0 }", "link 1 { parameters { d x } }", "frame 1 { }"])
 def test_a_file_full_of_errors_tells_the_first_hundred(line: str) -> None:
     """No one reads more, and nothing is gained by falling over the thousandth."""
-    found = problems_of(f"RAFF t\nrobot r {{\n{5000 * (line + chr(10))}}}")
-    assert len(found) == 100
-    assert found[0].location is not None
-    assert found[0].location.line <= 4
+    problems = problems_of(f"RAFF t\nrobot r {{\n{5000 * (line + chr(10))}}}")
+    assert len(problems) == 100
+    assert problems[0].location is not None
+    assert problems[0].location.line <= 4
 
 
 _SCRAPS = ["{", "}", "(", ")", '"', "/", "5", "1e999", "-", "link", "type", "robot", "RAFF", "d", "x", "\n", "\0", "é"]
@@ -282,17 +282,17 @@ def scopes(text):
     repository = {f"#{key}": value["patterns"] for key, value in rules["repository"].items()}
 
     def flat(patterns):
-        for one in patterns:
-            yield from flat(repository[one["include"]]) if "include" in one else (one,)
+        for pattern in patterns:
+            yield from flat(repository[pattern["include"]]) if "include" in pattern else (pattern,)
 
-    found, stack = [], [(None, rules["patterns"], {})]
+    marks, stack = [], [(None, rules["patterns"], {})]
 
     def mark(line, match, rule, captures):
         if "name" in rule:
-            found.append((line, match.start() + 1, match[0], rule["name"]))
+            marks.append((line, match.start() + 1, match[0], rule["name"]))
         for group, value in rule.get(captures, {}).items():
             if match[int(group)] is not None:
-                found.append((line, match.start(int(group)) + 1, match[int(group)], value["name"]))
+                marks.append((line, match.start(int(group)) + 1, match[int(group)], value["name"]))
 
     for number, line in enumerate(text.splitlines(), 1):
         at = 0
@@ -301,10 +301,10 @@ def scopes(text):
             tried = [(re.compile(end).search(line, at), None)] if end else []
             for rule in flat(patterns):
                 tried.append((re.compile(rule.get("begin") or rule["match"]).search(line, at), rule))
-            tried = [one for one in tried if one[0] is not None]
+            tried = [attempt for attempt in tried if attempt[0] is not None]
             if not tried:
                 break
-            match, rule = min(tried, key=lambda one: one[0].start())
+            match, rule = min(tried, key=lambda attempt: attempt[0].start())
             if rule is None:
                 mark(number, match, {"endCaptures": region.get("endCaptures", {})}, "endCaptures")
                 stack.pop()
@@ -316,14 +316,14 @@ def scopes(text):
                 assert match.end() > match.start()
             at = match.end()
     assert len(stack) == 1, "a region is open at the end"
-    return found
+    return marks
 
 
 def test_robots_have_nothing_illegal_and_every_token_has_a_scope(root):
     for path in sorted((root / "robots").glob("*.raff")):
         text = path.read_text()
         marked = scopes(text)
-        assert [one for one in marked if one[3].startswith("invalid")] == [], path.name
+        assert [mark for mark in marked if mark[3].startswith("invalid")] == [], path.name
         at = {(line, column) for line, column, _, _ in marked}
         for token in tokens(text.splitlines()):
             if token.kind not in ("END", ")", "("):
@@ -332,16 +332,16 @@ def test_robots_have_nothing_illegal_and_every_token_has_a_scope(root):
 
 def test_what_does_not_belong_is_illegal():
     text = 'RAFF t\nrobot r {\n  link 1 { typ 2 pred 0 joint ball name "a" }\n  d 5mm\n}\nunits cm // note\n'
-    found = {word: scope for _, _, word, scope in scopes(text)}
-    assert found["typ"] == found["d"] == found["5mm"] == "invalid.illegal.raff"
-    assert found["pred"] == found["units"] == "keyword.other.raff"
-    assert found["robot"] == found["link"] == "storage.type.raff"
-    assert found["ball"] == found["cm"] == "constant.language.raff"
-    assert found["RAFF"] == "keyword.control.raff"
-    assert found["t"] == found["r"] == "entity.name.raff"
-    assert found['"a"'] == "string.quoted.double.raff"
-    assert found["// note"] == "comment.line.double-slash.raff"
-    assert found["1"] == "constant.numeric.raff"
+    scope_of = {word: scope for _, _, word, scope in scopes(text)}
+    assert scope_of["typ"] == scope_of["d"] == scope_of["5mm"] == "invalid.illegal.raff"
+    assert scope_of["pred"] == scope_of["units"] == "keyword.other.raff"
+    assert scope_of["robot"] == scope_of["link"] == "storage.type.raff"
+    assert scope_of["ball"] == scope_of["cm"] == "constant.language.raff"
+    assert scope_of["RAFF"] == "keyword.control.raff"
+    assert scope_of["t"] == scope_of["r"] == "entity.name.raff"
+    assert scope_of['"a"'] == "string.quoted.double.raff"
+    assert scope_of["// note"] == "comment.line.double-slash.raff"
+    assert scope_of["1"] == "constant.numeric.raff"
 
 
 def test_the_command_prints_it(capfd):

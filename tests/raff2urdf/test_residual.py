@@ -103,9 +103,9 @@ def test_the_derivative_of_a_gap_is_that_of_finite_differences(
 ) -> None:
     """However far open the loop; only beside a half turn, where the rotation vector jumps, is there none."""
     assume(kind is not LoopKind.REVOLUTE or placement[2, 2] > -0.95)
-    found = loop_residual(kind, placement, length)[1]
-    error = np.abs(found - numeric(kind, placement, length)).max()
-    assert error <= NUMERIC * max(1.0, np.abs(found).max()) ** 3
+    derivative = loop_residual(kind, placement, length)[1]
+    error = np.abs(derivative - numeric(kind, placement, length)).max()
+    assert error <= NUMERIC * max(1.0, np.abs(derivative).max()) ** 3
 
 
 # --- where it is zero --------------------------------------------------------------------------------------------
@@ -180,5 +180,5 @@ def test_a_hinges_gap_is_the_angle_between_its_axes_whatever_the_turn_about_them
     before: float, angle: float, after: float
 ) -> None:
     swung = turn("z", before) @ turn("x", angle) @ turn("z", after)
-    found = np.linalg.norm(loop_residual(LoopKind.REVOLUTE, swung, 1.0)[0])
-    assert found == pytest.approx(angle, rel=0, abs=1e-14 if angle <= 3.1 else 2e-9)
+    gap = np.linalg.norm(loop_residual(LoopKind.REVOLUTE, swung, 1.0)[0])
+    assert gap == pytest.approx(angle, rel=0, abs=1e-14 if angle <= 3.1 else 2e-9)

@@ -106,12 +106,12 @@ def test_shapes_are_all_there_and_in_place(folder: Path) -> None:
     placed, mechanism = robot.placed(robot.home), cinegen.load(robot.write("sdf", folder))
     data, shapes = mechanism.model.createData(), mechanism.visual.createData()
     pin.updateGeometryPlacements(mechanism.model, data, mechanism.visual, shapes, mechanism.q_home)
-    found = dict(zip((shape.name for shape in mechanism.visual.geometryObjects), shapes.oMg, strict=True))
+    by_name = dict(zip((shape.name for shape in mechanism.visual.geometryObjects), shapes.oMg, strict=True))
     for link in robot.made.model.robot.links:
         for number, visual in enumerate(link.visuals):
-            where = found.pop(f"{link.name}_{number}").homogeneous
+            where = by_name.pop(f"{link.name}_{number}").homogeneous
             np.testing.assert_allclose(where, placed[link.name] @ visual.origin, atol=EXACT)
-    assert found == {}
+    assert by_name == {}
 
 
 # --- what is written ---------------------------------------------------------------------------------------------

@@ -71,11 +71,11 @@ def pinocchios(text: str, q: dict[str, float]) -> dict[str, np.ndarray]:
 def test_pinocchio_places_every_node_where_raff_does(document: Document, seed: int) -> None:
     for robot in document.robots:
         q = drawn_q(document, robot, seed)
-        found = pinocchios(translated(document, robot).urdf, q)
+        by_pinocchio = pinocchios(translated(document, robot).urdf, q)
         expected = placements(document, robot, q)
-        assert set(found) - {"world"} == {node.node for node in robot.nodes.values()}
+        assert set(by_pinocchio) - {"world"} == {node.node for node in robot.nodes.values()}
         for number, node in robot.nodes.items():
-            assert np.abs(found[node.node] - expected[number]).max() <= EXACT
+            assert np.abs(by_pinocchio[node.node] - expected[number]).max() <= EXACT
 
 
 @pytest.mark.parametrize("near", [0.0, 1e-15, 1e-12, 1e-9, 1e-8, 1e-7, 1e-5, 1e-3])

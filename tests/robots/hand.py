@@ -21,12 +21,12 @@ class Hand:
     def target(self, node: str) -> pin.SE3:
         """Somewhere: where the node can be, near by, or up to a thousand lengths away."""
         rng, mechanism = self.rng, self.mechanism
-        there = mechanism.placement(self.reach[rng.integers(len(self.reach))], node)
+        pose = mechanism.placement(self.reach[rng.integers(len(self.reach))], node)
         if rng.random() < 0.3:
-            return there
+            return pose
         away = 10.0 ** rng.uniform(-3.0, 1.0 if rng.random() < 0.8 else 3.0)
         turned = pin.exp3(rng.normal(0.0, 1.0, 3) * rng.choice([0.1, 1.0, 3.0]))
-        return pin.SE3(there.rotation @ turned, there.translation + away * mechanism.length * rng.normal(0.0, 1.0, 3))
+        return pin.SE3(pose.rotation @ turned, pose.translation + away * mechanism.length * rng.normal(0.0, 1.0, 3))
 
     def grasp(self) -> None:
         """One more task: of the end most of the time, of any node else; all of its pose or a part of it."""

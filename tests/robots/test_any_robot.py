@@ -62,10 +62,10 @@ def test_random_loops_leave_the_mobility_that_screw_theory_says(seed):
     assume(mobility is not None)
     if seed % 2:
         mechanism = mechanism.moved(somewhere(rng, 3.0))
-    one = loaded(mechanism)
-    assert one.closure(one.q_home) <= 1e-12
-    assert one.mobility == mobility
-    assert len(one.actuated) == mobility
+    built = loaded(mechanism)
+    assert built.closure(built.q_home) <= 1e-12
+    assert built.mobility == mobility
+    assert len(built.actuated) == mobility
 
 
 @settings(max_examples=20)
@@ -86,9 +86,9 @@ def test_platforms_on_legs_have_the_mobility_of_gruebler_and_kutzbach(seed):
     sigma = mechanism.singular_values()
     assume(mechanism.mobility() == max(0, expected))
     assume(not ((sigma > 1e-9) & (sigma < 0.02)).any())  # well away from singularities
-    one = loaded(mechanism, digits=5)
-    assert one.closure(one.q_home) <= 1e-12
-    assert one.mobility == max(0, expected)
+    built = loaded(mechanism, digits=5)
+    assert built.closure(built.q_home) <= 1e-12
+    assert built.mobility == max(0, expected)
 
 
 @pytest.mark.parametrize("lean", [0.0, math.pi])
@@ -166,20 +166,20 @@ def test_a_robot_of_micrometres_moves_like_its_twin_of_metres(seed, factor):
     mechanism = any_closed(np.random.default_rng(seed))
     sigma = mechanism.singular_values()
     assume(not ((sigma > 1e-9) & (sigma < 0.05)).any())  # well away from singularities
-    one = load(mechanism.text(joint_digits=None))
+    original = load(mechanism.text(joint_digits=None))
     other = load(mechanism.scaled(factor).text(joint_digits=None, units="um" if factor < 1.0 else "m"))
-    assert other.length == pytest.approx(factor * one.length, rel=1e-12)
-    solvers = [cinegen.Solver(each, DT) for each in (one, other)]
+    assert other.length == pytest.approx(factor * original.length, rel=1e-12)
+    solvers = [cinegen.Solver(each, DT) for each in (original, other)]
     tasks = [solver.add_task("tool", rotation=0) for solver in solvers]
     rng = np.random.default_rng(seed)
     for tick in range(40):
         if tick % 20 == 0:
             away = rng.normal(size=3)
-            for task, each in zip(tasks, (one, other), strict=True):
+            for task, each in zip(tasks, (original, other), strict=True):
                 task.target.translation = each.placement(each.q_home, "tool").translation + 0.3 * each.length * away
         steps = [solver.step() for solver in solvers]
         assert steps[0].status is steps[1].status
-        assert steps[1].q / other.scale == pytest.approx(steps[0].q / one.scale, abs=1e-5)
+        assert steps[1].q / other.scale == pytest.approx(steps[0].q / original.scale, abs=1e-5)
 
 
 # --- driving them ------------------------------------------------------------------------------------------------

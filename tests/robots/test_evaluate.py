@@ -23,17 +23,17 @@ def test_without_loops_it_is_the_mechanisms_own_jacobian(name: str) -> None:
     mechanism = load(name)
     node = end_of(mechanism)
     known = configurations(mechanism, 20, seed=2)
-    found = cinegen.evaluate(mechanism, node, [at(mechanism, q, mechanism.actuated) for q in known])
+    result = cinegen.evaluate(mechanism, node, [at(mechanism, q, mechanism.actuated) for q in known])
     columns = [mechanism.v_index(joint) for joint in mechanism.actuated]
     for i, q in enumerate(known):
         jacobian = mechanism.jacobian(q, node)
-        np.testing.assert_allclose(found.q[i], q)
-        np.testing.assert_allclose(found.placements[i], mechanism.placement(q, node).homogeneous, atol=1e-13)
-        np.testing.assert_allclose(found.jacobians[i], jacobian[:, columns], atol=1e-12)
+        np.testing.assert_allclose(result.q[i], q)
+        np.testing.assert_allclose(result.placements[i], mechanism.placement(q, node).homogeneous, atol=1e-13)
+        np.testing.assert_allclose(result.jacobians[i], jacobian[:, columns], atol=1e-12)
         unit = jacobian * mechanism.scale / np.repeat([mechanism.length, 1.0], 3)[:, None]
         sigma = np.linalg.svd(unit, compute_uv=False)
-        np.testing.assert_allclose(found.singular_values[i], sigma[: found.singular_values.shape[1]], atol=1e-12)
-    assert not found.closure.any()
+        np.testing.assert_allclose(result.singular_values[i], sigma[: result.singular_values.shape[1]], atol=1e-12)
+    assert not result.closure.any()
 
 
 @pytest.mark.parametrize("name", CLOSED)
@@ -41,28 +41,28 @@ def test_with_loops_it_is_what_closing_and_differences_say(name: str) -> None:
     mechanism = load(name)
     node = end_of(mechanism)
     values = around_home(mechanism, 12, seed=5, size=0.1)
-    found = cinegen.evaluate(mechanism, node, values)
-    closed = np.isfinite(found.closure)
+    result = cinegen.evaluate(mechanism, node, values)
+    closed = np.isfinite(result.closure)
     assert closed.sum() >= 6
     for i in np.flatnonzero(closed):
-        q = found.q[i]
+        q = result.q[i]
         assert mechanism.closure(q) <= 1e-10
         np.testing.assert_array_equal(at(mechanism, q, mechanism.actuated), values[i])
         place = mechanism.placement(q, node)
-        np.testing.assert_allclose(found.placements[i], place.homogeneous, atol=1e-12 * max(1.0, mechanism.length))
+        np.testing.assert_allclose(result.placements[i], place.homogeneous, atol=1e-12 * max(1.0, mechanism.length))
         if len(mechanism.actuated) != mechanism.mobility:
             continue
         for c, joint in enumerate(mechanism.actuated):
             unit = mechanism.length if mechanism.is_prismatic(joint) else 1.0
-            ways = []
+            offsets = []
             for sign in (-1.0, 1.0):
                 moved = q.copy()
                 moved[mechanism.q_index(joint)] += sign * 1e-5 * unit
                 moved = mechanism.close(moved, locked=mechanism.actuated)
-                ways.append(place.actInv(mechanism.placement(moved, node)).translation)
-            slope = (ways[1] - ways[0]) / (2e-5 * unit)
-            size = np.abs(found.jacobians[i]).max()
-            np.testing.assert_allclose(found.jacobians[i][:3, c], slope, atol=1e-6 * (1.0 + size))
+                offsets.append(place.actInv(mechanism.placement(moved, node)).translation)
+            slope = (offsets[1] - offsets[0]) / (2e-5 * unit)
+            size = np.abs(result.jacobians[i]).max()
+            np.testing.assert_allclose(result.jacobians[i][:3, c], slope, atol=1e-6 * (1.0 + size))
 
 
 @pytest.mark.parametrize("name", CLOSED)
@@ -70,8 +70,8 @@ def test_with_loops_it_is_what_closing_and_differences_say(name: str) -> None:
 def test_singular_values_are_those_of_a_tick(name: str, translation: int, rotation: int) -> None:
     mechanism = load(name)
     node = end_of(mechanism)
-    found = cinegen.evaluate(mechanism, node, around_home(mechanism, 3, seed=7, size=0.05), translation, rotation)
-    for q, sigma in zip(found.q, found.singular_values, strict=True):
+    result = cinegen.evaluate(mechanism, node, around_home(mechanism, 3, seed=7, size=0.05), translation, rotation)
+    for q, sigma in zip(result.q, result.singular_values, strict=True):
         if not np.isfinite(q).all():
             continue
         solver = cinegen.Solver(mechanism, 0.01, q)
@@ -85,11 +85,11 @@ def test_what_can_not_be_closed_is_no_number_and_does_not_stop_the_others() -> N
     mechanism = load("five_bar")
     home = at(mechanism, mechanism.q_home, mechanism.actuated)
     away = [home, home + np.array([2.5, -2.5]), [np.nan, 0.0], [1e9, 0.0], home]
-    found = cinegen.evaluate(mechanism, end_of(mechanism), away, 2, 0)
-    np.testing.assert_array_equal(np.isfinite(found.closure)[[0, 2, 3, 4]], [True, False, False, True])
-    for field in (found.q, found.placements, found.jacobians, found.singular_values):
-        np.testing.assert_array_equal(np.isfinite(field).reshape(5, -1).all(axis=1), np.isfinite(found.closure))
-    np.testing.assert_allclose(found.q[0], found.q[4], atol=1e-12)
+    result = cinegen.evaluate(mechanism, end_of(mechanism), away, 2, 0)
+    np.testing.assert_array_equal(np.isfinite(result.closure)[[0, 2, 3, 4]], [True, False, False, True])
+    for field in (result.q, result.placements, result.jacobians, result.singular_values):
+        np.testing.assert_array_equal(np.isfinite(field).reshape(5, -1).all(axis=1), np.isfinite(result.closure))
+    np.testing.assert_allclose(result.q[0], result.q[4], atol=1e-12)
 
 
 @pytest.mark.parametrize("name", CLOSED)
@@ -104,8 +104,8 @@ def test_a_line_of_equal_steps_is_where_each_of_its_configurations_is_alone(name
     values = np.vstack([line, line[:-1][::-1], [first, first], np.linspace(first, third, 3), line])
     together = cinegen.evaluate(mechanism, end_of(mechanism), values)
     alone = np.array([cinegen.evaluate(mechanism, end_of(mechanism), [value]).q[0] for value in line])
-    ways = (together.q[:12], together.q[11:23][::-1], together.q[-12:])
-    for way in ways:
+    passes = (together.q[:12], together.q[11:23][::-1], together.q[-12:])
+    for way in passes:
         np.testing.assert_allclose(way, alone, atol=1e-9)
     assert together.closure.max() < 1e-10
 

@@ -37,10 +37,10 @@ def configurations(mechanism: cinegen.Mechanism, count: int, seed: int = 0) -> l
 @every_robot
 def test_it_has_the_mobility_of_its_header_motors_for_it_and_an_end_that_a_sensor_may_constrain(name, which):
     mechanism = load(name, which)
-    found = re.search(r"^Mobility\s+(.*?)(?=\n\S+ {2,}|\n\n|\Z)", header(name), re.MULTILINE | re.DOTALL)
-    assert found, "the header states no mobility"
-    by_robot = dict((robot, int(count)) for count, robot in re.findall(r"(\d+) \((\w+)\)", found[1]))
-    stated = by_robot[which] if len(document(name).robots) > 1 else int(re.match(r"\d+", found[1])[0])
+    match = re.search(r"^Mobility\s+(.*?)(?=\n\S+ {2,}|\n\n|\Z)", header(name), re.MULTILINE | re.DOTALL)
+    assert match, "the header states no mobility"
+    by_robot = dict((robot, int(count)) for count, robot in re.findall(r"(\d+) \((\w+)\)", match[1]))
+    stated = by_robot[which] if len(document(name).robots) > 1 else int(re.match(r"\d+", match[1])[0])
     assert mechanism.mobility == len(mechanism.actuated) == stated
     end = document(name).robot(which).parts[-1].node
     assert end in ("tool", "platform")
@@ -83,9 +83,9 @@ def test_all_nodes_are_where_the_product_of_six_elementary_transforms_puts_them(
         by_hand = placed(text, robot, named)
         by_numpy = placements(text, robot, named)
         for number, part in robot.nodes.items():
-            there = mechanism.placement(q, part.node).homogeneous
-            assert there == pytest.approx(by_hand[part.node], abs=1e-12)
-            assert there == pytest.approx(by_numpy[number], abs=1e-12)
+            pose = mechanism.placement(q, part.node).homogeneous
+            assert pose == pytest.approx(by_hand[part.node], abs=1e-12)
+            assert pose == pytest.approx(by_numpy[number], abs=1e-12)
 
 
 def derivative(mechanism, function, q: np.ndarray, h: float = 1e-6) -> np.ndarray:
@@ -116,10 +116,10 @@ def test_the_nodes_jacobians_are_the_derivatives_of_their_placements(name, which
     mechanism = load(name, which)
     for q, _ in configurations(mechanism, 1):
         for node in mechanism.nodes:
-            here = mechanism.placement(q, node)
+            pose = mechanism.placement(q, node)
 
-            def twist(there, here=here, node=node):
-                return pin.log6(here.actInv(mechanism.placement(there, node))).vector
+            def twist(q_moved, pose=pose, node=node):
+                return pin.log6(pose.actInv(mechanism.placement(q_moved, node))).vector
 
             assert mechanism.jacobian(q, node) == pytest.approx(derivative(mechanism, twist, q), abs=1e-6)
 

@@ -25,15 +25,15 @@ order."""
 def starts(mechanism: cinegen.Mechanism) -> list[np.ndarray]:
     """Inside the limits, away from singularities of the whole pose."""
     node = mechanism.nodes[-1]
-    found = [mechanism.q_home]
+    samples = [mechanism.q_home]
     for seed in range(6):
         for q in mechanism.random_closed(20, seed):
             solver = Solver(mechanism, DT, q=q)
             solver.add_task(node)
             sigma = solver.step().singular_values
             if within_limits(mechanism, q) and sigma.min(initial=1.0) > NEAR_SINGULAR:
-                found.append(q)
-    return found[:20]
+                samples.append(q)
+    return samples[:20]
 
 
 def could_be_won(solver: Solver) -> float:

@@ -27,9 +27,9 @@ def end_of(mechanism: cinegen.Mechanism) -> str:
 
 def configurations(mechanism: cinegen.Mechanism, count: int, seed: int) -> list[np.ndarray]:
     """Closed and within limits."""
-    rng, found = np.random.default_rng(seed), []
+    rng, samples = np.random.default_rng(seed), []
     low, high = mechanism.limits.lower, mechanism.limits.upper
-    while len(found) < count:
+    while len(samples) < count:
         q = mechanism.q_home.copy()
         for joint in mechanism.actuated:
             i = mechanism.q_index(joint)
@@ -40,8 +40,8 @@ def configurations(mechanism: cinegen.Mechanism, count: int, seed: int) -> list[
         except cinegen.ClosureError:
             continue
         if mechanism.limits.within(q, 1e-9):
-            found.append(q)
-    return found
+            samples.append(q)
+    return samples
 
 
 @pytest.mark.parametrize(("name", "count"), [(PANDA, 100), *((name, 20) for name in (*SERIAL, *CLOSED))])
@@ -52,9 +52,9 @@ def test_every_reachable_pose_is_found(name: str, count: int) -> None:
         target = mechanism.placement(known, node)
         reached = cinegen.inverse_kinematics(mechanism, {node: target})
         assert reached, reached
-        there = mechanism.placement(reached.q, node)
-        assert np.linalg.norm(there.translation - target.translation) <= 1e-6
-        assert angle_between(there.rotation, target.rotation) <= 1e-6
+        pose = mechanism.placement(reached.q, node)
+        assert np.linalg.norm(pose.translation - target.translation) <= 1e-6
+        assert angle_between(pose.rotation, target.rotation) <= 1e-6
         assert mechanism.closure(reached.q) <= 1e-10
         assert mechanism.limits.within(reached.q, 1e-9)
 
@@ -80,11 +80,11 @@ def test_where_a_planar_arm_reaches_is_a_disc() -> None:
     base = links[0]
     for direction in np.linspace(-0.5, 0.5, 7):
         way = np.array([math.cos(direction), math.sin(direction), 0.0])
-        for part, there in ((0.999, True), (1.00001, False), (1.001, False)):
+        for part, reachable in ((0.999, True), (1.00001, False), (1.001, False)):
             target = pin.SE3(np.eye(3), base + part * reach * way)
             reached = cinegen.inverse_kinematics(mechanism, [cinegen.FrameTask(node, target, 3, 0)], limits=False)
-            assert bool(reached) == there
-            if not there:
+            assert bool(reached) == reachable
+            if not reachable:
                 assert reached.errors[0][0] == pytest.approx((part - 1.0) * reach, rel=1e-3)
 
 

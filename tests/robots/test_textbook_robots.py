@@ -100,8 +100,8 @@ def four_bar(crank: float, side: float) -> dict[str, float]:
     }
 
 
-def same_angles(found: dict[str, float], expected: dict[str, float], close: float) -> bool:
-    return all(abs(wrapped(found[joint] - expected[joint])) <= close for joint in expected)
+def same_angles(q_by_name: dict[str, float], expected: dict[str, float], close: float) -> bool:
+    return all(abs(wrapped(q_by_name[joint] - expected[joint])) <= close for joint in expected)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -126,11 +126,11 @@ def test_the_solver_turns_the_crank_several_times_without_leaving_the_branch(rob
         crank += 0.06
         task.target = pin.SE3(pin.utils.rotate("z", crank), np.zeros(3))
         step = solver.step()
-        found = values(bar, step.q)
-        assert found["joint1"] == pytest.approx(crank, abs=1e-3)  # within one tick
-        assert same_angles(found, four_bar(found["joint1"], 1.0), 1e-9)
+        q_by_name = values(bar, step.q)
+        assert q_by_name["joint1"] == pytest.approx(crank, abs=1e-3)  # within one tick
+        assert same_angles(q_by_name, four_bar(q_by_name["joint1"], 1.0), 1e-9)
         assert within_limits(bar, step.q)
-        rocker.append(found["joint3"])
+        rocker.append(q_by_name["joint3"])
     assert crank - first > 3.5 * 2.0 * math.pi
     extremes = [math.acos((GROUND**2 + ROCKER**2 - (COUPLER + sign * CRANK) ** 2) / (2 * GROUND * ROCKER))
                 for sign in (1.0, -1.0)]  # fmt: skip

@@ -17,23 +17,23 @@ JOINT_STATE, STRING = "sensor_msgs/msg/JointState", "std_msgs/msg/String"
 def state(seconds, names, positions, velocities=()):
     stamp = TYPES.types["builtin_interfaces/msg/Time"](int(seconds), round(seconds % 1 * 1e9))
     header = TYPES.types["std_msgs/msg/Header"](stamp, "base")
-    values = [np.array(given, dtype=float) for given in (positions, velocities, ())]
+    values = [np.array(numbers, dtype=float) for numbers in (positions, velocities, ())]
     return TYPES.types[JOINT_STATE](header, list(names), *values)
 
 
 def record(folder, storage, states, topic="/joint_states"):
     with Writer(folder, version=8, storage_plugin=storage) as writer:
-        told = writer.add_connection("/chatter", STRING, typestore=TYPES)
+        chatter = writer.add_connection("/chatter", STRING, typestore=TYPES)
         moved = writer.add_connection(topic, JOINT_STATE, typestore=TYPES)
-        writer.write(told, 1, TYPES.serialize_cdr(TYPES.types[STRING]("hello"), STRING))
-        for number, one in enumerate(states):
-            writer.write(moved, (number + 2) * 10_000_000, TYPES.serialize_cdr(one, JOINT_STATE))
+        writer.write(chatter, 1, TYPES.serialize_cdr(TYPES.types[STRING]("hello"), STRING))
+        for number, sample in enumerate(states):
+            writer.write(moved, (number + 2) * 10_000_000, TYPES.serialize_cdr(sample, JOINT_STATE))
     return folder
 
 
 def read(folder):
     with AnyReader([folder], default_typestore=TYPES) as reader:
-        return [(one.topic, time, reader.deserialize(raw, one.msgtype)) for one, time, raw in reader.messages()]
+        return [(conn.topic, time, reader.deserialize(raw, conn.msgtype)) for conn, time, raw in reader.messages()]
 
 
 @pytest.fixture
@@ -45,11 +45,11 @@ def states():
 
 @pytest.mark.parametrize("storage", StoragePlugin)
 def test_a_recording_of_the_actuated_joints_becomes_one_of_all(robot, root, tmp_path, storage, states):
-    given, made = record(tmp_path / "given", storage, states), tmp_path / "made"
-    assert complete_bag(root / "generated/delta4.urdf", given, made) == (20, [])
-    delta, (greeting, *found) = robot("delta4"), read(made)
+    bag, made = record(tmp_path / "given", storage, states), tmp_path / "made"
+    assert complete_bag(root / "generated/delta4.urdf", bag, made) == (20, [])
+    delta, (greeting, *messages) = robot("delta4"), read(made)
     assert (greeting[0], greeting[1], greeting[2].data) == ("/chatter", 1, "hello")
-    for (topic, time, message), before, number in zip(found, states, range(20), strict=True):
+    for (topic, time, message), before, number in zip(messages, states, range(20), strict=True):
         assert (topic, time) == ("/joint_states", (number + 2) * 10_000_000)
         assert repr(message.header) == repr(before.header)
         q = delta.configuration(dict(zip(message.name, message.position, strict=True)))
@@ -61,8 +61,8 @@ def test_a_recording_of_the_actuated_joints_becomes_one_of_all(robot, root, tmp_
 
 def test_what_cannot_be_completed_is_left_out_and_told(root, tmp_path, states):
     states[3] = state(0.03, ["joint1"], [np.nan])
-    given = record(tmp_path / "given", StoragePlugin.MCAP, states)
-    command = ["-m", "cinegen_joint_states.bag", root / "generated/delta4.urdf", given, tmp_path / "made"]
+    bag = record(tmp_path / "given", StoragePlugin.MCAP, states)
+    command = ["-m", "cinegen_joint_states.bag", root / "generated/delta4.urdf", bag, tmp_path / "made"]
     ended = subprocess.run(
         [sys.executable, *map(str, command)], cwd=root / "ros2/cinegen_joint_states", capture_output=True, text=True,
         env={"PYTHONPATH": str(root), "PATH": ""},
@@ -82,17 +82,17 @@ def test_what_cannot_be_completed_is_left_out_and_told(root, tmp_path, states):
     ],
 )
 def test_nothing_is_written_where_something_is_wrong(root, tmp_path, states, robot, topic, made, message):
-    given = record(tmp_path / "given", StoragePlugin.MCAP, states)
-    before = read(given)
+    bag = record(tmp_path / "given", StoragePlugin.MCAP, states)
+    before = read(bag)
     with pytest.raises(Exception, match=message):
-        complete_bag(root / f"generated/{robot}.urdf", given, tmp_path / made, topic)
+        complete_bag(root / f"generated/{robot}.urdf", bag, tmp_path / made, topic)
     assert [path.name for path in tmp_path.iterdir()] == ["given"]
-    assert len(read(given)) == len(before)
+    assert len(read(bag)) == len(before)
 
 
 def test_names_of_topics_control_no_terminal(root, tmp_path, states, capsys, monkeypatch):
-    given = record(tmp_path / "given", StoragePlugin.MCAP, states)
-    command = ["complete_bag", root / "generated/delta4.urdf", given, tmp_path / "made", "--topic", "/joints\x1b[2J"]
+    bag = record(tmp_path / "given", StoragePlugin.MCAP, states)
+    command = ["complete_bag", root / "generated/delta4.urdf", bag, tmp_path / "made", "--topic", "/joints\x1b[2J"]
     monkeypatch.setattr(sys, "argv", [*map(str, command)])
     assert main() == 1
     assert r"/joints\u001b[2J" in capsys.readouterr().err

@@ -18,9 +18,9 @@ def load(root, name):
 def motion(robot, t):
     """Values of the actuated joints about home, and their first two derivatives."""
     phases = np.arange(len(robot.actuated))
-    here = np.array([robot.q_home[robot.q_index(name)] for name in robot.actuated])
+    home = np.array([robot.q_home[robot.q_index(name)] for name in robot.actuated])
     size = 0.1 * np.array([robot.scale[robot.v_index(name)] for name in robot.actuated])
-    return here + size * (np.sin(t + phases) - np.sin(phases)), size * np.cos(t + phases), -size * np.sin(t + phases)
+    return home + size * (np.sin(t + phases) - np.sin(phases)), size * np.cos(t + phases), -size * np.sin(t + phases)
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -37,19 +37,19 @@ def test_states_of_all_joints(root, name):
         assert robot.closure(q) < 1e-12
         assert [q[robot.q_index(joint)] for joint in robot.actuated] == pytest.approx(values, abs=1e-15)
         if tick == 0:
-            here = made
+            middle = made
         elif tick < 0:
             before = made
     slopes = (made.positions - before.positions) / (2.0 * dt)
-    assert here.velocities == pytest.approx(slopes, abs=1e-6)
+    assert middle.velocities == pytest.approx(slopes, abs=1e-6)
 
 
 def test_foreign_and_passive_joints_are_ignored_and_parts_complete_each_other(root):
     robot = load(root, "delta4")
-    one, both = JointStateCompletion(robot), JointStateCompletion(robot)
+    by_parts, both = JointStateCompletion(robot), JointStateCompletion(robot)
     first, second, third = robot.actuated
-    one.complete([first, "wheel", "joint3"], [0.1, 5.0, 0.0])
-    made = one.complete([second, third], [0.05, 0.02])
+    by_parts.complete([first, "wheel", "joint3"], [0.1, 5.0, 0.0])
+    made = by_parts.complete([second, third], [0.05, 0.02])
     wanted = both.complete([third, first, second], [0.02, 0.1, 0.05])
     assert made.positions == pytest.approx(wanted.positions, abs=1e-12)
     assert not len(made.velocities)
@@ -100,9 +100,9 @@ def test_other_joints_that_determine_the_robot_determine_the_actuated_ones(root,
     robot = load(root, name)
     whole = trajectory(robot)
     back = completed(robot, whole.of(drivers))
-    for found, wanted in zip((back.positions, back.velocities, back.accelerations),
+    for array, wanted in zip((back.positions, back.velocities, back.accelerations),
                              (whole.positions, whole.velocities, whole.accelerations), strict=True):  # fmt: skip
-        assert found == pytest.approx(wanted, abs=1e-8)
+        assert array == pytest.approx(wanted, abs=1e-8)
 
 
 def test_a_trajectory_of_all_joints_is_compared(root):
@@ -117,7 +117,7 @@ def test_a_trajectory_of_all_joints_is_compared(root):
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("bad_trajectory", "message"),
     [
         (Trajectory(("joint2",), np.zeros((1, 1))), "joint2 don't determine"),
         (Trajectory(("joint99",), np.zeros((1, 1))), "has no joint 'joint99'"),
@@ -128,6 +128,6 @@ def test_a_trajectory_of_all_joints_is_compared(root):
         ),
     ],
 )
-def test_wrong_trajectories_are_refused(root, given, message):
+def test_wrong_trajectories_are_refused(root, bad_trajectory, message):
     with pytest.raises(CompletionError, match=message):
-        completed(load(root, "delta4"), given)
+        completed(load(root, "delta4"), bad_trajectory)

@@ -23,12 +23,12 @@ def message(name):
     """A class like those of rclpy: fields by keyword, lists of Python's numbers only."""
     fields = [field for field, _ in TYPES.fielddefs[name][1]]
 
-    def made(**given):
-        assert set(given) <= set(fields)
-        for value in given.values():
+    def made(**fields_set):
+        assert set(fields_set) <= set(fields)
+        for value in fields_set.values():
             assert not isinstance(value, np.ndarray)
-            assert not isinstance(value, list) or all(type(one) in (float, str, SimpleNamespace) for one in value)
-        return SimpleNamespace(**(dict.fromkeys(fields, ()) | given))
+            assert not isinstance(value, list) or all(type(entry) in (float, str, SimpleNamespace) for entry in value)
+        return SimpleNamespace(**(dict.fromkeys(fields, ()) | fields_set))
 
     return made
 
@@ -47,7 +47,7 @@ class Node:
 
     def create_publisher(self, kind, topic, depth):
         topic = self.remapped.get(topic, topic)
-        return SimpleNamespace(topic_name=topic, publish=lambda given: self.published.append((topic, given)))
+        return SimpleNamespace(topic_name=topic, publish=lambda sent: self.published.append((topic, sent)))
 
     def create_subscription(self, kind, topic, callback, depth):
         topic = self.remapped.get(topic, topic)
@@ -90,8 +90,8 @@ def test_joint_states_are_completed(node):
     running = node()
     header = object()
     names, rates = ["joint12", "joint1", "joint6"], [1.0, 0.0, 0.0]
-    given = SimpleNamespace(header=header, name=names, position=[0.1, 0.2, 0.3], velocity=rates)
-    running.callbacks["actuated_joint_states"](given)
+    joint_state = SimpleNamespace(header=header, name=names, position=[0.1, 0.2, 0.3], velocity=rates)
+    running.callbacks["actuated_joint_states"](joint_state)
     ((topic, made),) = running.published
     assert (topic, made.header) == ("joint_states", header)
     delta = cinegen.load(running.parameters["robot"])
@@ -119,7 +119,7 @@ def test_trajectories_are_those_of_the_actuated_joints(node):
     running.callbacks["trajectory"](SimpleNamespace(header=7, joint_names=names, points=points))
     ((topic, made),) = running.published
     assert (topic, made.header, made.joint_names) == ("actuated_trajectory", 7, ["joint1", "joint6", "joint12"])
-    assert [one.time_from_start for one in made.points] == [0, 1, 2]
+    assert [waypoint.time_from_start for waypoint in made.points] == [0, 1, 2]
     assert made.points[2].positions == pytest.approx([0.2] * 3)
     assert made.points[2].velocities == pytest.approx([1.0] * 3)
     assert made.points[2].accelerations == []

@@ -71,9 +71,9 @@ def test_each_is_refused_at_its_line_with_a_remedy(dialect, bars):
 @pytest.mark.parametrize("dialect", ["another constraint", "Gazebo plugin with other words", "MuJoCo"])
 def test_each_loads_where_a_sidecar_file_closes_the_loop(dialect, bars, tmp_path):
     (tmp_path / "robot.yaml").write_text(YAML)
-    found = readers.read(bars(UNREAD[dialect][0]))
-    assert [loop["name"] for loop in found.constraints["loops"]] == ["coupler-rocker"]
-    assert found.dialects == ("robot.yaml",)
+    description = readers.read(bars(UNREAD[dialect][0]))
+    assert [loop["name"] for loop in description.constraints["loops"]] == ["coupler-rocker"]
+    assert description.dialects == ("robot.yaml",)
 
 
 @pytest.mark.parametrize("dialect", ["another constraint", "MuJoCo"])

@@ -106,7 +106,7 @@ MASS = '<inertial>\n<mass value="{}"/></inertial>'
 @pytest.mark.parametrize(("content", "message"), [
     (SHAPE.format('<box size="1 1"/>'), "size=\"1 1\" of <box> in link 'b' must be 3 numbers"),
     (SHAPE.format('<sphere radius="1e308"/>'), "radius=\"1e308\" of <sphere> in link 'b' must be a number"),
-    *((MASS.format(one), f"value=\"{one}\" of <mass> in link 'b' must be a number") for one in ("1,5", "nan", "")),
+    *((MASS.format(mass), f"value=\"{mass}\" of <mass> in link 'b' must be a number") for mass in ("1,5", "nan", "")),
 ])  # fmt: skip
 def test_shapes_and_masses(tmp_path: Path, content: str, message: str, capfd: pytest.CaptureFixture[str]) -> None:
     """URDF's own parser prints an error, and leaves them out or goes on."""
@@ -166,8 +166,8 @@ def test_a_joint_of_sdf_that_is_misspelt_is_no_loss(tmp_path: Path) -> None:
 
 def sidecar(**values: object) -> str:
     joints = [{"name": "j", "home": 0}, {"name": "k", "home": 0}]
-    given = {"format": "raff2urdf constraints", "version": 2, "robot": "r", "nodes": ["a", "b", "c"]}
-    return json.dumps(given | {"joints": joints, "loops": [], "mobility": 2} | values)
+    head = {"format": "raff2urdf constraints", "version": 2, "robot": "r", "nodes": ["a", "b", "c"]}
+    return json.dumps(head | {"joints": joints, "loops": [], "mobility": 2} | values)
 
 
 @pytest.mark.parametrize(("values", "message"), [

@@ -204,14 +204,14 @@ def test_no_loop_like_element_is_dropped_in_silence(name, form, prefix, tmp_path
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            found = readers.read(path)
-        told = bool(found.constraints and (found.constraints["loops"] or found.constraints.get("couplings")))
+            source = readers.read(path)
+        noticed = bool(source.constraints and (source.constraints["loops"] or source.constraints.get("couplings")))
     except RaffError as error:
-        told = f"bars.urdf:6: <{prefix}{name}> 'e'" in str(error)
+        noticed = f"bars.urdf:6: <{prefix}{name}> 'e'" in str(error)
     except UserWarning:
-        told = True
-    assert told, added
-    assert not any(name in one.element for one in ignored(path))
+        noticed = True
+    assert noticed, added
+    assert not any(name in entry.element for entry in ignored(path))
 
 
 # --- roots ------------------------------------------------------------------------------------------------------------
@@ -260,15 +260,15 @@ def test_a_tree_that_only_loops_join_to_the_base_is_held_by_them(load, first):
         elements = [links("coupler"), FOUR_BAR[0].replace('<link name="coupler"/>', ""), *FOUR_BAR[1:], *elements]
     else:
         elements = [*FOUR_BAR, *elements]
-    found = load(*elements)
+    mechanism = load(*elements)
     usual = load(*FOUR_BAR, joint_at("a", "crank", "coupler", "0 0.1 0"), elements[-1])
-    assert (found.mobility, usual.mobility) == (1, 1)
-    assert found.nodes[0] == "ground"
-    assert set(found.nodes) == {"ground", "crank", "rocker", "coupler"}
-    assert found.actuated == ("drive",)
-    assert "link 'coupler' has no parent: it moves freely on 'ground', and loops hold it" in found.source.notes
-    for q in (found.q_home, *found.random_closed(5)):
-        crank, coupler, rocker = (found.placement(q, link).homogeneous for link in ("crank", "coupler", "rocker"))
+    assert (mechanism.mobility, usual.mobility) == (1, 1)
+    assert mechanism.nodes[0] == "ground"
+    assert set(mechanism.nodes) == {"ground", "crank", "rocker", "coupler"}
+    assert mechanism.actuated == ("drive",)
+    assert "link 'coupler' has no parent: it moves freely on 'ground', and loops hold it" in mechanism.source.notes
+    for q in (mechanism.q_home, *mechanism.random_closed(5)):
+        crank, coupler, rocker = (mechanism.placement(q, link).homogeneous for link in ("crank", "coupler", "rocker"))
         np.testing.assert_allclose(crank @ [0.0, 0.1, 0.0, 1.0], coupler @ [0.0, 0.0, 0.0, 1.0], atol=1e-9)
         np.testing.assert_allclose(coupler @ [0.5, 0.0, 0.0, 1.0], rocker @ [0.0, 0.3, 0.0, 1.0], atol=1e-9)
         np.testing.assert_allclose(coupler[2], [0.0, 0.0, 1.0, 0.0], atol=1e-9)  # it stays in the plane
@@ -281,12 +281,12 @@ def test_files_next_to_a_urdf_join_trees_too(load, tmp_path, motors):
     fixed = "".join(joint_at(name, parent, name, xyz, kind="fixed") for name, parent, xyz in frames)
     pairs = "closed_loop: [[at_crank, coupler], [at_rocker, end]]\ntype: [3d, 3d]"
     (tmp_path / "r.yaml").write_text(f"{pairs}\n{motors}\n")
-    found = load(*FOUR_BAR, ends, fixed)
-    assert found.mobility == 2  # balls: the coupler spins about its own axis
-    assert found.actuated == ("drive",)
-    assert not [node for node in found.nodes if "_free" in node]
-    for q in (found.q_home, *found.random_closed(5)):
-        at = {link: found.placement(q, link).translation for link in ("at_crank", "at_rocker", "coupler", "end")}
+    mechanism = load(*FOUR_BAR, ends, fixed)
+    assert mechanism.mobility == 2  # balls: the coupler spins about its own axis
+    assert mechanism.actuated == ("drive",)
+    assert not [node for node in mechanism.nodes if "_free" in node]
+    for q in (mechanism.q_home, *mechanism.random_closed(5)):
+        at = {link: mechanism.placement(q, link).translation for link in ("at_crank", "at_rocker", "coupler", "end")}
         np.testing.assert_allclose(at["at_crank"], at["coupler"], atol=1e-9)
         np.testing.assert_allclose(at["at_rocker"], at["end"], atol=1e-9)
 

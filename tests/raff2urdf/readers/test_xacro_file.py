@@ -45,10 +45,10 @@ def bars(text_file):
 
 @pytest.mark.parametrize("name", ["bars.urdf.xacro", "bars.xacro", "bars.urdf"])
 def test_macros_and_included_files_are_expanded(name, bars):
-    found = readers.read(bars(name))
-    assert 'xyz="1.0 0 0"' in found.urdf
-    assert [loop["name"] for loop in found.constraints["loops"]] == ["pin"]
-    assert found.constraints["loops"][0]["first"]["placement"][0][3] == 0.5
+    description = readers.read(bars(name))
+    assert 'xyz="1.0 0 0"' in description.urdf
+    assert [loop["name"] for loop in description.constraints["loops"]] == ["pin"]
+    assert description.constraints["loops"][0]["first"]["placement"][0][3] == 0.5
 
 
 def test_a_sidecar_file_is_named_without_xacro(bars, tmp_path):
@@ -132,17 +132,17 @@ def test_an_option_without_effect_is_refused(name, options, says, bars, typed, c
 
 def test_an_option_needs_an_effect_on_one_of_several_files(bars, typed):
     arms, others = bars("arms.xacro", ARMS), bars("others.xacro", ARMS.replace("prefix", "side"))
-    given = ["--xacro-arg", "height=2", "--xacro-arg", "prefix=a_", "--xacro-arg", "side=b_"]
-    typed("info", arms, others, *given)
-    assert "arms.xacro, " in typed("info", arms, others, *given, "--xacro-arg", "wide=1", code=1).err
+    options = ["--xacro-arg", "height=2", "--xacro-arg", "prefix=a_", "--xacro-arg", "side=b_"]
+    typed("info", arms, others, *options)
+    assert "arms.xacro, " in typed("info", arms, others, *options, "--xacro-arg", "wide=1", code=1).err
 
 
-@pytest.mark.parametrize("given", ["side", "=left", "side=left=right"])
-def test_an_argument_is_a_name_and_a_value(given, bars, typed):
+@pytest.mark.parametrize("argument", ["side", "=left", "side=left=right"])
+def test_an_argument_is_a_name_and_a_value(argument, bars, typed):
 
     path = bars("arms.xacro", ARMS.replace("$(arg height)", "0").replace("prefix", "side"))
-    said = typed("info", path, "--xacro-arg", given, code=0 if given.startswith("side=") else 2)
-    assert ("write NAME=VALUE" in said.err) != given.startswith("side=")
+    said = typed("info", path, "--xacro-arg", argument, code=0 if argument.startswith("side=") else 2)
+    assert ("write NAME=VALUE" in said.err) != argument.startswith("side=")
 
 
 def test_a_file_of_macros_names_those_that_call_them(tmp_path, text_file, typed):
@@ -153,27 +153,27 @@ def test_a_file_of_macros_names_those_that_call_them(tmp_path, text_file, typed)
     (tmp_path / "robots").mkdir()
     (tmp_path / "macros").mkdir()
     (tmp_path / "package.xml").write_text("<package><name>arms</name></package>")
-    own = tmp_path / "macros/bar.xacro"
+    bar_file = tmp_path / "macros/bar.xacro"
     with_block = BAR.replace("parent at", "parent at:=0 color:=red *origin").replace('<origin xyz="${at}"/>', "")
-    own.write_text(with_block.replace("</joint>", '<xacro:insert_block name="origin"/></joint>'))
-    said = typed("info", own, code=1).err
+    bar_file.write_text(with_block.replace("</joint>", '<xacro:insert_block name="origin"/></joint>'))
+    said = typed("info", bar_file, code=1).err
     assert re.search(r"bar.xacro: defines macros only \('bar'\): load a file that calls them, by <xacro:include", said)
     lines = re.search(r"by (<.*>)", said)[1].replace('filename="bar', f'filename="{tmp_path}/macros/bar')
     for word, value in (("name", "tip"), ("parent", "base")):
         lines = lines.replace(f'{word}="..."', f'{word}="{value}"')
     written = text_file("written.xacro", xacro.format('name="it"', f'<link name="base"/>{lines}'))
     assert cinegen.load(written).joints == ("tip_joint",)
-    written.write_text(xacro.format('name="it"', include.format(own)))
+    written.write_text(xacro.format('name="it"', include.format(bar_file)))
     said = typed("info", written, code=1)
     assert "written.xacro: defines macros only ('bar'): load a file that calls them" in said.err
     written.unlink()
-    own.write_text(BAR)
+    bar_file.write_text(BAR)
     two = '<xacro:macro name="two"><xacro:bar name="b" parent="a" at="0 0 1"/></xacro:macro>'
     (tmp_path / "macros/two.xacro").write_text(xacro.format("", include.format("../macros/bar.xacro") + two))
     caller = tmp_path / "robots/two.urdf.xacro"
     calls = f'{include.format("$(find arms)/macros/two.xacro")}<link name="a"/><xacro:two/>'
     caller.write_text(xacro.format('name="two"', calls))
-    for path in (own, tmp_path / "macros/two.xacro"):
+    for path in (bar_file, tmp_path / "macros/two.xacro"):
         named = re.search(r"defines macros only .*: load (\S+), which calls them", typed("info", path, code=1).err)[1]
         assert named == str(caller)
     typed("info", named)

@@ -59,22 +59,22 @@ def model_of(text):
     return pin.buildModelFromXML(etree.tostring(tree, encoding="unicode"))
 
 
-def largest_difference(text, found, seed=0, count=3):
+def largest_difference(text, imported, seed=0, count=3):
     """Of placements of all links at random joint values (m, and entries of rotations)."""
     model = model_of(text)
     data, rng = model.createData(), np.random.default_rng(seed)
-    document = found.document
+    document = imported.document
     robot, worst = document.robot(), 0.0
     numbers = {part.node: number for number, part in robot.nodes.items()}
     for _ in range(count):
         q, values = pin.neutral(model), {}
-        for own, theirs in found.joints.items():
+        for joint, theirs in imported.joints.items():
             value = rng.uniform(-3.0, 3.0)
-            q[model.joints[model.getJointId(own)].idx_q] = value
-            values[theirs] = value + found.offsets[theirs]
+            q[model.joints[model.getJointId(joint)].idx_q] = value
+            values[theirs] = value + imported.offsets[theirs]
         pin.framesForwardKinematics(model, data, q)
         placed = raff_tree.placements(document, robot, values)
-        for link, node in found.nodes.items():
+        for link, node in imported.nodes.items():
             wanted = data.oMf[model.getFrameId(link)].homogeneous
             worst = max(worst, float(np.abs(wanted - placed[numbers[node]]).max()))
     return worst
@@ -83,11 +83,11 @@ def largest_difference(text, found, seed=0, count=3):
 @settings(max_examples=300)
 @given(trees())
 def test_every_link_stands_where_it_stood(text):
-    found = import_tree(parse(text, "x"), "x")
-    assert set(found.nodes) == {f"l{i}" for i in range(text.count("<link"))}
-    assert largest_difference(text, found) < 1e-10
-    again = raff2urdf.loads(raff2urdf.dumps(found.document))  # and so it does in the file
-    assert again == found.document
+    imported = import_tree(parse(text, "x"), "x")
+    assert set(imported.nodes) == {f"l{i}" for i in range(text.count("<link"))}
+    assert largest_difference(text, imported) < 1e-10
+    again = raff2urdf.loads(raff2urdf.dumps(imported.document))  # and so it does in the file
+    assert again == imported.document
 
 
 @settings(max_examples=300)
@@ -119,16 +119,16 @@ def test_to_and_fro_is_a_fixed_point(text, units):
     assert third.document == second.document
     assert again.urdf == translate(third.document, third.document.robot(), Path()).urdf
     model, other = model_of(made.urdf), model_of(again.urdf)
-    data, there = model.createData(), other.createData()
+    data, other_data = model.createData(), other.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
-    for own, theirs in second.joints.items():  # zeros do not move any more, but where a frame had to be chosen anew
-        assert own == theirs
+    for joint, theirs in second.joints.items():  # zeros do not move any more, but where a frame had to be chosen anew
+        assert joint == theirs
     q = pin.neutral(other)
     for name, offset in second.offsets.items():
         q[other.joints[other.getJointId(name)].idx_q] = offset
-    pin.framesForwardKinematics(other, there, q)
+    pin.framesForwardKinematics(other, other_data, q)
     for link, node in second.nodes.items():
-        wanted, stands = data.oMf[model.getFrameId(link)], there.oMf[other.getFrameId(node)]
+        wanted, stands = data.oMf[model.getFrameId(link)], other_data.oMf[other.getFrameId(node)]
         assert np.abs(wanted.homogeneous - stands.homogeneous).max() < 1e-11
 
 
@@ -143,28 +143,28 @@ CHAIN = """<robot name="arm">
 
 
 def test_a_chain_reads_as_the_textbook_has_it():
-    found = import_tree(parse(CHAIN, "x"), "x")
-    links = {link.number: link for link in found.document.robot().links}
+    imported = import_tree(parse(CHAIN, "x"), "x")
+    links = {link.number: link for link in imported.document.robot().links}
     assert links[1].parameters.alpha in (90, -90)
     assert (links[2].parameters.d, links[2].parameters.alpha, links[2].parameters.r) == (300, 0, 0)
     assert links[2].limits is None
-    low, high = (math.degrees(x + found.offsets["joint1"]) for x in (-1, 2))
+    low, high = (math.degrees(x + imported.offsets["joint1"]) for x in (-1, 2))
     assert links[1].limits == pytest.approx((low, high), abs=1e-8)
     assert links[1].velocity == pytest.approx(math.degrees(3), abs=1e-8)
     assert (links[1].effort, links[2].effort) == (1.0, None)
-    assert found.nodes == {"base_link": "base_link", "shoulder": "shoulder", "elbow": "elbow", "tool": "tool"}
-    assert found.joints == {"lift": "joint1", "bend": "joint2"}
-    assert largest_difference(CHAIN, found) < 1e-12
+    assert imported.nodes == {"base_link": "base_link", "shoulder": "shoulder", "elbow": "elbow", "tool": "tool"}
+    assert imported.joints == {"lift": "joint1", "bend": "joint2"}
+    assert largest_difference(CHAIN, imported) < 1e-12
 
 
 def test_a_robot_that_floats_has_a_base_that_moves():
     text = CHAIN.replace('name="lift" type="revolute"', 'name="lift" type="floating"')
-    found = import_tree(parse(text, "x"), "x")
-    robot = found.document.robot()
+    imported = import_tree(parse(text, "x"), "x")
+    robot = imported.document.robot()
     assert robot.movable
-    assert found.nodes["shoulder"] == "shoulder"
+    assert imported.nodes["shoulder"] == "shoulder"
     assert robot.base.parameters.r == 400
-    made = translate(found.document, robot, Path())
+    made = translate(imported.document, robot, Path())
     assert made.constraints["floating"] == "joint0"
     again = import_tree(parse(made.urdf, "y"), "y", made.constraints)
     assert again.document.robot().movable
@@ -172,33 +172,33 @@ def test_a_robot_that_floats_has_a_base_that_moves():
 
 def test_names_that_raff_cant_say_are_changed_and_told():
     text = CHAIN.replace('"tool"', '"base"').replace('"elbow"', '"left elbow#2"')
-    found = import_tree(parse(text, "x"), "x")
-    assert found.nodes["base"] == "base_2"
-    assert found.nodes["left elbow#2"] == "left_elbow_2"
-    raff2urdf.check(found.document)
+    imported = import_tree(parse(text, "x"), "x")
+    assert imported.nodes["base"] == "base_2"
+    assert imported.nodes["left elbow#2"] == "left_elbow_2"
+    raff2urdf.check(imported.document)
 
 
 def test_axes_that_are_nearly_parallel_are_said_with_numbers_near_the_robot():
     """Their common perpendicular is a thousand kilometres away: a frame stands in between."""
     text = CHAIN.replace('<origin xyz="0.3 0 0"/>', '<origin xyz="0.3 0 0" rpy="3e-7 0 0"/>')
-    found = import_tree(parse(text, "x"), "x")
-    written = [part.parameters for part in found.document.robot().parts]
+    imported = import_tree(parse(text, "x"), "x")
+    written = [part.parameters for part in imported.document.robot().parts]
     assert max(abs(x) for p in written for x in (p.r, p.d, p.epsilon)) < 3000.0  # mm
-    assert largest_difference(text, found) < 1e-12
+    assert largest_difference(text, imported) < 1e-12
 
 
 def test_a_urdf_of_raff_gives_its_file_back(root):
     """Numbers, names, limits, motors, loops and sensors: what `robots/planar_hybrid.raff` says."""
     document = raff2urdf.load(root / "robots" / "planar_hybrid.raff")
     made = translate(document, document.robot(), root / "robots")
-    found = import_tree(parse(made.urdf, "x"), "x", made.constraints, document.units)
-    robot = found.document.robot()
+    imported = import_tree(parse(made.urdf, "x"), "x", made.constraints, document.units)
+    robot = imported.document.robot()
     assert [link.number for link in robot.links] == [link.number for link in document.robot().links]
     assert {link.number: link.parameters for link in robot.links} == {
         link.number: link.parameters for link in document.robot().links
     }
-    assert set(found.offsets.values()) == {0.0}
-    again = translate(found.document, robot, root / "robots")
+    assert set(imported.offsets.values()) == {0.0}
+    again = translate(imported.document, robot, root / "robots")
     assert again.urdf == made.urdf
     assert again.constraints == made.constraints
 
@@ -228,14 +228,14 @@ def test_a_coupling_of_raff_comes_back_as_it_was_written(coupling, units):
     text = COUPLED.format(units=units, couplings=f"coupling {{ {coupling} }}")
     document = parse_raff(text)
     made = translate(document, document.robot(), Path())
-    found = import_tree(parse(made.urdf, "x"), "x", made.constraints, units)
-    (there,) = document.robot().couplings
-    (back,) = found.document.robot().couplings
-    assert (back.follower, back.name) == (there.follower, there.name)
-    assert [(one.link, one.kind) for one in back.drives] == [(one.link, one.kind) for one in there.drives]
-    for one, other in zip(back.drives, there.drives, strict=True):
-        assert one.numbers == pytest.approx(other.numbers, rel=1e-13)
-    assert back.offset == pytest.approx(there.offset, abs=1e-11)
+    imported = import_tree(parse(made.urdf, "x"), "x", made.constraints, units)
+    (written,) = document.robot().couplings
+    (back,) = imported.document.robot().couplings
+    assert (back.follower, back.name) == (written.follower, written.name)
+    assert [(drive.link, drive.kind) for drive in back.drives] == [(drive.link, drive.kind) for drive in written.drives]
+    for drive, other in zip(back.drives, written.drives, strict=True):
+        assert drive.numbers == pytest.approx(other.numbers, rel=1e-13)
+    assert back.offset == pytest.approx(written.offset, abs=1e-11)
 
 
 @settings(max_examples=60)
@@ -251,14 +251,14 @@ def test_a_coupling_means_the_same_at_any_joint_values(text, data):
     terms[data.draw(st.sampled_from(chosen))] = (data.draw(number),)
     coupling = Coupling("c", terms, data.draw(number))
     entry = coupling_entry(coupling.name, coupling.terms, coupling.constant)
-    found = import_tree(tree, "x", {"couplings": [entry]}, "m")
-    robot = found.document.robot()
-    raff2urdf.check(found.document)
-    again = raff_tree.coupling_of(found.document, robot, 0)
+    imported = import_tree(tree, "x", {"couplings": [entry]}, "m")
+    robot = imported.document.robot()
+    raff2urdf.check(imported.document)
+    again = raff_tree.coupling_of(imported.document, robot, 0)
     values = {joint: data.draw(st.floats(-1.0, 1.0)) for joint in moving}
-    there = {found.joints[joint]: value + found.offsets[found.joints[joint]] for joint, value in values.items()}
-    ((factor,), *_) = [terms[joint] for joint in chosen if found.joints[joint] == again.follower]
-    assert again.evaluate(there)[0] * factor == pytest.approx(coupling.evaluate(values)[0], abs=1e-9)
+    q = {imported.joints[joint]: value + imported.offsets[imported.joints[joint]] for joint, value in values.items()}
+    ((factor,), *_) = [terms[joint] for joint in chosen if imported.joints[joint] == again.follower]
+    assert again.evaluate(q)[0] * factor == pytest.approx(coupling.evaluate(values)[0], abs=1e-9)
 
 
 @pytest.mark.parametrize(("terms", "says"), [
@@ -275,8 +275,8 @@ def test_actuated_joints_are_declared_only_where_the_file_does():
     coupling = coupling_entry("c", {"lift": [1.0], "bend": [2.0]})
 
     def declared(*entries):
-        found = import_tree(parse(CHAIN, "x"), "x", {"couplings": [coupling], "joints": list(entries)})
-        return [link.actuated for link in found.document.robot().links]
+        imported = import_tree(parse(CHAIN, "x"), "x", {"couplings": [coupling], "joints": list(entries)})
+        return [link.actuated for link in imported.document.robot().links]
 
     lift, bend = {"name": "lift", "home": 0.0}, {"name": "bend", "home": 0.0}
     assert declared(lift, bend) == [None, None]
@@ -308,8 +308,8 @@ def test_a_chain_of_more_links_than_python_recurses_is_turned():
 
 
 def test_a_joint_may_be_called_as_raff2urdf_calls_the_one_that_places_the_base():
-    found = import_tree(parse(chain(3).replace('"j1"', '"joint0"'), "x"), "x")
-    assert found.joints == {"joint0": "joint1", "j2": "joint2"}
+    imported = import_tree(parse(chain(3).replace('"j1"', '"joint0"'), "x"), "x")
+    assert imported.joints == {"joint0": "joint1", "j2": "joint2"}
     held = chain(3).replace('"j2" type="continuous"', '"joint0" type="fixed"')
     assert set(import_tree(parse(held, "x"), "x").nodes) == {"l0", "l1", "l2"}
 
@@ -335,7 +335,7 @@ RED = '<material name="r"><color rgba="1 0 0 0.5"/></material>'
 
 
 @pytest.fixture
-def there(tmp_path):
+def mesh_folder(tmp_path):
     (tmp_path / "meshes").mkdir()
     trimesh.creation.box(extents=(0.3, 0.2, 0.1)).export(tmp_path / "meshes/part.stl")
     trimesh.creation.icosphere(subdivisions=1, radius=0.1).export(tmp_path / "ball.stl")
@@ -350,7 +350,7 @@ def write(folder, base="", upper=""):
 
 def shown(urdf: Path):
     """Of each link: area, centre and colour of every surface it shows, in its own frame, m."""
-    model, found = yourdfpy.URDF.load(str(urdf), build_scene_graph=False, load_meshes=False).robot, {}
+    model, surfaces = yourdfpy.URDF.load(str(urdf), build_scene_graph=False, load_meshes=False).robot, {}
     colours = {material.name: material.color for material in model.materials}
     for link in model.links:
         for visual in link.visuals:
@@ -363,16 +363,16 @@ def shown(urdf: Path):
             surface.apply_transform(np.eye(4) if visual.origin is None else visual.origin)
             colour = None if material is None else material.color or colours[material.name]
             colour = None if colour is None else tuple(round(255 * value) for value in colour.rgba)
-            found.setdefault(link.name, []).append((surface.area, tuple(surface.centroid), colour))
-    return found
+            surfaces.setdefault(link.name, []).append((surface.area, tuple(surface.centroid), colour))
+    return surfaces
 
 
 @pytest.mark.parametrize("units", ["m", "mm"])
-def test_every_link_shows_what_it_showed(there, units):
+def test_every_link_shows_what_it_showed(mesh_folder, units):
     upper = BOX + MESH.format("meshes/part.stl", ' scale="2 2 -2"', RED)
-    path = write(there, base=MESH.format("file://" + str(there / "ball.stl"), "", ""), upper=upper)
-    raff2urdf.to_raff(path, there / "out/arm.raff", units=units)
-    (made,) = convert(there / "out/arm.raff", there / "again")
+    path = write(mesh_folder, base=MESH.format("file://" + str(mesh_folder / "ball.stl"), "", ""), upper=upper)
+    raff2urdf.to_raff(path, mesh_folder / "out/arm.raff", units=units)
+    (made,) = convert(mesh_folder / "out/arm.raff", mesh_folder / "again")
     before, after = shown(path), shown(made.urdf)
     assert set(after) == {"base_link", "upper"}
     for link, surfaces in before.items():
@@ -387,8 +387,8 @@ def test_every_link_shows_what_it_showed(there, units):
 def test_what_raff2urdf_draws_itself_is_drawn_again(root, tmp_path):
     """A skeleton needs no files."""
     convert(root / "robots/four_bar.raff", tmp_path)
-    found = raff2urdf.to_raff(tmp_path / "four_bar.urdf", tmp_path / "four_bar.raff")
-    robot = found.document.robot()
+    imported = raff2urdf.to_raff(tmp_path / "four_bar.urdf", tmp_path / "four_bar.raff")
+    robot = imported.document.robot()
     assert all(part.filenames is None for part in (robot.base, *robot.parts))
     assert not (tmp_path / "four_bar_graphics").exists()
     (made,) = convert(tmp_path / "four_bar.raff", tmp_path / "again")
@@ -402,45 +402,45 @@ def test_what_raff2urdf_draws_itself_is_drawn_again(root, tmp_path):
         ('<visual><geometry><torus radius="1"/></geometry></visual>', r"arm.urdf:3: the shape <torus> is not in URDF"),
     ],
 )  # fmt: skip
-def test_a_shape_that_is_wrong_is_told_by_its_line(there, capsys, visual, says):
-    path = write(there, base=visual, upper=BOX)
-    before = set(there.rglob("*"))
-    assert main([str(path), "-o", str(there / "out/arm.raff")]) == 1
+def test_a_shape_that_is_wrong_is_told_by_its_line(mesh_folder, capsys, visual, says):
+    path = write(mesh_folder, base=visual, upper=BOX)
+    before = set(mesh_folder.rglob("*"))
+    assert main([str(path), "-o", str(mesh_folder / "out/arm.raff")]) == 1
     out, err = capsys.readouterr()
     assert out == ""
     assert "Traceback" not in err
     assert re.search(says, err)
-    assert set(there.rglob("*")) == before
+    assert set(mesh_folder.rglob("*")) == before
     if "scale" not in says:  # a URDF whose numbers are wrong is refused
-        raff2urdf.to_raff(path, there / "out/arm.raff", graphics=False)  # what can be read is not lost
+        raff2urdf.to_raff(path, mesh_folder / "out/arm.raff", graphics=False)  # what can be read is not lost
 
 
 @pytest.mark.parametrize(("name", "says"), [
     ("lost.stl", "is not found"), ("file:///etc/passwd", "leads out of"),
     ("cut.stl", "can't be read: .*: export it again"),
 ])  # fmt: skip
-def test_a_link_whose_mesh_cannot_be_had_is_drawn_as_a_skeleton(there, name, says):
-    (there / "cut.stl").write_bytes((there / "meshes/part.stl").read_bytes()[:200])
-    path = write(there, base=MESH.format(name, "", ""), upper=BOX + MESH.format(name, ' scale="2 2 2"', ""))
+def test_a_link_whose_mesh_cannot_be_had_is_drawn_as_a_skeleton(mesh_folder, name, says):
+    (mesh_folder / "cut.stl").write_bytes((mesh_folder / "meshes/part.stl").read_bytes()[:200])
+    path = write(mesh_folder, base=MESH.format(name, "", ""), upper=BOX + MESH.format(name, ' scale="2 2 2"', ""))
     warned = f"arm.urdf:3: .*mesh '.*{name}'.*{says}.*left out; .*skeleton"
     with pytest.warns(raff2urdf.RaffWarning, match=warned) as seen:
-        found = raff2urdf.to_raff(path, there / "arm.raff")
+        imported = raff2urdf.to_raff(path, mesh_folder / "arm.raff")
     assert len(seen) == 1
-    robot = found.document.robot()
+    robot = imported.document.robot()
     files = {part.node: part.filenames for part in (robot.base, *robot.parts)}
     assert files["base_link"] is None
     assert files["upper"] == ("arm_graphics/upper.glb",)
-    (made,) = convert(there / "arm.raff", there / "again")
+    (made,) = convert(mesh_folder / "arm.raff", mesh_folder / "again")
     drawn = {link.get("name"): link.findall("visual/geometry/*") for link in etree.parse(made.urdf).iter("link")}
     assert {shape.tag for shape in drawn["base"]} >= {"mesh", "cylinder"}  # the tube to the joint, and its hinge
     assert [shape.tag for shape in drawn["upper"]] == ["mesh"]
 
 
-def test_a_mesh_that_the_raff_file_may_not_name_is_copied(there):
+def test_a_mesh_that_the_raff_file_may_not_name_is_copied(mesh_folder):
     """So that the file can be read where it is written."""
-    path = write(there, base=MESH.format("meshes/part.stl", "", ""))
-    found = raff2urdf.to_raff(path, there / "far/away/arm.raff")
-    files = [part.filenames for part in (found.document.robot().base, *found.document.robot().parts)]
+    path = write(mesh_folder, base=MESH.format("meshes/part.stl", "", ""))
+    imported = raff2urdf.to_raff(path, mesh_folder / "far/away/arm.raff")
+    files = [part.filenames for part in (imported.document.robot().base, *imported.document.robot().parts)]
     assert ("arm_graphics/base_link.glb",) in files
-    (made,) = convert(there / "far/away/arm.raff", there / "again")
+    (made,) = convert(mesh_folder / "far/away/arm.raff", mesh_folder / "again")
     assert shown(made.urdf)["base_link"][0][0] == pytest.approx(shown(path)["base_link"][0][0], rel=1e-5)
