@@ -61,9 +61,9 @@ def pytest_collection_modifyitems(items):
         if item.path.parent.name in ("browser", "cockpit", "devices", "session"):
             item.add_marker(NO_PORT, append=False)  # what a test says of its own comes later, and wins
     for function in {item.obj.__func__ if hasattr(item.obj, "__func__") else item.obj for item in _laws(items)}:
-        own = getattr(function, "_hypothesis_internal_use_settings", None) or settings.default
-        count = max(3, round(EXAMPLES * own.max_examples))
-        function._hypothesis_internal_use_settings = settings(own, max_examples=count)
+        current = getattr(function, "_hypothesis_internal_use_settings", None) or settings.default
+        count = max(3, round(EXAMPLES * current.max_examples))
+        function._hypothesis_internal_use_settings = settings(current, max_examples=count)
 
 
 def _laws(items):
@@ -102,7 +102,7 @@ def typed(capsys):
 def closing():
     """`closing(session)`: the session, which is closed when the test ends."""
     with contextlib.ExitStack() as ends:
-        yield lambda one: ends.enter_context(contextlib.closing(one))
+        yield lambda session: ends.enter_context(contextlib.closing(session))
 
 
 @pytest.fixture(scope="session")
@@ -120,9 +120,9 @@ def cockpit(robot, closing):
 
     def open_cockpit(*names, setup=None, **options):
         names_of_own = ("host", "port", "token", "https", "files", "own_process")
-        own = {name: options.pop(name) for name in names_of_own if name in options}
+        of_cockpit = {name: options.pop(name) for name in names_of_own if name in options}
         setup = setup or arrange({name: robot(name) for name in names}, **options)
-        return closing(Cockpit(setup, **{"port": 0, "own_process": False, **own}))
+        return closing(Cockpit(setup, **{"port": 0, "own_process": False, **of_cockpit}))
 
     return open_cockpit
 

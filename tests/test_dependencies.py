@@ -44,20 +44,20 @@ def optional(*extras: str) -> set[str]:
 def imported(path: Path, indent: str = r"[ \t]*") -> list[str]:
     """Modules that a file imports, on lines with such an indentation: parsing a thousand files takes half a minute."""
     text = path.read_text(encoding="utf-8")
-    found = re.findall(
+    pairs = re.findall(
         rf"^{indent}(?:from ([A-Za-z_][\w.]*) import\b|import ([\w., ]+?) *(?:[#;].*)?$)", text, re.MULTILINE
     )
-    return [name.split()[0] for pair in found for name in "".join(pair).split(",")]
+    return [name.split()[0] for pair in pairs for name in "".join(pair).split(",")]
 
 
 @cache
 def imports(*folders: str) -> dict[str, set[str]]:
     """For each top-level package that files of these folders import, those files."""
-    found: dict[str, set[str]] = {}
+    importers: dict[str, set[str]] = {}
     for path in (path for folder in folders for path in sorted((ROOT / folder).rglob("*.py"))):
         for name in imported(path):
-            found.setdefault(name.split(".")[0], set()).add(str(path.relative_to(ROOT)))
-    return {name: files for name, files in found.items() if name not in sys.stdlib_module_names | OWN}
+            importers.setdefault(name.split(".")[0], set()).add(str(path.relative_to(ROOT)))
+    return {name: files for name, files in importers.items() if name not in sys.stdlib_module_names | OWN}
 
 
 @cache
@@ -66,8 +66,8 @@ def distributions(package: str) -> frozenset[str]:
     return frozenset(map(normal, UNTOLD.get(package) or installed().get(package) or {package}))
 
 
-def undeclared(found: dict[str, set[str]], declared: set[str]) -> dict[str, list[str]]:
-    return {package: sorted(files) for package, files in found.items() if not distributions(package) & declared}
+def undeclared(importers: dict[str, set[str]], declared: set[str]) -> dict[str, list[str]]:
+    return {package: sorted(files) for package, files in importers.items() if not distributions(package) & declared}
 
 
 def test_what_the_packages_import_is_declared():
@@ -78,8 +78,8 @@ def test_what_the_tests_import_is_declared():
     folders = ("tests", "examples", "benchmarks", "docs")
     local = {path.stem for folder in folders for path in (ROOT / folder).rglob("*.py")}
     local |= {path.parent.name for folder in ("tests", "ros2") for path in (ROOT / folder).rglob("__init__.py")}
-    found = {package: files for package, files in imports("tests").items() if package not in local}
-    assert undeclared(found, required() | optional("test", *EXTRAS)) == {}
+    importers = {package: files for package, files in imports("tests").items() if package not in local}
+    assert undeclared(importers, required() | optional("test", *EXTRAS)) == {}
 
 
 def test_what_is_declared_is_imported():

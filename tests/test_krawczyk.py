@@ -25,8 +25,8 @@ def polynomial(*coefficients):
 
 
 def certified(equations, *point, rank=None):
-    found = certify(equations, np.array(point), np.ones(len(point)), len(point) if rank is None else rank)
-    return None if found is None else found[0]
+    result = certify(equations, np.array(point), np.ones(len(point)), len(point) if rank is None else rank)
+    return None if result is None else result[0]
 
 
 @pytest.mark.parametrize("imaginary", [1e-3, 1e-6, 1e-9, 1e-12])
@@ -57,11 +57,11 @@ def test_what_is_certified_is_a_root_and_the_only_one_in_its_box(roots, exponent
             ]
         evaluate = polynomial(*(arb(mpmath.nstr(c, 50)) for c in coefficients))
         for root in roots:
-            found = certified(evaluate, root)
-            if found is not None:
-                near = [other for other in exact if abs(other - mpmath.mpf(root)) <= found.radius]
+            certificate = certified(evaluate, root)
+            if certificate is not None:
+                near = [other for other in exact if abs(other - mpmath.mpf(root)) <= certificate.radius]
                 assert len(near) == 1
-                assert abs(near[0] - mpmath.mpf(root)) <= found.error + mpmath.mpf(10) ** -35
+                assert abs(near[0] - mpmath.mpf(root)) <= certificate.error + mpmath.mpf(10) ** -35
 
 
 def circles(box, _):
@@ -73,9 +73,9 @@ def circles(box, _):
 
 def test_equations_that_depend_on_the_others_are_bounded():
     half = 0.5**0.5
-    found = certified(circles, half, half)
-    assert (found.equations, found.others) == (2, 1)
-    assert 0.0 < found.gap < 1e-15
+    certificate = certified(circles, half, half)
+    assert (certificate.equations, certificate.others) == (2, 1)
+    assert 0.0 < certificate.gap < 1e-15
 
 
 def test_numbers_that_must_be_positive_are():

@@ -20,8 +20,8 @@ def thread():
 
     yield start
     over.set()
-    for one in made:
-        one.join()
+    for started in made:
+        started.join()
 
 
 def test_a_thread_is_left_unless_it_ends_or_serves_all_tests(thread):
@@ -36,8 +36,8 @@ def test_a_thread_is_left_unless_it_ends_or_serves_all_tests(thread):
 def test_a_process_is_left_unless_it_ends():
     before = Snapshot.take()
     with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
-        (found,) = left_since(before, 0.0)
-        assert found.startswith(f"process {process.pid}: ")
+        (leftover,) = left_since(before, 0.0)
+        assert leftover.startswith(f"process {process.pid}: ")
         process.stdin.close()
         assert left_since(before) == []
 

@@ -26,8 +26,8 @@ def results(robot):
     yield solver
     step = solver.step()
     yield from (step, step.lost_dof, step.uncontrolled_dof)
-    found = cinegen.singularity(tssm, tssm.q_home)
-    yield from (found, found.lost, found.lost_dof, found.legs[0])
+    singularity = cinegen.singularity(tssm, tssm.q_home)
+    yield from (singularity, singularity.lost, singularity.lost_dof, singularity.legs[0])
     lines = [PlueckerLine.along(np.zeros(3), axis) for axis in (*np.eye(3), np.ones(3))]
     dependence = classify(lines, 1.0)
     yield from (dependence, *dependence.sets, dependence.motions, *dependence.sets[0].points)
@@ -55,9 +55,9 @@ def test_results_that_are_data_do_not_change(robot):
 
 
 def test_a_singularity_prints_its_description(robot):
-    found = cinegen.singularity(robot("planar_3r"), np.zeros(3))
-    assert repr(found) == f"<Singularity: {found.message}; of tool>"
-    assert "tool loses, or nearly, a translation along (1, 0, 0)" in repr(found)
+    singularity = cinegen.singularity(robot("planar_3r"), np.zeros(3))
+    assert repr(singularity) == f"<Singularity: {singularity.message}; of tool>"
+    assert "tool loses, or nearly, a translation along (1, 0, 0)" in repr(singularity)
 
 
 @pytest.mark.parametrize(

@@ -55,22 +55,22 @@ def test_frames_and_singular_values_at_random_configurations(robot, tmp_path, na
     written(tmp_path, mechanism, Language.JAVASCRIPT, functions=[Function.FORWARD, Function.SIGMA])
     home = np.array([mechanism.q_home[mechanism.q_index(joint)] for joint in mechanism.actuated])
     sizes = np.array([mechanism.scale[mechanism.v_index(joint)] for joint in mechanism.actuated])
-    given = home + 0.2 * sizes * rng.uniform(-1.0, 1.0, (count, len(home)))
-    (tmp_path / "values.json").write_text(json.dumps(given.tolist()))
+    samples = home + 0.2 * sizes * rng.uniform(-1.0, 1.0, (count, len(home)))
+    (tmp_path / "values.json").write_text(json.dumps(samples.tolist()))
     computed = json.loads(run_script(tmp_path, RANDOM))
-    wanted, motion, unreached = cinegen.evaluate(mechanism, mechanism.end, given), ForwardKinematics(mechanism), 0
+    wanted, motion, unreached = cinegen.evaluate(mechanism, mechanism.end, samples), ForwardKinematics(mechanism), 0
     compared = 0
     for i, (reached, q, frames, sigma) in enumerate(computed):
         assert mechanism.closure(np.array(q)) < 1e-12
-        values = dict(zip(mechanism.actuated, given[i].tolist(), strict=True))
+        values = dict(zip(mechanism.actuated, samples[i].tolist(), strict=True))
         if not reached:
             unreached += 1
             with pytest.raises(cinegen.ClosureError):
                 motion.move(values)
             continue
-        there = motion.move(values)
-        assert q == pytest.approx(there, abs=1e-12)
-        if np.allclose(wanted.q[i], there, rtol=0.0, atol=1e-8):  # it closes loops to 1e-9, and goes on otherwise later
+        moved = motion.move(values)
+        assert q == pytest.approx(moved, abs=1e-12)
+        if np.allclose(wanted.q[i], moved, rtol=0.0, atol=1e-8):  # it closes loops to 1e-9, and goes on otherwise later
             compared += 1
             assert sigma == pytest.approx(wanted.singular_values[i][: len(sigma)], abs=1e-7)
         for frame, node in zip(np.reshape(frames, (-1, 4, 3)), mechanism.nodes, strict=True):
@@ -130,8 +130,8 @@ console.log(JSON.stringify(found));
 def test_values_that_are_not_finite_or_far_away_move_nothing(robot, tmp_path):
     mechanism = robot("delta4")
     written(tmp_path, mechanism, Language.JAVASCRIPT, functions=[Function.FORWARD, Function.CLOSE])
-    found = run_script(tmp_path, INVALID.replace("COUNT", str(len(mechanism.actuated))))
-    assert json.loads(found) == [False, False, False, True, None]  # JSON has no NaN
+    printed = run_script(tmp_path, INVALID.replace("COUNT", str(len(mechanism.actuated))))
+    assert json.loads(printed) == [False, False, False, True, None]  # JSON has no NaN
 
 
 @needs_node
@@ -180,9 +180,9 @@ def reads_after_a_loop(memory):
 )
 def test_a_kernel_that_cannot_be_translated_is_named(kernel, message):
     memory = RobotMemory(nq=3)
-    given = [Memories((memory,), Number("int", "0", value=0))]
+    arguments = [Memories((memory,), Number("int", "0", value=0))]
     with pytest.raises(TranslationError, match=message):
-        KernelTranslation(Language.C, Heap()).function(kernel, given)
+        KernelTranslation(Language.C, Heap()).function(kernel, arguments)
 
 
 def test_the_command(typed, root, tmp_path):

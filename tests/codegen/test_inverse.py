@@ -32,7 +32,7 @@ pytestmark = needs_node
 
 def solved(folder, mechanism, targets, task):
     written(folder, mechanism, Language.JAVASCRIPT, functions=[Function.IK], tasks=[task])
-    (folder / "targets.json").write_text(json.dumps([frame_of(one).ravel().tolist() for one in targets]))
+    (folder / "targets.json").write_text(json.dumps([frame_of(target).ravel().tolist() for target in targets]))
     return json.loads(run_script(folder, SOLVE))
 
 
@@ -49,29 +49,29 @@ def test_poses_that_configurations_have_are_found(robot, tmp_path, name, kind, c
     if kind == "position":
         task = FrameTask(mechanism.end, task.target, rotation=0)
     targets = [mechanism.placement(q, mechanism.end) for q in LocalIK(mechanism).samples(count, rng)]
-    python, found, direct, apart = InverseKinematics(mechanism, [task]), 0, 0, list[float]()
+    python, successes, direct, apart = InverseKinematics(mechanism, [task]), 0, 0, list[float]()
     for target, (status, iterations, q, actuated) in zip(
         targets, solved(tmp_path, mechanism, targets, f"{mechanism.end}:{kind}"), strict=True
     ):
-        given, wanted = np.array(q), python.find([target], mechanism.q_home, TOLERANCE)
+        solution, wanted = np.array(q), python.find([target], mechanism.q_home, TOLERANCE)
         assert (status == "FOUND") == (wanted[0] is not None)
-        assert mechanism.closure(given) < 1e-10
+        assert mechanism.closure(solution) < 1e-10
         assert actuated == {joint: q[mechanism.q_index(joint)] for joint in mechanism.actuated}
         if status != "FOUND":
-            assert given == pytest.approx(mechanism.q_home, abs=0.0)
+            assert solution == pytest.approx(mechanism.q_home, abs=0.0)
             continue
-        found += 1
-        reached = mechanism.placement(given, mechanism.end)
+        successes += 1
+        reached = mechanism.placement(solution, mechanism.end)
         assert np.linalg.norm(reached.translation - target.translation) <= TOLERANCE
         if kind == "pose":
             assert np.abs(reached.rotation - target.rotation).max() <= TOLERANCE
-        assert (given >= mechanism.limits.lower - AT_LIMIT).all()
-        assert (given <= mechanism.limits.upper + AT_LIMIT).all()
+        assert (solution >= mechanism.limits.lower - AT_LIMIT).all()
+        assert (solution <= mechanism.limits.upper + AT_LIMIT).all()
         if wanted[1] <= ITERATIONS:
             direct += 1
         if iterations == wanted[1]:
-            apart.append(np.abs(given - wanted[0]).max())
-    assert found >= 0.97 * count
+            apart.append(np.abs(solution - wanted[0]).max())
+    assert successes >= 0.97 * count
     # From start to start a search may branch by rounding; and at singularities, or for a robot with more DoF than the
     # task, rounding moves the configuration where the target does not.
     assert len(apart) >= 0.97 * direct
@@ -96,6 +96,6 @@ robot.targets[0][9] += 0.05;
 for (let i = 0; i < 1000; i += 1) robot.tick();
 console.log(JSON.stringify([...found, Math.max(...before.map((value, k) => Math.abs(value - robot.q[k])))]));
 """
-    *found, apart = json.loads(run_script(tmp_path, script))
-    assert found == ["FOUND", "BAD_TARGET", "NOT_FOUND", True, True]
+    *answers, apart = json.loads(run_script(tmp_path, script))
+    assert answers == ["FOUND", "BAD_TARGET", "NOT_FOUND", True, True]
     assert apart < 1e-9  # ticks towards the same target end in the same configuration

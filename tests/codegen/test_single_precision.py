@@ -45,23 +45,23 @@ def test_the_stated_error_is_kept(robot, tmp_path, name, count):
     sizes = np.array([mechanism.scale[mechanism.v_index(joint)] for joint in mechanism.actuated])
     motion, columns, compared, refused = ForwardKinematics(mechanism), mechanism.structure.passive_columns, 0, 0
     for _ in range(count):
-        given = (home + 0.2 * sizes * rng.uniform(-1.0, 1.0, len(home))).astype(np.float32)
+        values = (home + 0.2 * sizes * rng.uniform(-1.0, 1.0, len(home))).astype(np.float32)
         try:
-            there = motion.move(dict(zip(mechanism.actuated, given.astype(float).tolist(), strict=True)))
+            q_double = motion.move(dict(zip(mechanism.actuated, values.astype(float).tolist(), strict=True)))
         except ClosureError:
             continue
         if mechanism.is_constrained:
-            jacobian = mechanism.structure.system.evaluate(there)[1][:, columns]
+            jacobian = mechanism.structure.system.evaluate(q_double)[1][:, columns]
             if np.linalg.svd(jacobian, compute_uv=False)[mechanism.structure.passive_rank - 1] < REGULAR:
                 continue
-        if not code.robot_forward(state, given.ctypes.data_as(floats)):
+        if not code.robot_forward(state, values.ctypes.data_as(floats)):
             refused += 1
             continue
         code.robot_place(state)
         compared += 1
         assert mechanism.closure(q.astype(float)) <= CLOSURE_ERROR
         for frame, node in zip(frames, mechanism.nodes, strict=True):
-            placement = mechanism.placement(there, node)
+            placement = mechanism.placement(q_double, node)
             assert np.abs(frame[:3].T - placement.rotation).max() <= POSITION_ERROR
             assert np.linalg.norm(frame[3] - placement.translation) <= POSITION_ERROR * mechanism.length
     assert compared > 0.3 * count

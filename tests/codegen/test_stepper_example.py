@@ -28,7 +28,7 @@ def test_every_step_is_made_where_the_actuator_is(robot, root, tmp_path):
         a = place.real + IN - OUT
         cosine = (a**2 + place.imag**2 + HEIGHT**2 + UPPER**2 - LOWER**2) / (2.0 * UPPER * np.hypot(a, HEIGHT))
         exact = STEPS * (np.arctan2(HEIGHT, a) + np.arccos(cosine))
-        _, ways, due = steps[steps[:, 0] == i].T
-        made = np.concatenate([[0.0], ways.cumsum()])[np.searchsorted(due, times)]
+        _, directions, due = steps[steps[:, 0] == i].T
+        made = np.concatenate([[0.0], directions.cumsum()])[np.searchsorted(due, times)]
         assert np.abs(made - exact).max() < 0.55
-        assert len(ways) > 1000
+        assert len(directions) > 1000

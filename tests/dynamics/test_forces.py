@@ -59,10 +59,10 @@ def test_slider_crank(engine, angle):
     first = -R * s - R**2 * s * c / root
     second = -R * c - R**2 * (c * c - s * s) / root - R**4 * (s * c) ** 2 / root**3
     payload = Payload("link3", mass, wrench=(-gas, 0, 0, 0, 0, 0))
-    found = forces(engine, q, {"joint1": speed}, payloads=[payload], gravity=STILL, massless=True)
-    assert found.torques == pytest.approx([(mass * speed**2 * second + gas) * first], rel=1e-9)
-    assert found.power == pytest.approx(found.torques[0] * speed)
-    rod = found.reaction("joint2")  # a massless rod bears a force along itself
+    result = forces(engine, q, {"joint1": speed}, payloads=[payload], gravity=STILL, massless=True)
+    assert result.torques == pytest.approx([(mass * speed**2 * second + gas) * first], rel=1e-9)
+    assert result.power == pytest.approx(result.torques[0] * speed)
+    rod = result.reaction("joint2")  # a massless rod bears a force along itself
     wall = (mass * speed**2 * second + gas) * R * s / root
     assert rod.wrench[:2] == pytest.approx([math.copysign(math.hypot(mass * speed**2 * second + gas, wall),
                                                           mass * speed**2 * second + gas), 0.0], abs=1e-6)  # fmt: skip
@@ -82,24 +82,24 @@ def test_each_body_is_in_equilibrium(robot, name):
     wrench = np.array([3.0, -1.0, 4.0, 0.1, 0.5, -0.9])
     for q in mechanism.random_closed(2):
         v, a = random_motion(mechanism, q, rng)
-        found = forces(mechanism, q, v, a, [Payload(mechanism.end, wrench=wrench)])
-        assert found.undetermined == ()
-        torques = dict(zip(mechanism.actuated, found.torques, strict=True))
-        for one in (one for one in found.reactions if one.name in mechanism.joints):
-            along = one.force[2] if mechanism.is_prismatic(one.name) else one.moment[2]
-            assert along == pytest.approx(torques.get(one.name, 0.0), abs=1e-8)
+        result = forces(mechanism, q, v, a, [Payload(mechanism.end, wrench=wrench)])
+        assert result.undetermined == ()
+        torques = dict(zip(mechanism.actuated, result.torques, strict=True))
+        for reaction in (reaction for reaction in result.reactions if reaction.name in mechanism.joints):
+            along = reaction.force[2] if mechanism.is_prismatic(reaction.name) else reaction.moment[2]
+            assert along == pytest.approx(torques.get(reaction.name, 0.0), abs=1e-8)
         pin.forwardKinematics(model, data, q, v, a)
         frame = model.frames[mechanism.frame_id(mechanism.end)]
         total = np.zeros((model.njoints, 6))  # on each body, at the world's origin
         on_end = mechanism.placement(q, mechanism.end).translation
         total[frame.parentJoint] += wrench + np.concatenate([np.zeros(3), np.cross(on_end, wrench[:3])])
-        for one in found.reactions:
-            world = one.placement.act(pin.Force(one.wrench)).vector
-            if one.kind == "joint":
-                joint = model.getJointId(one.name)
+        for reaction in result.reactions:
+            world = reaction.placement.act(pin.Force(reaction.wrench)).vector
+            if reaction.kind == "joint":
+                joint = model.getJointId(reaction.name)
                 pair = joint, model.parents[joint]
             else:
-                loop = next(loop for loop in mechanism.loops if loop.name == one.name)
+                loop = next(loop for loop in mechanism.loops if loop.name == reaction.name)
                 pair = (model.frames[mechanism.frame_id(node)].parentJoint for node in (loop.second, loop.first))
             for body, sign in zip(pair, (1.0, -1.0), strict=True):
                 total[body] += sign * world
@@ -135,14 +135,14 @@ def test_a_truss_of_three_bars_is_undetermined_and_one_of_two_is_not(raff):
     force, load = np.array([70.0, -200.0]), Payload("frame3", wrench=(70, -200, 0, 0, 0, 0))
     two, three = (raff(star(POINTS[:n], TIP, False), f"bars{n}") for n in (2, 3))
     bars = np.linalg.solve(np.transpose([np.subtract(TIP, p) / math.dist(TIP, p) for p in POINTS[:2]]), force)
-    found = forces(two, two.q_home, payloads=[load], gravity=STILL)
+    result = forces(two, two.q_home, payloads=[load], gravity=STILL)
     for name, bar in zip(("joint1", "joint11"), bars, strict=True):
-        assert found.reaction(name).force[:2] == pytest.approx([-bar, 0.0], abs=1e-9)  # the ground pulls the bar back
-    found = forces(three, three.q_home, payloads=[load], gravity=STILL)
-    for one in map(found.reaction, ("joint1", "joint11", "joint21")):
-        assert np.isnan(one.force[0])
-        assert one.stresses[0].any()
-        assert one.force[1] == pytest.approx(0.0, abs=1e-9)
+        assert result.reaction(name).force[:2] == pytest.approx([-bar, 0.0], abs=1e-9)  # the ground pulls the bar back
+    result = forces(three, three.q_home, payloads=[load], gravity=STILL)
+    for reaction in map(result.reaction, ("joint1", "joint11", "joint21")):
+        assert np.isnan(reaction.force[0])
+        assert reaction.stresses[0].any()
+        assert reaction.force[1] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_truss_with_redundant_actuation_against_its_stiffness(raff):
@@ -152,13 +152,13 @@ def test_a_truss_with_redundant_actuation_against_its_stiffness(raff):
     assert (mechanism.mobility, len(mechanism.actuated)) == (2, 4)
     force = np.array([70.0, -200.0])
     load = Payload("frame3", wrench=(*force, 0, 0, 0, 0))
-    found = forces(mechanism, mechanism.q_home, payloads=[load], gravity=STILL)
+    result = forces(mechanism, mechanism.q_home, payloads=[load], gravity=STILL)
     d = np.array([np.subtract(TIP, p) / math.dist(TIP, p) for p in POINTS])
     displacement = np.linalg.solve(d.T @ d, force)
-    assert found.torques == pytest.approx(-d @ displacement, rel=1e-9)  # a positive force lengthens the bar
-    assert found.prestress.shape == (2, 4)
-    assert "2 independent combinations of torques do no work" in found.message
-    assert found.prestress @ d == pytest.approx(np.zeros((2, 2)), abs=1e-9)
+    assert result.torques == pytest.approx(-d @ displacement, rel=1e-9)  # a positive force lengthens the bar
+    assert result.prestress.shape == (2, 4)
+    assert "2 independent combinations of torques do no work" in result.message
+    assert result.prestress @ d == pytest.approx(np.zeros((2, 2)), abs=1e-9)
 
 
 # --- singularities ----------------------------------------------------------------------------------------------------
@@ -170,13 +170,13 @@ def test_at_a_dead_centre_the_direction_is_named_that_no_actuator_holds(raff):
     q = mechanism.configuration({"joint1": 0.0, "joint2": 0.0, "joint3": R + L})
     assert mechanism.closure(q) < 1e-12
     turning = Payload("link1", wrench=(0, 0, 0, 0, 0, 3.0))
-    found = forces(mechanism, q, payloads=[turning], gravity=STILL, node="link1")
-    assert not found.is_held
-    assert np.isnan(found.torques).all()
-    assert all(np.isnan(one.wrench).all() for one in found.reactions)
-    assert "no torques of the actuated joints hold the load" in found.message
-    assert "link1 can make a rotation about the axis through (0, 0, 0) m along (0, 0, 1)" in found.message
-    assert found.as_dict()["torques"][0]["value"] is None
+    result = forces(mechanism, q, payloads=[turning], gravity=STILL, node="link1")
+    assert not result.is_held
+    assert np.isnan(result.torques).all()
+    assert all(np.isnan(reaction.wrench).all() for reaction in result.reactions)
+    assert "no torques of the actuated joints hold the load" in result.message
+    assert "link1 can make a rotation about the axis through (0, 0, 0) m along (0, 0, 1)" in result.message
+    assert result.as_dict()["torques"][0]["value"] is None
     pushing = Payload("link3", wrench=(-50, 0, 0, 0, 0, 0))
     pushed = forces(mechanism, q, payloads=[pushing], gravity=STILL, node="link1")
     assert pushed.torques == pytest.approx([0.0])  # crank and rod bear it, or the actuator does
@@ -268,10 +268,10 @@ def test_a_platform_exerts_the_sum_of_its_legs_forces(gough):
     dynamics, rng = InverseDynamics(gough, gravity=STILL), np.random.default_rng(1)
     for q in gough.random_closed(3):
         forces = rng.normal(scale=100.0, size=6)
-        found = node_wrench(dynamics, q, forces)
-        assert found.wrench == pytest.approx(forces @ lines_of(gough, q), rel=1e-9, abs=1e-9)
-        assert len(found.supported) == 0
-        assert found.imbalance < 1e-12
+        exerted = node_wrench(dynamics, q, forces)
+        assert exerted.wrench == pytest.approx(forces @ lines_of(gough, q), rel=1e-9, abs=1e-9)
+        assert len(exerted.supported) == 0
+        assert exerted.imbalance < 1e-12
 
 
 def test_torques_and_wrenches_are_inverse(gough):
@@ -281,19 +281,19 @@ def test_torques_and_wrenches_are_inverse(gough):
     loaded, free = InverseDynamics(mechanism, [Payload(mechanism.end, wrench=wrench)]), InverseDynamics(mechanism)
     q = mechanism.random_closed(1)[0]
     v, a = ({name: float(rng.normal()) for name in mechanism.actuated} for _ in range(2))
-    found = node_wrench(free, q, loaded.torques(q, v, a), v=v, a=a)
-    assert found.wrench == pytest.approx(-wrench, rel=1e-8, abs=1e-8)
+    exerted = node_wrench(free, q, loaded.torques(q, v, a), v=v, a=a)
+    assert exerted.wrench == pytest.approx(-wrench, rel=1e-8, abs=1e-8)
 
 
 def test_what_the_structure_supports_may_be_added(arm):
     dynamics, q = InverseDynamics(arm, gravity=STILL), np.array([0.3, 0.5, -0.7])
-    found = node_wrench(dynamics, q, [1.0, 2.0, 3.0])
+    exerted = node_wrench(dynamics, q, [1.0, 2.0, 3.0])
     jacobian = arm.jacobian(q, arm.end)
     rotation = arm.placement(q, arm.end).rotation
-    local = np.concatenate([rotation.T @ found.wrench[:3], rotation.T @ found.wrench[3:]])
+    local = np.concatenate([rotation.T @ exerted.wrench[:3], rotation.T @ exerted.wrench[3:]])
     assert jacobian.T @ local == pytest.approx([1.0, 2.0, 3.0])
-    assert found.supported.shape == (3, 6)
-    assert np.abs(found.supported[:, [0, 1, 5]]).max() < 1e-12  # forces along z, moments about x and y
+    assert exerted.supported.shape == (3, 6)
+    assert np.abs(exerted.supported[:, [0, 1, 5]]).max() < 1e-12  # forces along z, moments about x and y
     behind = node_wrench(dynamics, q, [1.0, 2.0, 3.0], "link2")
     assert behind.imbalance == pytest.approx(1.0)  # joint3 is free to rotate
 
@@ -305,15 +305,15 @@ def test_compliance_of_a_platform_in_closed_form(gough):
     for q in gough.random_closed(3):
         lines = lines_of(gough, q)
         expected = np.linalg.inv(lines.T @ np.diag(list(springs.values())) @ lines)
-        found = Elasticity(dynamics, q, springs).compliance()
-        assert found == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
+        compliance = Elasticity(dynamics, q, springs).compliance()
+        assert compliance == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
 
 
 def test_frequencies(arm, robot):
     """A point mass on a lever with a spring: w^2 = k / (m l^2)."""
     dynamics = InverseDynamics(arm, [Payload(arm.end, 2.0)], massless=True)
-    one = Elasticity(dynamics, np.zeros(3), {"joint1": 300.0}).frequencies()
-    assert one == pytest.approx([np.sqrt(300.0 / (2.0 * 0.9**2)) / (2.0 * np.pi)])
+    frequencies = Elasticity(dynamics, np.zeros(3), {"joint1": 300.0}).frequencies()
+    assert frequencies == pytest.approx([np.sqrt(300.0 / (2.0 * 0.9**2)) / (2.0 * np.pi)])
     heavy = massive(robot("delta4"))
     body, q = InverseDynamics(heavy), heavy.q_home
     springs = dict.fromkeys(heavy.actuated, 1e4)
@@ -358,14 +358,14 @@ def swing(robot):
 
 def test_a_swing_in_closed_form(swing):
     dynamics, times, q = swing
-    found, inertia = torques_along(dynamics, times, q), 2.0 * 0.9**2
-    assert found.torques[:, 0] == pytest.approx(inertia * np.cos(times), abs=1e-5)
-    assert found.speeds[:, 0] == pytest.approx(np.sin(times), abs=1e-5)
-    assert found.peak[0] == pytest.approx(inertia, rel=1e-5)
-    assert found.rms[0] == pytest.approx(inertia / np.sqrt(2.0), rel=1e-3)
-    assert found.peak_power[0] == pytest.approx(inertia / 2.0, rel=1e-5)
-    assert found.peak_time[0] == pytest.approx(0.0, abs=1e-9) or found.peak_time[0] == pytest.approx(np.pi, abs=1e-2)
-    assert len(found.not_held) == 0
+    trace, inertia = torques_along(dynamics, times, q), 2.0 * 0.9**2
+    assert trace.torques[:, 0] == pytest.approx(inertia * np.cos(times), abs=1e-5)
+    assert trace.speeds[:, 0] == pytest.approx(np.sin(times), abs=1e-5)
+    assert trace.peak[0] == pytest.approx(inertia, rel=1e-5)
+    assert trace.rms[0] == pytest.approx(inertia / np.sqrt(2.0), rel=1e-3)
+    assert trace.peak_power[0] == pytest.approx(inertia / 2.0, rel=1e-5)
+    assert trace.peak_time[0] == pytest.approx(0.0, abs=1e-9) or trace.peak_time[0] == pytest.approx(np.pi, abs=1e-2)
+    assert len(trace.not_held) == 0
 
 
 def test_trajectories_that_are_none(swing, robot):

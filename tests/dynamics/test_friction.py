@@ -94,14 +94,14 @@ def test_passive_joints_resist_through_the_loops_as_in_mujoco():
         assert motions.shape[1] == 1
         needed = tree_torques(model, q[order], v[order], a[order])
         expected = motions[:, 0] @ needed / motions[0, 0]
-        for found in (
+        for torque in (
             dynamics.torques(q, {"drive": speed}, {"drive": growth})[0],
             dynamics.torques_of(q[None], v[None], a[None])[0, 0],
             cinegen.forces(mechanism, q, v, a).torques[0],
         ):
-            assert found == pytest.approx(expected, rel=1e-7)
+            assert torque == pytest.approx(expected, rel=1e-7)
         smooth = InverseDynamics(mechanism, friction=False).torques(q, v, a)[0]
-        assert abs(found - smooth) > 0.05 * abs(speed)  # else friction would hardly be tested
+        assert abs(torque - smooth) > 0.05 * abs(speed)  # else friction would hardly be tested
 
 
 def rubbed(**friction: float) -> str:
@@ -114,11 +114,11 @@ def rubbed(**friction: float) -> str:
 @pytest.mark.parametrize("speed", [0.7, -2.0])
 def test_coulomb_friction_of_passive_joints_is_seen_at_the_actuated_one(speed):
     mechanism = cinegen.load(rubbed(drive=1.0, pin=0.5, swing=0.25))
-    found = cinegen.forces(mechanism, mechanism.q_home, {"drive": speed}, {"drive": 0.0})
-    assert found.torques == pytest.approx([3 * 0.2 * speed + 1.75 * np.sign(speed)], rel=1e-6)
-    assert found.power == pytest.approx(3 * 0.2 * speed**2 + 1.75 * abs(speed), rel=1e-6)
-    assert found.reaction("swing").moment[2] == pytest.approx(-0.2 * speed - 0.25 * np.sign(speed), rel=1e-6)
-    assert found.reaction("far").moment[2] == pytest.approx(0.0, abs=1e-9)
+    result = cinegen.forces(mechanism, mechanism.q_home, {"drive": speed}, {"drive": 0.0})
+    assert result.torques == pytest.approx([3 * 0.2 * speed + 1.75 * np.sign(speed)], rel=1e-6)
+    assert result.power == pytest.approx(3 * 0.2 * speed**2 + 1.75 * abs(speed), rel=1e-6)
+    assert result.reaction("swing").moment[2] == pytest.approx(-0.2 * speed - 0.25 * np.sign(speed), rel=1e-6)
+    assert result.reaction("far").moment[2] == pytest.approx(0.0, abs=1e-9)
     still = cinegen.forces(mechanism, mechanism.q_home)
     assert (still.resting, still.band) == (("drive", "pin", "swing"), pytest.approx([1.75]))
     assert still.torques == pytest.approx([0.0], abs=1e-9)
@@ -129,10 +129,10 @@ def test_the_reaction_of_one_joint_along_a_motion_is_that_of_forces():
     q, rates = mechanism.q_home[None], np.array([[0.7]])
     dynamics = InverseDynamics(mechanism)
     for name in ("pin", "swing"):
-        one = dynamics.reactions_of(name, q, rates, 0.0 * rates, actuated=True)[0]
+        wrench = dynamics.reactions_of(name, q, rates, 0.0 * rates, actuated=True)[0]
         wanted = cinegen.forces(mechanism, q[0], {"drive": 0.7}, {"drive": 0.0}).reaction(name).wrench
         known = np.isfinite(wanted)
-        assert one[known] == pytest.approx(wanted[known], abs=1e-9)
+        assert wrench[known] == pytest.approx(wanted[known], abs=1e-9)
 
 
 def test_a_joint_that_only_rounding_moves_is_at_rest():
@@ -147,22 +147,22 @@ def test_a_joint_that_only_rounding_moves_is_at_rest():
       <equality><connect name="far" body1="rod" body2="piston" anchor="0.5 0 0"/></equality>
       <actuator><motor joint="drive"/></actuator></mujoco>"""
     mechanism = cinegen.load(text)
-    found = cinegen.forces(mechanism, mechanism.q_home, {"drive": 1.0}, {"drive": 0.0})
-    assert "slide" in found.resting
-    assert "drive" not in found.resting
-    assert found.band == pytest.approx([0.0], abs=1e-6)  # in a dead centre the slider's friction has no lever
+    result = cinegen.forces(mechanism, mechanism.q_home, {"drive": 1.0}, {"drive": 0.0})
+    assert "slide" in result.resting
+    assert "drive" not in result.resting
+    assert result.band == pytest.approx([0.0], abs=1e-6)  # in a dead centre the slider's friction has no lever
     dynamics = InverseDynamics(mechanism)
     many = dynamics.torques_of(mechanism.q_home[None], [[1.0]], [[0.0]], actuated=True)
-    assert many[0] == pytest.approx(found.torques, abs=1e-9)
+    assert many[0] == pytest.approx(result.torques, abs=1e-9)
 
 
 def test_a_wrench_of_a_moving_node_is_what_friction_leaves():
     mechanism = cinegen.load(PENDULUM)
     push = Payload("rod", wrench=(0.0, 0.0, 0.0, 0.0, 3.0, 0.0))
     torques = InverseDynamics(mechanism, [push]).torques([0.3], [1.0], [0.0])
-    found = node_wrench(InverseDynamics(mechanism), [0.3], torques, "rod", [1.0], [0.0])
-    assert found.imbalance == pytest.approx(0.0, abs=1e-12)
-    assert found.wrench[4] == pytest.approx(-3.0)
+    exerted = node_wrench(InverseDynamics(mechanism), [0.3], torques, "rod", [1.0], [0.0])
+    assert exerted.imbalance == pytest.approx(0.0, abs=1e-12)
+    assert exerted.wrench[4] == pytest.approx(-3.0)
 
 
 def test_new_loads_keep_the_friction():

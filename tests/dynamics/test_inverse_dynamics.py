@@ -73,12 +73,12 @@ def test_virtual_work(heavy, name, monkeypatch):
         v, a = random_motion(mechanism, q, rng)
         for rates in ((np.zeros(model.nv),) * 2, (v, a)):
             needed = np.array(pin.rnea(model, data, q, *rates)) - work_of_wrenches(mechanism, q, payloads)
-            given = np.zeros(model.nv)
+            applied = np.zeros(model.nv)
             torques = dynamics.torques(q, *rates)
             assert dynamics._single["statuses"][0] == HELD  # by the kernel
-            given[columns] = torques
+            applied[columns] = torques
             free = free_motions(mechanism, q)
-            assert free.T @ given == pytest.approx(free.T @ needed, abs=1e-9 * max(1.0, np.abs(needed).max()))
+            assert free.T @ applied == pytest.approx(free.T @ needed, abs=1e-9 * max(1.0, np.abs(needed).max()))
             with monkeypatch.context() as context:
                 context.setattr(dynamics, "_is_compiled", False)
                 assert torques == pytest.approx(dynamics.torques(q, *rates), rel=1e-9, abs=1e-8)
@@ -103,17 +103,17 @@ def test_couplings_bear_torques(seed):
     dynamics, data = InverseDynamics(mechanism), mechanism.model.createData()
     for q in mechanism.random_closed(2):
         v, a = random_motion(mechanism, q, rng)
-        given = np.zeros(mechanism.model.nv)
-        given[[mechanism.v_index(joint) for joint in mechanism.actuated]] = dynamics.torques(q, v, a)
+        applied = np.zeros(mechanism.model.nv)
+        applied[[mechanism.v_index(joint) for joint in mechanism.actuated]] = dynamics.torques(q, v, a)
         assert dynamics._single["statuses"][0] == HELD
         free, needed = free_motions(mechanism, q), np.array(pin.rnea(mechanism.model, data, q, v, a))
-        assert free.T @ given == pytest.approx(free.T @ needed, abs=1e-9 * np.abs(needed).max())
-        found = forces(mechanism, q, v, a)
-        if not any(np.isnan(list(one.values())).any() for one in found.couplings.values()):
-            for one in found.couplings.values():  # joint by joint: actuator and couplings bear what the tree needs
-                for joint, torque in one.items():
-                    given[mechanism.v_index(joint)] += torque
-            assert given == pytest.approx(needed, abs=1e-9 * np.abs(needed).max())
+        assert free.T @ applied == pytest.approx(free.T @ needed, abs=1e-9 * np.abs(needed).max())
+        result = forces(mechanism, q, v, a)
+        if not any(np.isnan(list(torques.values())).any() for torques in result.couplings.values()):
+            for torques in result.couplings.values():  # joint by joint: actuator and couplings bear what the tree needs
+                for joint, torque in torques.items():
+                    applied[mechanism.v_index(joint)] += torque
+            assert applied == pytest.approx(needed, abs=1e-9 * np.abs(needed).max())
 
 
 @pytest.mark.parametrize("name", ["delta4", "differential_wrist"])
@@ -132,12 +132,12 @@ def test_many_configurations(heavy):
     dynamics, rng = InverseDynamics(mechanism, load_cases(mechanism)), np.random.default_rng(7)
     q = np.array(mechanism.random_closed(6))
     rates = rng.normal(size=(2, len(q), 6))
-    by_name = [[dict(zip(mechanism.actuated, row, strict=True)) for row in one] for one in rates]
-    found = dynamics.torques_of(q, *rates, actuated=True)
-    assert found == pytest.approx(np.array([dynamics.torques(*one) for one in zip(q, *by_name, strict=True)]))
-    motions = [dynamics.motion(*one) for one in zip(q, *by_name, strict=True)]
+    by_name = [[dict(zip(mechanism.actuated, row, strict=True)) for row in rows] for rows in rates]
+    torques = dynamics.torques_of(q, *rates, actuated=True)
+    assert torques == pytest.approx(np.array([dynamics.torques(*state) for state in zip(q, *by_name, strict=True)]))
+    motions = [dynamics.motion(*state) for state in zip(q, *by_name, strict=True)]
     v, a = (np.array([motion[i] for motion in motions]) for i in (0, 1))
-    assert dynamics.torques_of(q, v, a) == pytest.approx(found)
+    assert dynamics.torques_of(q, v, a) == pytest.approx(torques)
     opened = q.copy()
     opened[2, 0] += 0.1
     still = dynamics.torques_of(opened)
@@ -175,10 +175,10 @@ def test_spherical_joints_and_a_base_that_floats(raff, floats):
         free = free_motions(mechanism, q)
         if floats:
             free = free @ scipy.linalg.null_space(free[:6])
-        given = np.zeros(mechanism.model.nv)
-        given[mechanism.v_index("joint1")] = dynamics.torques(q, v, a)[0]
+        applied = np.zeros(mechanism.model.nv)
+        applied[mechanism.v_index("joint1")] = dynamics.torques(q, v, a)[0]
         assert dynamics._single["statuses"][0] == HELD
-        assert free.T @ given == pytest.approx(free.T @ np.array(pin.rnea(mechanism.model, data, q, v, a)))
+        assert free.T @ applied == pytest.approx(free.T @ np.array(pin.rnea(mechanism.model, data, q, v, a)))
         many.append((q, v, a))
         torques.append(dynamics.torques(q, v, a))
     assert dynamics.torques_of(*map(np.array, zip(*many, strict=True))) == pytest.approx(np.array(torques))
@@ -193,13 +193,13 @@ def test_mass_matrices_are_what_accelerates_from_rest_and_those_of_the_composite
     )
     opened = samples[0].copy()
     opened[0] += 0.3
-    found = dynamics.mass_matrices_of([*samples, opened])
-    for matrix, q in zip(found, samples, strict=False):
+    matrices = dynamics.mass_matrices_of([*samples, opened])
+    for matrix, q in zip(matrices, samples, strict=False):
         expected = dynamics.mass_matrix(q)
         for joint, column in zip(mechanism.actuated, expected.T, strict=True):
             assert dynamics.torques(q, {}, {joint: 1.0}) == pytest.approx(column)
         assert matrix == pytest.approx(expected, abs=1e-10 * np.abs(expected).max())
-    assert np.isnan(found[-1]).all() == mechanism.is_constrained
+    assert np.isnan(matrices[-1]).all() == mechanism.is_constrained
 
 
 # --- wrong input ------------------------------------------------------------------------------------------------------

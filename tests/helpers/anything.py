@@ -29,9 +29,9 @@ class Anything(str):
     """
 
     def __new__(cls, name: str = "any") -> Anything:
-        found = super().__new__(cls, "x")
-        found.__dict__["_called"] = name
-        return found
+        instance = super().__new__(cls, "x")
+        instance.__dict__["_called"] = name
+        return instance
 
     suffix = ".x"
 
@@ -44,9 +44,9 @@ class Anything(str):
         named = {key: value for key, value in options.items() if key != "report"}
         unit = shown_scale(LENGTH)[1] if re.search("draw|_text|_lines|_task", self._called) else ""
         _ASKED.append(f"{self._called}{_plain(args)}{_plain(named)}{unit}")
-        for one in (*args, *named.values()):
-            if isinstance(one, types.FunctionType):
-                one(*(Anything() for part in inspect.signature(one).parameters.values() if part.default is part.empty))
+        for arg in (*args, *named.values()):
+            if isinstance(arg, types.FunctionType):
+                arg(*(Anything() for part in inspect.signature(arg).parameters.values() if part.default is part.empty))
         return Anything()
 
     def __iter__(self) -> Iterator[Any]:
@@ -98,7 +98,7 @@ for _name in ["lt", "le", "gt", "ge"]:
 def _plain(value: Any) -> str:
     """Return a text that is the same in each run."""
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{key}: {_plain(one)}" for key, one in value.items()) + "}"
+        return "{" + ", ".join(f"{key}: {_plain(entry)}" for key, entry in value.items()) + "}"
     if isinstance(value, list | tuple):
         return "(" + ", ".join(map(_plain, value)) + ")"
     return re.sub(" at 0x[0-9a-f]+", "", repr(value))

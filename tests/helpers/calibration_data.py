@@ -16,11 +16,11 @@ POSITION_NOISE, ANGLE_NOISE = 5e-5, float(np.radians(0.01))
 
 def everything(name: str) -> Parameters:
     """Return all parameters of a robot, variables of its joints too."""
-    return Parameters(name, [one.name for one in Parameters(name).all])
+    return Parameters(name, [parameter.name for parameter in Parameters(name).all])
 
 
 def errors_of(parameters: Parameters) -> np.ndarray:
-    return np.array([3e-4 if one.unit == "m" else np.radians(0.05) for one in parameters.all])
+    return np.array([3e-4 if parameter.unit == "m" else np.radians(0.05) for parameter in parameters.all])
 
 
 def exact(
@@ -47,37 +47,37 @@ def exact(
     observation = Observation(parameters, blank, frames=frames)
     theta = np.append(truth, np.zeros(len(frames)))
     values[:, observation.outputs] = observation.predict(theta, derivatives=False).values
-    noise = [POSITION_NOISE if one.dimension.default == "m" else ANGLE_NOISE for one in blank.quantities]
+    noise = [POSITION_NOISE if quantity.dimension.default == "m" else ANGLE_NOISE for quantity in blank.quantities]
     sigmas = [0.0] * len(joints) + noise[len(joints) :]
     return Measurements.of(mechanism, headers, values, sigmas)
 
 
-def noisy(found: Measurements, seed: int, outliers: float = 0.0) -> Measurements:
+def noisy(measurements: Measurements, seed: int, outliers: float = 0.0) -> Measurements:
     """Return measurements with normal noise of their sigmas; a part of the readings is 20 to 1000 sigma off."""
     rng, outlying = np.random.default_rng(seed), np.random.default_rng([seed, 1])
-    values = found.values + found.sigmas * rng.normal(size=found.values.shape)
+    values = measurements.values + measurements.sigmas * rng.normal(size=measurements.values.shape)
     if outliers:
-        rows, columns = np.nonzero((found.sigmas > 0.0) & np.isfinite(values))
+        rows, columns = np.nonzero((measurements.sigmas > 0.0) & np.isfinite(values))
         chosen = outlying.choice(len(rows), round(outliers * len(rows)), replace=False)
         sizes = 10.0 ** outlying.uniform(np.log10(20.0), 3.0, len(chosen)) * outlying.choice([-1.0, 1.0], len(chosen))
-        values[rows[chosen], columns[chosen]] += sizes * found.sigmas[rows[chosen], columns[chosen]]
-    return Measurements(found.quantities, values, found.sigmas, found.labels, found.source)
+        values[rows[chosen], columns[chosen]] += sizes * measurements.sigmas[rows[chosen], columns[chosen]]
+    return Measurements(measurements.quantities, values, measurements.sigmas, measurements.labels, measurements.source)
 
 
-def changes(one: Calibration, other: Calibration) -> np.ndarray:
+def changes(estimate: Calibration, other: Calibration) -> np.ndarray:
     """Return the differences (combinations,) of two estimates in the combinations of the second, in its standard
     deviations."""
-    apart = other.subspace.basis.T @ ((one.values - other.values) / other.subspace.errors)
+    apart = other.subspace.basis.T @ ((estimate.values - other.values) / other.subspace.errors)
     return np.abs(apart) / np.sqrt(np.diag(other.combination_covariance))
 
 
-def changed_by_dependencies(found: Calibration) -> float:
+def changed_by_dependencies(calibration: Calibration) -> float:
     """Return the largest change of a reading by a dependency of a calibration, relative to the dependency's size."""
-    observation, largest = found.observation, 0.0
-    for one in found.dependencies:
-        for change in one.changes:
-            step = np.zeros(len(found.names))
-            step[[found.names.index(name) for name in one.names]] = 0.01 * change
+    observation, largest = calibration.observation, 0.0
+    for dependency in calibration.dependencies:
+        for change in dependency.changes:
+            step = np.zeros(len(calibration.names))
+            step[[calibration.names.index(name) for name in dependency.names]] = 0.01 * change
             ends = [observation.predict(observation.values + s * step, derivatives=False).values for s in (1, -1)]
             largest = max(largest, float(np.abs(ends[0] - ends[1]).max() / np.abs(step).max()))
     return largest

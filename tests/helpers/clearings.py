@@ -59,28 +59,28 @@ def point_among(obstacles, radius: float = 0.0) -> Clearance:
 def around(name: str, seed: int, count: int = 4, near: float = 0.4) -> list[Body]:
     """Obstacles of all kinds about a robot, none of them near its home."""
     mechanism, rng = load(name), np.random.default_rng(seed)
-    found: list[Body] = []
+    obstacles: list[Body] = []
     base = mechanism.placement(mechanism.q_home, mechanism.nodes[0]).translation
-    while len(found) < count:
+    while len(obstacles) < count:
         way = rng.normal(size=3) * (1.0, 1.0, 0.0 if name in ("planar_3r", "five_bar") else 1.0)
         place = pin.SE3(pin.exp3(rng.normal(size=3)), base + way / np.linalg.norm(way) * mechanism.length)
-        new = some(("ball", "box", "capsule")[len(found) % 3], place, rng.uniform(0.1, 0.25) * mechanism.length)
+        new = some(("ball", "box", "capsule")[len(obstacles) % 3], place, rng.uniform(0.1, 0.25) * mechanism.length)
         if among(name, [new], own=False).least(mechanism.q_home) > 0.1 * near * mechanism.length:
-            found.append(new)
-    return found
+            obstacles.append(new)
+    return obstacles
 
 
-def apart(one, at: pin.SE3, other, there: pin.SE3) -> float:
+def apart(shape, at: pin.SE3, other, at_other: pin.SE3) -> float:
     """The distance of two shapes at two poses, by coal itself; below 0 where they overlap."""
-    places = [coal.Transform3s(pose.rotation, pose.translation) for pose in (at, there)]
-    return float(coal.distance(one, places[0], other, places[1], coal.DistanceRequest(), coal.DistanceResult()))
+    places = [coal.Transform3s(pose.rotation, pose.translation) for pose in (at, at_other)]
+    return float(coal.distance(shape, places[0], other, places[1], coal.DistanceRequest(), coal.DistanceResult()))
 
 
 def to_shape(mechanism, bodies, q, shape, pose: pin.SE3) -> float:
     """The least distance of bodies of a mechanism that move from a shape at a pose, by coal and Pinocchio."""
     data = mechanism.model.createData()
     pin.forwardKinematics(mechanism.model, data, q)
-    return min(apart(one.shape, data.oMi[one.joint] * one.placement, shape, pose) for one in bodies if one.joint)
+    return min(apart(body.shape, data.oMi[body.joint] * body.placement, shape, pose) for body in bodies if body.joint)
 
 
 def measured(clearance: Clearance, q) -> np.ndarray:
@@ -92,10 +92,10 @@ def measured(clearance: Clearance, q) -> np.ndarray:
     pin.forwardKinematics(model, data, q)
 
     def distance(pair) -> float:
-        first, second = (data.oMi[one.joint] * one.placement for one in pair)
+        first, second = (data.oMi[body.joint] * body.placement for body in pair)
         return apart(pair[0].shape, first, pair[1].shape, second)
 
-    found = []
+    distances = []
     for number, pair in enumerate(clearance.pairs):
         bodies, offset = [clearance.bodies[int(i)] for i in pair], clearance.offset(number)
         exact, least, within = [body.as_described for body in bodies], distance(bodies), clearance.exact_within - offset
@@ -103,8 +103,8 @@ def measured(clearance: Clearance, q) -> np.ndarray:
             inner = distance(exact)
             if inner > 0.0 or not any(isinstance(body.shape, coal.BVHModelOBBRSS) for body in exact):
                 least = min(inner, UP_TO * within)
-        found.append(least + offset if least > 0.0 else least)
-    return np.array(found)
+        distances.append(least + offset if least > 0.0 else least)
+    return np.array(distances)
 
 
 def within_limits(name: str, rng) -> np.ndarray:

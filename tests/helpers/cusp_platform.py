@@ -35,8 +35,8 @@ def legs(pose):
 
 def pose_of(mechanism, q):
     """Return x, y and angle of the platform at q, m and rad."""
-    there = mechanism.placement(q, "platform")
-    return np.array([*there.translation[:2], math.atan2(there.rotation[1, 0], there.rotation[0, 0])])
+    placement = mechanism.placement(q, "platform")
+    return np.array([*placement.translation[:2], math.atan2(placement.rotation[1, 0], placement.rotation[0, 0])])
 
 
 def determinant_at(pose):
@@ -55,8 +55,8 @@ def configuration(mechanism, pose, near=None):
     """Return q at a pose, each angle within half a revolution of that of another configuration, by default of home."""
     vectors, _ = legs(pose)
     first, second, third = np.arctan2(vectors[:, 1], vectors[:, 0])
-    one, two, three = np.linalg.norm(vectors, axis=1)
-    q = np.array([first, one, pose[2] - first - math.pi / 2.0, second, two, third - math.pi / 2.0, three])
+    length1, length2, length3 = np.linalg.norm(vectors, axis=1)
+    q = np.array([first, length1, pose[2] - first - math.pi / 2.0, second, length2, third - math.pi / 2.0, length3])
     angles = [0, 2, 3, 5]
     away = q[angles] - (mechanism.q_home if near is None else near)[angles]
     q[angles] -= 2.0 * math.pi * np.round(away / (2.0 * math.pi))

@@ -33,8 +33,8 @@ def moved(scene, q, step):
 
 def slopes(scene, value, q, step):
     """Central differences by rad and lengths."""
-    ways = step * np.eye(scene.mechanism.model.nv)
-    return np.array([value(moved(scene, q, e)) - value(moved(scene, q, -e)) for e in ways]) / (2.0 * step)
+    steps = step * np.eye(scene.mechanism.model.nv)
+    return np.array([value(moved(scene, q, e)) - value(moved(scene, q, -e)) for e in steps]) / (2.0 * step)
 
 
 def apart(scene, q, obstacle):
@@ -42,13 +42,13 @@ def apart(scene, q, obstacle):
     mechanism = scene.mechanism
     data = mechanism.model.createData()
     pin.forwardKinematics(mechanism.model, data, q)
-    found = {}
+    distances = {}
     for body in bodies(scene):
         if body.joint:
             at = data.oMi[body.joint] * body.placement
             d = clearings.apart(body.shape, at, obstacle.shape, obstacle.placement)
-            found[body.joint] = min(d, found.get(body.joint, math.inf))
-    return np.array(list(found.values()))
+            distances[body.joint] = min(d, distances.get(body.joint, math.inf))
+    return np.array(list(distances.values()))
 
 
 def attraction(scene, q):

@@ -55,9 +55,9 @@ def length(text: Document, value: float) -> float:
 
 def link(text: Document, number: int, robot: str | None = None) -> RaffLink | RaffFrame:
     """A link or frame of the file by its number."""
-    found = text.robot(robot).nodes[number]
-    assert not isinstance(found, RaffBase)
-    return found
+    node = text.robot(robot).nodes[number]
+    assert not isinstance(node, RaffBase)
+    return node
 
 
 def local(text: Document, part: RaffBase | RaffLink | RaffFrame, value: float | None = None) -> np.ndarray:
@@ -111,8 +111,8 @@ def wrapped(angle: np.ndarray) -> np.ndarray:
     return (np.asarray(angle) + math.pi) % (2.0 * math.pi) - math.pi
 
 
-def angle_between(one: np.ndarray, other: np.ndarray) -> float:
+def angle_between(rotation: np.ndarray, other: np.ndarray) -> float:
     """The angle (rad) between two (3, 3) rotations, exact for small ones."""
-    m = one.T @ other
+    m = rotation.T @ other
     sine = 0.5 * np.linalg.norm([m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]])
     return float(math.atan2(sine, 0.5 * (np.trace(m) - 1.0)))

@@ -81,10 +81,10 @@ class Headset:
 
     def aim(self, side, robot, node):
         """Let a hand point at a node; where its ray meets it, in the room."""
-        found = self.page.evaluate(_AIM, [side, robot, node])
-        assert found is not None, f"{node} of {robot} can't be seen from the {side} hand"
+        point = self.page.evaluate(_AIM, [side, robot, node])
+        assert point is not None, f"{node} of {robot} can't be seen from the {side} hand"
         self.frames()
-        return np.array(found)
+        return np.array(point)
 
     def press(self, side, strength, button="trigger"):
         """Press a button, from 0 to 1."""

@@ -63,7 +63,7 @@ def sdf(names: tuple[str, ...] = NAMES, robot: str = "arm") -> str:
 def mjcf(names: tuple[str, ...] = NAMES, robot: str = "arm") -> str:
     """The same arm as MJCF."""
     joint = '<joint axis="0 0 1" name={0}/><geom size="0.01" mass="1"/>'
-    bodies = "".join(f'<body name={quoteattr(one)} pos="0.3 0 0">{joint.format(quoteattr(one))}' for one in names)
+    bodies = "".join(f'<body name={quoteattr(name)} pos="0.3 0 0">{joint.format(quoteattr(name))}' for name in names)
     world = f'<worldbody><body name="base">{bodies}{"</body>" * len(names)}</body></worldbody>'
     return f"<mujoco model={quoteattr(robot)}>{world}</mujoco>"
 

@@ -64,11 +64,11 @@ def left_since(before: Snapshot, grace: float = GRACE) -> list[str]:
 
 def _children() -> list[int]:
     """The child processes, without the one that Python itself keeps (`multiprocessing.resource_tracker`)."""
-    found: list[int] = []
+    children: list[int] = []
     for tasks in Path("/proc/self/task").glob("*/children"):
         with contextlib.suppress(OSError):  # the thread has ended
-            found += map(int, tasks.read_text().split())
-    return [child for child in found if "resource_tracker" not in _command(child)]
+            children += map(int, tasks.read_text().split())
+    return [child for child in children if "resource_tracker" not in _command(child)]
 
 
 def _command(child: int) -> str:

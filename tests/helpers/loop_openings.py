@@ -51,40 +51,40 @@ class Openings:
         self.cluster = connected_components(self.signs @ self.signs.T)[1]
         self.lengths, self.points = [], []
         for c in range(self.cluster.max() + 1):
-            own = [j for j in np.flatnonzero(self.signs[self.cluster == c].any(axis=0)) if screws[3:, j].any()]
-            axes = [(np.cross(screws[3:, j], screws[:3, j]), screws[3:, j]) for j in own]
+            joints = [j for j in np.flatnonzero(self.signs[self.cluster == c].any(axis=0)) if screws[3:, j].any()]
+            axes = [(np.cross(screws[3:, j], screws[:3, j]), screws[3:, j]) for j in joints]
             across = [np.eye(3) - np.outer(w, w) for _, w in axes]
             right = sum(m @ point for m, (point, _) in zip(across, axes, strict=True))
-            near = np.mean([home[bodies[j]].translation for j in own], axis=0)
+            near = np.mean([home[bodies[j]].translation for j in joints], axis=0)
             centre = near + np.linalg.lstsq(sum(across), right - sum(across) @ near, rcond=1e-4)[0]
             self.lengths.append(np.sqrt(np.mean([np.sum(np.cross(w, p - centre) ** 2) for p, w in axes])))
             # of axes the points nearest to their centre
-            nearest = [balls.get(j, p + w * (w @ (centre - p))) for j, (p, w) in zip(own, axes, strict=True)]
-            self.points.append([(bodies[j], home[bodies[j]].actInv(p)) for j, p in zip(own, nearest, strict=True)])
+            nearest = [balls.get(j, p + w * (w @ (centre - p))) for j, (p, w) in zip(joints, axes, strict=True)]
+            self.points.append([(bodies[j], home[bodies[j]].actInv(p)) for j, p in zip(joints, nearest, strict=True)])
 
     def matrix(self, q: Array) -> Array:
         """Return (6 loops, nv + cut) at q (nq,): the velocities with which the ends of loops part, each loop cut open,
         in characteristic lengths of its cluster and rad; loops that share joints are distributed evenly."""
-        here, screws = self._moved(q)
+        placements, screws = self._moved(q)
         twists = self.signs[:, None, :] * (screws * self.scale)
         for twist, c in zip(twists, self.cluster, strict=True):
-            centre = np.mean([here[body].act(point) for body, point in self.points[c]], axis=0)
+            centre = np.mean([placements[body].act(point) for body, point in self.points[c]], axis=0)
             twist[:3] = (twist[:3] + np.cross(twist[3:], centre[:, None], axis=0)) / self.lengths[c]
-        found = np.zeros_like(twists)
+        mixed = np.zeros_like(twists)
         for c in range(self.cluster.max() + 1):
-            own = np.flatnonzero(self.cluster == c)
-            squares = self.signs[own] @ self.signs[own].T
-            mix = np.linalg.det(squares) ** (0.5 / len(own)) * fractional_matrix_power(squares, -0.5)
-            found[own] = np.einsum("lm,mrk->lrk", mix, twists[own])
-        return found.reshape(-1, len(self.scale))
+            members = np.flatnonzero(self.cluster == c)
+            squares = self.signs[members] @ self.signs[members].T
+            mix = np.linalg.det(squares) ** (0.5 / len(members)) * fractional_matrix_power(squares, -0.5)
+            mixed[members] = np.einsum("lm,mrk->lrk", mix, twists[members])
+        return mixed.reshape(-1, len(self.scale))
 
     def _moved(self, q: Array) -> tuple[list[pin.SE3], Array]:
         """Return where joints are, and the twists (6, nv + cut) in the world of unit velocities."""
         data = self.model.createData()
         pin.computeJointJacobians(self.model, data, q)
-        here = [placement.copy() for placement in data.oMi]
-        cut = [self._first_end(here, k).toActionMatrix()[:, c] for k, c in self.cut]
-        return here, np.column_stack([data.J, *cut])
+        placements = [placement.copy() for placement in data.oMi]
+        cut = [self._first_end(placements, k).toActionMatrix()[:, c] for k, c in self.cut]
+        return placements, np.column_stack([data.J, *cut])
 
     def _first_end(self, placements: list[pin.SE3], k: int) -> pin.SE3:
         loop = self.mechanism.loops[k]

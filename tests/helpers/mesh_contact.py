@@ -19,12 +19,12 @@ from cinegen import Mechanism
 
 def tree_of(vertices, faces) -> coal.BVHModelOBBRSS:
     """Coal's tree of boxes over triangles."""
-    found = coal.BVHModelOBBRSS()
-    found.beginModel(len(faces), len(vertices))
-    found.addVertices(np.asarray(vertices, dtype=float))
-    found.addTriangles(np.asarray(faces, dtype=np.int64))
-    found.endModel()
-    return found
+    tree = coal.BVHModelOBBRSS()
+    tree.beginModel(len(faces), len(vertices))
+    tree.addVertices(np.asarray(vertices, dtype=float))
+    tree.addTriangles(np.asarray(faces, dtype=np.int64))
+    tree.endModel()
+    return tree
 
 
 def shape_of(drawn: pin.GeometryObject):
@@ -48,12 +48,12 @@ def adjacent_links(urdf: str) -> set[frozenset[str]]:
         for joint in tree.iter("joint")
         if joint.find("parent") is not None
     )
-    found = {frozenset(edge) for edge in graph.edges}
+    pairs = {frozenset(edge) for edge in graph.edges}
     for empty in set(graph) - shaped:
         near = list(graph.neighbors(empty))
         graph.remove_node(empty)
         graph.add_edges_from(combinations(near, 2))
-    return found | {frozenset(edge) for edge in graph.edges}
+    return pairs | {frozenset(edge) for edge in graph.edges}
 
 
 class MeshContact:
@@ -73,9 +73,9 @@ class MeshContact:
         self.model = mechanism.model
         self.data = self.model.createData()
         self.drawn = list(mechanism.collision.geometryObjects)
-        self.names = [self.model.frames[one.parentFrame].name for one in self.drawn]
-        self.shapes = [shape_of(one) for one in self.drawn]
-        joints, adjacent = [one.parentJoint for one in self.drawn], adjacent_links(mechanism.source.urdf)
+        self.names = [self.model.frames[mesh.parentFrame].name for mesh in self.drawn]
+        self.shapes = [shape_of(mesh) for mesh in self.drawn]
+        joints, adjacent = [mesh.parentJoint for mesh in self.drawn], adjacent_links(mechanism.source.urdf)
         self.pairs = [
             (i, k)
             for i, k in combinations(range(len(joints)), 2)
@@ -89,8 +89,8 @@ class MeshContact:
             self.always &= set(self.touching(q, pairs=sorted(self.always)))
         self.pairs = [pair for pair in self.pairs if pair not in self.always]
         self._geometry = pin.GeometryModel()
-        for number, (one, shape) in enumerate(zip(self.drawn, self.shapes, strict=True)):
-            self._geometry.addGeometryObject(pin.GeometryObject(f"{number}", one.parentJoint, one.placement, shape))
+        for number, (mesh, shape) in enumerate(zip(self.drawn, self.shapes, strict=True)):
+            self._geometry.addGeometryObject(pin.GeometryObject(f"{number}", mesh.parentJoint, mesh.placement, shape))
         for pair in self.pairs:
             self._geometry.addCollisionPair(pin.CollisionPair(*pair))
         self._results = self._geometry.createData()
@@ -105,30 +105,30 @@ class MeshContact:
         """The pairs nearer than a margin, m; only one of them if `first`."""
         pin.forwardKinematics(self.model, self.data, q)
         at = self.placed()
-        request, found = coal.CollisionRequest(), []
+        request, contacts = coal.CollisionRequest(), []
         request.security_margin = margin
         for i, k in self.pairs if pairs is None else pairs:
             if self.measures[i, k](at[i], at[k], request, coal.CollisionResult()):
-                found.append((i, k))
+                contacts.append((i, k))
                 if first:
                     break
-        return found
+        return contacts
 
     def placed(self) -> list[coal.Transform3s]:
         """Poses of the shapes, where the joints were placed last."""
-        poses = [self.data.oMi[one.parentJoint] * one.placement for one in self.drawn]
+        poses = [self.data.oMi[mesh.parentJoint] * mesh.placement for mesh in self.drawn]
         return [coal.Transform3s(pose.rotation, pose.translation) for pose in poses]
 
     def approach(self, q, pair) -> tuple[float, np.ndarray]:
         """The distance of a pair at q (nq,), m, and how fast each joint velocity changes it (nv,), by the nearest
         points; not above 0 in contact."""
         jacobian = pin.computeJointJacobians(self.model, self.data, q)
-        at, request, found = self.placed(), coal.DistanceRequest(True), coal.DistanceResult()
+        at, request, result = self.placed(), coal.DistanceRequest(True), coal.DistanceResult()
         first, second = pair
-        distance = coal.distance(self.shapes[first], at[first], self.shapes[second], at[second], request, found)
-        one, other = found.getNearestPoint1(), found.getNearestPoint2()
-        normal, rates = (other - one) / max(float(np.linalg.norm(other - one)), 1e-12), np.zeros(self.model.nv)
-        for shape, point, sign in ((first, one, -1.0), (second, other, 1.0)):
+        distance = coal.distance(self.shapes[first], at[first], self.shapes[second], at[second], request, result)
+        start, other = result.getNearestPoint1(), result.getNearestPoint2()
+        normal, rates = (other - start) / max(float(np.linalg.norm(other - start)), 1e-12), np.zeros(self.model.nv)
+        for shape, point, sign in ((first, start, -1.0), (second, other, 1.0)):
             moved = np.zeros(self.model.nv)
             for joint in list(self.model.supports[self.drawn[shape].parentJoint])[1:]:
                 begin = self.model.joints[joint].idx_v

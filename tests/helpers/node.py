@@ -17,10 +17,10 @@ needs_three = pytest.mark.skipif(
 )
 
 
-def run(name, folder, **given):
+def run(name, folder, **inputs):
     """What a script of tests/javascript prints for the page's kernels and what else is given."""
     (folder / "kernels.mjs").write_text(module())
-    (folder / "given.json").write_text(json.dumps({"module": str(folder / "kernels.mjs"), **given}))
+    (folder / "given.json").write_text(json.dumps({"module": str(folder / "kernels.mjs"), **inputs}))
     path = Path(__file__).parents[1] / "javascript" / name
     command = [NODE, "--no-warnings", path, folder / "given.json"]
     return json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout)

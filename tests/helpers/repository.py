@@ -19,7 +19,7 @@ EVERY = [
 ]
 """All robots of the repository, by file and name."""
 
-one_of_each_kind = pytest.mark.parametrize(("name", "which"), [one for one in EVERY if one.values[0] in FEWER])
+one_of_each_kind = pytest.mark.parametrize(("name", "which"), [param for param in EVERY if param.values[0] in FEWER])
 
 
 @cache

@@ -12,14 +12,14 @@ def walk(mechanism: cinegen.Mechanism, begin: np.ndarray, goal: np.ndarray, step
     system, at = mechanism.structure.system, [mechanism.q_index(joint) for joint in mechanism.actuated]
     free = np.ones(mechanism.model.nv, dtype=bool)
     free[[mechanism.v_index(joint) for joint in mechanism.actuated]] = False
-    found = [begin, begin]
+    path = [begin, begin]
     for k in range(1, steps + 1):
-        start = 2.0 * found[-1] - found[-2]
+        start = 2.0 * path[-1] - path[-2]
         start[at] = begin[at] + (goal - begin[at]) * (k / steps)
         closing = closure.close(system, start, free, 20)
         rows = system.evaluate(closing.q)[1][:, free]
         smallest = np.linalg.svd(rows, compute_uv=False)[mechanism.loop_rank - 1]
-        if not closing.closed or smallest < 0.01 or np.abs(closing.q - found[-1]).max() > 0.2:
+        if not closing.closed or smallest < 0.01 or np.abs(closing.q - path[-1]).max() > 0.2:
             return None
-        found.append(closing.q)
-    return np.array(found[1:])
+        path.append(closing.q)
+    return np.array(path[1:])

@@ -8,7 +8,7 @@ import pytest
 
 def slow(*values: Any) -> list[Any]:
     """Parameters that `make nightly` runs, and pytest otherwise leaves out; a tuple has one for each name."""
-    return [pytest.param(*(one if isinstance(one, tuple) else (one,)), marks=pytest.mark.slow) for one in values]
+    return [pytest.param(*(case if isinstance(case, tuple) else (case,)), marks=pytest.mark.slow) for case in values]
 
 
 FEWER = frozenset({"arm7", "scara", "five_bar", "delta4", "hybrid", "differential_wrist"})
@@ -21,7 +21,7 @@ ONE_OF_EACH_KIND = FEWER | {"planar_3r", "sr400", "gough", "two_arms"}
 def others_slow(parameters: Iterable[Any], files: frozenset[str] = ONE_OF_EACH_KIND) -> list[Any]:
     """Parameters whose first value is the name of a robot's file, or `FILE:ROBOT`; those of other files are slow."""
 
-    def is_fast(one: Any) -> bool:
-        return one.values[0].partition(":")[0] in files
+    def is_fast(row: Any) -> bool:
+        return row.values[0].partition(":")[0] in files
 
-    return [one if is_fast(one) else pytest.param(*one.values, id=one.id, marks=pytest.mark.slow) for one in parameters]
+    return [row if is_fast(row) else pytest.param(*row.values, id=row.id, marks=pytest.mark.slow) for row in parameters]

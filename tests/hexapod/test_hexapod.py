@@ -59,20 +59,20 @@ def points(rng, kind):
     return base, platform
 
 
-def assert_modes(base, platform, lengths, found):
+def assert_modes(base, platform, lengths, modes):
     """They reach, are rigid and apart."""
-    for placement in found.placements:
+    for placement in modes.placements:
         np.testing.assert_allclose(reach(base, platform, placement), lengths, rtol=0, atol=1e-12 * np.max(lengths))
         np.testing.assert_allclose(placement[:3, :3] @ placement[:3, :3].T, np.eye(3), atol=1e-13)
         assert np.linalg.det(placement[:3, :3]) > 0
         np.testing.assert_array_equal(placement[3], [0, 0, 0, 1])
-    for i, placement in enumerate(found.placements):
-        for other in found.placements[:i]:
+    for i, placement in enumerate(modes.placements):
+        for other in modes.placements[:i]:
             assert np.abs(placement - other).max() > 1e-7 * np.max(lengths)
 
 
-def assert_among(placement, found, within=1e-8):
-    assert np.abs(found.placements - placement).max(axis=(1, 2)).min() < within
+def assert_among(placement, modes, within=1e-8):
+    assert np.abs(modes.placements - placement).max(axis=(1, 2)).min() < within
 
 
 @settings(max_examples=36)
@@ -82,26 +82,26 @@ def test_a_general_platform_has_40_modes_and_a_triangle_16_an_even_number_of_the
     base, platform = points(rng, kind)
     placement, hexapod = pose(rng), Hexapod(base, platform)
     lengths = reach(base, platform, placement)
-    found = hexapod.modes(lengths)
+    modes = hexapod.modes(lengths)
     assert hexapod.degree == (16 if "6-3" in kind else 40)
-    assert found.complete
-    assert found.proved  # as many as the theorem allows
-    assert repr(found).endswith("proved to be all>")
-    assert found.counts.real + found.counts.complex == hexapod.degree
-    assert (found.counts.infinite, found.counts.multiple, found.counts.lost) == (0, 0, 0)
-    assert len(found.placements) == found.counts.real
-    assert found.counts.real % 2 == 0
-    assert (found.coincident == 1).all()
-    assert_modes(base, platform, lengths, found)
-    assert_among(placement, found)
-    assert f"{hexapod.degree} of {hexapod.degree} distinct regular solutions" in found.method
+    assert modes.complete
+    assert modes.proved  # as many as the theorem allows
+    assert repr(modes).endswith("proved to be all>")
+    assert modes.counts.real + modes.counts.complex == hexapod.degree
+    assert (modes.counts.infinite, modes.counts.multiple, modes.counts.lost) == (0, 0, 0)
+    assert len(modes.placements) == modes.counts.real
+    assert modes.counts.real % 2 == 0
+    assert (modes.coincident == 1).all()
+    assert_modes(base, platform, lengths, modes)
+    assert_among(placement, modes)
+    assert f"{hexapod.degree} of {hexapod.degree} distinct regular solutions" in modes.method
 
 
 def test_dietmaiers_platform_has_40_real_modes():
-    found = Hexapod(DIETMAIER_BASE, DIETMAIER_PLATFORM).modes(DIETMAIER_LENGTHS)
-    assert found.complete
-    assert (found.counts.real, len(found.placements)) == (40, 40)
-    assert_modes(DIETMAIER_BASE, DIETMAIER_PLATFORM, DIETMAIER_LENGTHS, found)
+    modes = Hexapod(DIETMAIER_BASE, DIETMAIER_PLATFORM).modes(DIETMAIER_LENGTHS)
+    assert modes.complete
+    assert (modes.counts.real, len(modes.placements)) == (40, 40)
+    assert_modes(DIETMAIER_BASE, DIETMAIER_PLATFORM, DIETMAIER_LENGTHS, modes)
 
 
 @pytest.mark.parametrize(("base", "platform", "degree"), [
@@ -120,13 +120,13 @@ def test_special_geometry_has_fewer_modes(base, platform, degree):
     home[2, 3] = 2.0
     symmetric = reach(base, platform, home)
     for lengths in (symmetric, symmetric + 0.1 * rng.normal(size=6)):
-        found = hexapod.modes(lengths)
-        assert found.complete
-        assert found.proved == (degree == 16)  # of the others a random start has as many, no theorem
-        assert repr(found).endswith("proved to be all>" if degree == 16 else "all with probability one>")
-        assert found.counts.total == hexapod.bound == (16 if degree == 16 else 40)
-        assert found.counts.infinite >= hexapod.bound - degree
-        assert_modes(base, platform, lengths, found)
+        modes = hexapod.modes(lengths)
+        assert modes.complete
+        assert modes.proved == (degree == 16)  # of the others a random start has as many, no theorem
+        assert repr(modes).endswith("proved to be all>" if degree == 16 else "all with probability one>")
+        assert modes.counts.total == hexapod.bound == (16 if degree == 16 else 40)
+        assert modes.counts.infinite >= hexapod.bound - degree
+        assert_modes(base, platform, lengths, modes)
     assert_among(home, hexapod.modes(symmetric))
 
 
@@ -136,18 +136,18 @@ def test_modes_go_with_frames_and_units(seed):
     rng = np.random.default_rng(seed)
     base, platform = points(rng, "")
     lengths = reach(base, platform, pose(rng))
-    found = Hexapod(base, platform).modes(lengths)
+    modes = Hexapod(base, platform).modes(lengths)
     unit, first, second = np.exp(6.0 * rng.normal()), pose(rng, 100.0), pose(rng, 100.0)
-    there = Hexapod(
+    moved = Hexapod(
         unit * (base @ first[:3, :3].T + first[:3, 3]), unit * (platform @ second[:3, :3].T + second[:3, 3])
     ).modes(unit * lengths)
-    assert there.complete
-    assert len(there.placements) == len(found.placements)
-    back = there.placements.copy()
+    assert moved.complete
+    assert len(moved.placements) == len(modes.placements)
+    back = moved.placements.copy()
     back[:, :3, 3] /= unit
     back = np.linalg.inv(first) @ back @ second
     for placement in back:
-        assert_among(placement, found, 1e-6)
+        assert_among(placement, modes, 1e-6)
 
 
 # --- where modes meet -----------------------------------------------------------------------------------------------
@@ -157,15 +157,15 @@ def rates(base, platform, placement):
     """(6, 6) lengths by small motions of the platform, by central differences."""
     step, columns = 1e-6, []
     for axis in range(6):
-        there = []
+        ends = []
         for sign in (-1.0, 1.0):
             move = np.eye(4)
             if axis < 3:
                 move[axis, 3] = sign * step
             else:
                 move[:3, :3] = rotation(np.concatenate([[1.0], sign * 0.5 * step * np.eye(3)[axis - 3]]))
-            there.append(reach(base, platform, placement @ move))
-        columns.append((there[1] - there[0]) / (2.0 * step))
+            ends.append(reach(base, platform, placement @ move))
+        columns.append((ends[1] - ends[0]) / (2.0 * step))
     return np.array(columns).T
 
 
@@ -200,13 +200,13 @@ def fold():
 def test_two_modes_that_meet_are_one_and_said_to_coincide(fold):
     base, platform, placement, _ = fold
     lengths = reach(base, platform, placement)
-    found = Hexapod(base, platform).modes(lengths)
-    assert found.complete
-    assert found.counts.total == 40
-    assert sorted(found.coincident)[-2:] == [1, 2]
-    assert found.coincident.sum() % 2 == 0
-    assert_modes(base, platform, lengths, found)
-    double = found.placements[np.argmax(found.coincident)]
+    modes = Hexapod(base, platform).modes(lengths)
+    assert modes.complete
+    assert modes.counts.total == 40
+    assert sorted(modes.coincident)[-2:] == [1, 2]
+    assert modes.coincident.sum() % 2 == 0
+    assert_modes(base, platform, lengths, modes)
+    double = modes.placements[np.argmax(modes.coincident)]
     np.testing.assert_allclose(double, placement, atol=1e-4)
 
 
@@ -217,11 +217,11 @@ def test_beside_a_singularity_two_modes_more_on_one_side(fold, away):
     counts = []
     for side in (-away, away):
         lengths = reach(base, platform, placement) + side * direction
-        found = hexapod.modes(lengths)
-        assert found.complete
-        assert_modes(base, platform, lengths, found)
-        counts.append(len(found.placements))
-        assert found.coincident.sum() == len(found.placements)
+        modes = hexapod.modes(lengths)
+        assert modes.complete
+        assert_modes(base, platform, lengths, modes)
+        counts.append(len(modes.placements))
+        assert modes.coincident.sum() == len(modes.placements)
         assert counts[-1] % 2 == 0
     assert abs(counts[1] - counts[0]) == 2
 
@@ -230,11 +230,11 @@ def test_where_legs_let_the_platform_move_this_is_a_curve():
     # parallelograms: base and platform alike, legs of one length
     rng = np.random.default_rng(5)
     base, _ = points(rng, "")
-    found = Hexapod(base, base).modes(np.full(6, 2.0))
-    assert not found.complete
-    assert "a curve of configurations" in found.method
-    assert found.counts.total == 40
-    assert_modes(base, base, np.full(6, 2.0), found)
+    modes = Hexapod(base, base).modes(np.full(6, 2.0))
+    assert not modes.complete
+    assert "a curve of configurations" in modes.method
+    assert modes.counts.total == 40
+    assert_modes(base, base, np.full(6, 2.0), modes)
 
 
 def test_curves_are_not_excluded_where_solutions_went_to_infinity():
@@ -244,9 +244,9 @@ def test_curves_are_not_excluded_where_solutions_went_to_infinity():
     paths, curve = hexapod._paths(np.full(6, 2.0))
     assert hexapod._account(np.full(6, 2.0), paths, curve).complete
     paths.end[:2] = PathEnd.INFINITE
-    found = hexapod._account(np.full(6, 2.0), paths, curve)
-    assert not found.complete
-    assert "curves of configurations are not excluded" in found.method
+    modes = hexapod._account(np.full(6, 2.0), paths, curve)
+    assert not modes.complete
+    assert "curves of configurations are not excluded" in modes.method
 
 
 # --- what can't be ---------------------------------------------------------------------------------------------------
@@ -256,13 +256,13 @@ def test_impossible_lengths_have_no_mode_and_the_nearest_pose_is_said():
     rng = np.random.default_rng(6)
     base, platform = points(rng, "")
     lengths = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 40.0])
-    found = Hexapod(base, platform).modes(lengths)
-    assert found.complete
-    assert found.placements.shape == (0, 4, 4)
-    assert found.coincident.shape == (0,)
-    assert found.counts.complex == 40
-    assert found.closest is not None
-    placement, misses = found.closest.placement, found.closest.errors
+    modes = Hexapod(base, platform).modes(lengths)
+    assert modes.complete
+    assert modes.placements.shape == (0, 4, 4)
+    assert modes.coincident.shape == (0,)
+    assert modes.counts.complex == 40
+    assert modes.closest is not None
+    placement, misses = modes.closest.placement, modes.closest.errors
     np.testing.assert_allclose(reach(base, platform, placement) - lengths, misses, atol=1e-9)
     assert misses[5] < -1.0
     # a minimum: no motion makes the sum of squares smaller
@@ -295,10 +295,10 @@ def test_geometry_that_is_degenerate_is_named(base, platform, said):
 
 def poses(rng: Generator, count: int) -> np.ndarray:
     """(count, 4, 4) at random."""
-    found = np.tile(np.eye(4), (count, 1, 1))
-    found[:, :3, :3] = Rotation.random(count, random_state=int(rng.integers(2**31))).as_matrix()
-    found[:, :3, 3] = 1.5 * rng.normal(size=(count, 3))
-    return found
+    placements = np.tile(np.eye(4), (count, 1, 1))
+    placements[:, :3, :3] = Rotation.random(count, random_state=int(rng.integers(2**31))).as_matrix()
+    placements[:, :3, 3] = 1.5 * rng.normal(size=(count, 3))
+    return placements
 
 
 def hexagons(rng: Generator) -> np.ndarray:
@@ -324,10 +324,10 @@ def special_pose(rng: Generator) -> np.ndarray:
 
 def missed(base, platform, lengths, placements, rng, starts=80) -> int:
     """How many placements Newton's method finds that are not among these."""
-    found, last = refine(base, platform, lengths, poses(rng, starts), np.zeros(starts))
-    off = np.abs(leg_lengths(base, platform, found) - lengths).max(axis=1)
-    found = found[(off < 1e-9) & (last < 1e-6)]
-    far = np.abs(found[:, None] - placements).max(axis=(2, 3)).min(axis=1, initial=np.inf)
+    refined, last = refine(base, platform, lengths, poses(rng, starts), np.zeros(starts))
+    off = np.abs(leg_lengths(base, platform, refined) - lengths).max(axis=1)
+    refined = refined[(off < 1e-9) & (last < 1e-6)]
+    far = np.abs(refined[:, None] - placements).max(axis=(2, 3)).min(axis=1, initial=np.inf)
     return int((far > 1e-3).sum())
 
 

@@ -28,11 +28,11 @@ def product(p, q):
 def left_sides(base, platform, s, x):
     """(7,) of the equations, one after the other, as they are written down."""
     c, d = x[:4], x[4:]
-    found = []
-    for a, b, own in zip(base, platform, s, strict=True):
+    values = []
+    for a, b, s_i in zip(base, platform, s, strict=True):
         cb, ac = product(c, np.concatenate([[0], b])), product(np.concatenate([[0], a]), c)
-        found.append(own * (c @ c) + d @ d + 2 * d @ (cb - ac) - 2 * ac @ cb)
-    return np.array([found[0], *(np.array(found[1:]) - found[0]), c @ d])
+        values.append(s_i * (c @ c) + d @ d + 2 * d @ (cb - ac) - 2 * ac @ cb)
+    return np.array([values[0], *(np.array(values[1:]) - values[0]), c @ d])
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -54,12 +54,12 @@ def test_a_path_that_jumped_is_followed_again():
     # the first attempt is spoilt: two paths begin at one solution, as if one had jumped
     kept = start_system()
     rng = np.random.default_rng(6)
-    here, there = (coefficients(kept.base, kept.platform, s) for s in (kept.s, kept.s + random(rng, 6)))
+    begin, goal = (coefficients(kept.base, kept.platform, s) for s in (kept.s, kept.s + random(rng, 6)))
     spoilt = kept.x.copy()
     spoilt[1] = spoilt[0]
-    found = follow_surely(lambda _: family(here, there), spoilt, False)
-    assert found.count(PathEnd.FAILED) == 1
-    assert found.count(PathEnd.REGULAR) == 39
+    ends = follow_surely(lambda _: family(begin, goal), spoilt, False)
+    assert ends.count(PathEnd.FAILED) == 1
+    assert ends.count(PathEnd.REGULAR) == 39
 
 
 def test_the_start_system_is_solved_by_40():

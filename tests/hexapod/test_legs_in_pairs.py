@@ -38,11 +38,11 @@ def mirrored(placement, platform):
     flip = np.diag([1.0, 1.0, -1.0])
     vt = np.linalg.svd(platform - platform.mean(axis=0))[2]
     across = np.eye(3) - 2.0 * np.outer(vt[2], vt[2])  # in the platform: points go to themselves, about their middle
-    there = np.eye(4)
-    there[:3, :3] = flip @ placement[:3, :3] @ across
+    image = np.eye(4)
+    image[:3, :3] = flip @ placement[:3, :3] @ across
     middle = platform.mean(axis=0)
-    there[:3, 3] = flip @ (placement[:3, :3] @ middle + placement[:3, 3]) - there[:3, :3] @ middle
-    return there
+    image[:3, 3] = flip @ (placement[:3, :3] @ middle + placement[:3, 3]) - image[:3, :3] @ middle
+    return image
 
 
 # --- which modes ----------------------------------------------------------------------------------------------------
@@ -171,8 +171,8 @@ def test_a_curve_is_not_excluded(seed, where, height):
     if where is one_point_on_both_axes:
         base[[0, 1, 4, 5], 2] = 0.0  # so that their lines meet
     moved = where(rng, base, heads)
-    for one, two in ((0, 1), (0, 2), (1, 2)):  # a placement of the same platform
-        assert np.linalg.norm(moved[one] - moved[two]) == pytest.approx(np.linalg.norm(heads[one] - heads[two]))
+    for i, k in ((0, 1), (0, 2), (1, 2)):  # a placement of the same platform
+        assert np.linalg.norm(moved[i] - moved[k]) == pytest.approx(np.linalg.norm(heads[i] - heads[k]))
     lengths = np.linalg.norm(heads[PAIRS] - base, axis=1)
     np.testing.assert_allclose(np.linalg.norm(moved[PAIRS] - base, axis=1), lengths, atol=1e-9)
     assert np.abs(moved - heads).max() > 1e-5

@@ -19,8 +19,8 @@ _TOUCH = 1e-12  # rad: a step that ends this little beyond a bound ends on it
 
 def relative_weights(tasks: Sequence[FrameTask]) -> Array:
     """Return the weights (k,) of the rows of tasks, as fractions of the heaviest task's, which may have no rows."""
-    found = np.concatenate([np.zeros(0), *(task.row_weights for task in tasks)])
-    return np.asarray(found / max((task.memory.weight for task in tasks), default=1.0))
+    weights = np.concatenate([np.zeros(0), *(task.row_weights for task in tasks)])
+    return np.asarray(weights / max((task.memory.weight for task in tasks), default=1.0))
 
 
 def emphasis(u: Array, weights: Array) -> Array:
@@ -100,9 +100,9 @@ def resolve(
         residual = error - rows @ step
         sigmas[:used], along[:used] = sigma[:used], (u.T @ residual)[:used]
         size, true_size = float(np.linalg.norm(residual)), float(np.linalg.norm(residual / weights))
-        own = np.ones(width)
-        own[:used] = emphasis(u, weights)[:used]
-        squared = sigmas**2 + own**2 * damping(sigmas / own, true_size)
+        emphases = np.ones(width)
+        emphases[:used] = emphasis(u, weights)[:used]
+        squared = sigmas**2 + emphases**2 * damping(sigmas / emphases, true_size)
         squared[own_rank:] = RESTING
         scale = np.sqrt(squared + carry)
         wanted, joints = sigmas / scale * along, motions @ left @ wt.T / scale
@@ -130,7 +130,7 @@ def resolve(
         if k == 0 or won > REST * size or won >= 0.5 * size * size:  # else the level is at rest
             step = step + part
         left = left @ wt.T[:, own_rank:]
-        damped = np.maximum(0.0, 1.0 - (sigma[:own_rank] / own[:own_rank] / NEAR_SINGULAR) ** 2) ** 2
+        damped = np.maximum(0.0, 1.0 - (sigma[:own_rank] / emphases[:own_rank] / NEAR_SINGULAR) ** 2) ** 2
         carry = max(carry, 100.0 * true_size * float(damped.max(initial=0.0)))
     return step
 

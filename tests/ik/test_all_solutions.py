@@ -47,14 +47,14 @@ PUMA = denavit_hartenberg(*OF_PUMA, TWISTS_OF_PUMA)
 def solved(mechanism, pose, node="tool", **task) -> IKSolutions:
     """All solutions, each checked by Pinocchio: the pose is reached, loops are closed, and no two are the same."""
     asked = FrameTask(node, pose, **task)
-    found = cinegen.inverse_kinematics(mechanism, [asked], all=True)
-    for q in found:
+    solutions = cinegen.inverse_kinematics(mechanism, [asked], all=True)
+    for q in solutions:
         assert max(asked.distances(mechanism, q)) < 1e-12
         assert mechanism.closure(q) < 1e-12
-    for k, q in enumerate(found):
-        assert all(apart(mechanism, q, other) > 1e-6 for other in found[:k])
-    assert len(found.outside) == len(found.coincident) == len(found)
-    return found
+    for k, q in enumerate(solutions):
+        assert all(apart(mechanism, q, other) > 1e-6 for other in solutions[:k])
+    assert len(solutions.outside) == len(solutions.coincident) == len(solutions)
+    return solutions
 
 
 def apart(mechanism, q, other):
@@ -67,11 +67,11 @@ def apart(mechanism, q, other):
     return float(np.abs(gap[[mechanism.q_index(joint) for joint in mechanism.actuated]]).max())
 
 
-def alike(mechanism, found, expected):
+def alike(mechanism, solutions, expected):
     """Assert that two lists hold the same configurations."""
-    assert len(found) == len(expected)
+    assert len(solutions) == len(expected)
     for q in expected:
-        assert min(apart(mechanism, q, np.asarray(other)) for other in found) < 1e-8
+        assert min(apart(mechanism, q, np.asarray(other)) for other in solutions) < 1e-8
 
 
 def random_pose(mechanism, seed, node="tool"):
@@ -81,7 +81,7 @@ def random_pose(mechanism, seed, node="tool"):
 
 def guessed(mechanism, pose, node, starts, seed=0):
     """What Newton's method finds from random starts of all joints: an algorithm that shares nothing with the other."""
-    rng, asked, found = np.random.default_rng(seed), FrameTask(node, pose), []
+    rng, asked, solutions = np.random.default_rng(seed), FrameTask(node, pose), []
     model, scale = mechanism.model, mechanism.scale
     for _ in range(starts):
         q = mechanism.integrate(mechanism.q_home, scale * rng.uniform(-math.pi, math.pi, model.nv))
@@ -95,9 +95,9 @@ def guessed(mechanism, pose, node, starts, seed=0):
                 break
             step = np.linalg.lstsq(rows * scale, error, rcond=1e-8)[0]
             q = mechanism.integrate(q, scale * step * min(1.0, 0.8 / max(np.abs(step).max(), 1e-9)))
-        if size < 1e-11 and all(apart(mechanism, q, other) > 1e-5 for other in found):
-            found.append(q)
-    return found
+        if size < 1e-11 and all(apart(mechanism, q, other) > 1e-5 for other in solutions):
+            solutions.append(q)
+    return solutions
 
 
 # --- published closed forms -------------------------------------------------------------------------------------------
@@ -106,18 +106,18 @@ def guessed(mechanism, pose, node, starts, seed=0):
 def test_a_manipulator_with_sixteen_real_solutions():
     """R. Manseur and K. Doty, "A robot manipulator with 16 real inverse kinematic solution sets", Int. J. Robotics
     Research 8, 1989."""
-    one = math.radians(1.0)
+    degree = math.radians(1.0)
     arm = denavit_hartenberg(
-        (0.3, 1.0, 0.0, 1.5, 0.0, 0.0), (0.0, 0.0, 0.2, 0.0, 0.0, 0.0), (RIGHT, one, RIGHT, one, RIGHT, 0.0)
+        (0.3, 1.0, 0.0, 1.5, 0.0, 0.0), (0.0, 0.0, 0.2, 0.0, 0.0, 0.0), (RIGHT, degree, RIGHT, degree, RIGHT, 0.0)
     )
     written = [[-0.760117, -0.641689, 0.102262], [0.133333, 0.0, 0.991071], [-0.635959, 0.766965, 0.085558]]
     left, _, right = np.linalg.svd(written)
-    found = solved(arm, pin.SE3(left @ right, np.array([-1.140175, 0.0, 0.0])))
-    assert (len(found), found.complete, found.counts.complex) == (16, True, 0)
-    assert "polynomial of degree 16, in ball arithmetic: 16 real, 0 complex" in found.method
-    assert found.certified == 16
-    assert found.as_dict()["certified"] == 16
-    assert found.as_dict()["solutions"][0]["certificate"]["equations"] == 6
+    solutions = solved(arm, pin.SE3(left @ right, np.array([-1.140175, 0.0, 0.0])))
+    assert (len(solutions), solutions.complete, solutions.counts.complex) == (16, True, 0)
+    assert "polynomial of degree 16, in ball arithmetic: 16 real, 0 complex" in solutions.method
+    assert solutions.certified == 16
+    assert solutions.as_dict()["certified"] == 16
+    assert solutions.as_dict()["solutions"][0]["certificate"]["equations"] == 6
 
 
 UR = (
@@ -136,14 +136,14 @@ def test_all_solutions_of_a_calibrated_arm_are_proved_to_be_all(seed, off):
     rng = np.random.default_rng(seed)
     arm = calibrated(rng, off)
     pose = random_pose(arm, seed)
-    found = solved(arm, pose)
-    assert found.proved
-    assert found.certified == len(found) == found.counts.real
-    assert found.counts.total == 16
+    solutions = solved(arm, pose)
+    assert solutions.proved
+    assert solutions.certified == len(solutions) == solutions.counts.real
+    assert solutions.counts.total == 16
     others = guessed(arm, pose, "tool", 60)
-    assert len(others) >= len(found) / 2
+    assert len(others) >= len(solutions) / 2
     for other in others:
-        assert min(apart(arm, other, one) for one in found) < 1e-5
+        assert min(apart(arm, other, solution) for solution in solutions) < 1e-5
 
 
 @pytest.mark.parametrize("off", [1e-7, 1e-11])
@@ -169,13 +169,13 @@ def test_a_tool_on_the_axis_of_the_base_leaves_a_calibrated_arm_a_curve():
     first = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.5])) * inner.inverse()
     places = [first * arm.model.jointPlacements[2], *list(arm.model.jointPlacements)[3:7]]
     origins = [("revolute", place.translation, pin.rpy.matrixToRpy(place.rotation)) for place in places]
-    there = chain(ends[0], *origins, ends[1])
+    aligned = chain(ends[0], *origins, ends[1])
     q[0] = q[5] = 0.4
-    pose = there.placement(q, "tool")
+    pose = aligned.placement(q, "tool")
     assert np.abs(pose.translation[:2]).max() < 1e-12
-    found = cinegen.inverse_kinematics(there, {"tool": pose}, all=True, effort=0.01)
-    assert not found.complete
-    assert found.self_motions or "a curve of configurations" in found.method
+    solutions = cinegen.inverse_kinematics(aligned, {"tool": pose}, all=True, effort=0.01)
+    assert not solutions.complete
+    assert solutions.self_motions or "a curve of configurations" in solutions.method
 
 
 def test_puma_has_the_eight_solutions_of_its_closed_form():
@@ -187,7 +187,7 @@ def test_puma_has_the_eight_solutions_of_its_closed_form():
     expected = []
     for shoulder in (1.0, -1.0):
         far = shoulder * math.sqrt(x * x + y * y - d3 * d3) if x * x + y * y > d3 * d3 else math.nan
-        one = math.atan2(y, x) - math.atan2(-d3, far)
+        waist = math.atan2(y, x) - math.atan2(-d3, far)
         for elbow in (1.0, -1.0):
             k = (far * far + z * z - a2 * a2 - a3 * a3 - d4 * d4) / (2.0 * a2)
             if not abs(k) <= math.hypot(a3, d4):
@@ -196,27 +196,27 @@ def test_puma_has_the_eight_solutions_of_its_closed_form():
             three = -math.atan2(d4, a3) + elbow * math.acos(k / math.hypot(a3, d4))
             u, v = a2 + a3 * math.cos(three) - d4 * math.sin(three), a3 * math.sin(three) + d4 * math.cos(three)
             two = math.atan2(z, far) - math.atan2(v, u)
-            arm = np.array([one, two, three, 0.0, 0.0, 0.0])
+            arm = np.array([waist, two, three, 0.0, 0.0, 0.0])
             turn = PUMA.placement(arm, "l4").rotation.T @ pose.rotation  # Rz(t4) Rx(90) Rz(t5) Rx(-90) Rz(t6)
             for flip in (1.0, -1.0):
                 five = math.atan2(flip * math.hypot(turn[0, 2], turn[1, 2]), turn[2, 2])
                 four = math.atan2(-flip * turn[1, 2], -flip * turn[0, 2])
                 six = math.atan2(-flip * turn[2, 1], flip * turn[2, 0])
-                expected.append(np.array([one, two, three, four, five, six]))
+                expected.append(np.array([waist, two, three, four, five, six]))
     for q in expected:
         assert np.abs(PUMA.placement(q, "tool").homogeneous - pose.homogeneous).max() < 1e-9
-    found = solved(PUMA, pose)
-    assert found.complete
-    alike(PUMA, found, expected)
+    solutions = solved(PUMA, pose)
+    assert solutions.complete
+    alike(PUMA, solutions, expected)
 
 
 def test_a_planar_arm_has_two_elbows_and_none_out_of_its_reach(robot):
     arm = robot("planar_3r")
     pose = arm.placement(arm.q_home, "tool")
-    found = solved(arm, pose)
-    assert (len(found), found.complete, found.certified) == (2, True, 2)
-    assert apart(arm, found[0], arm.q_home) < 1e-12
-    assert np.isclose(found[1][1], -found[0][1])
+    solutions = solved(arm, pose)
+    assert (len(solutions), solutions.complete, solutions.certified) == (2, True, 2)
+    assert apart(arm, solutions[0], arm.q_home) < 1e-12
+    assert np.isclose(solutions[1][1], -solutions[0][1])
     far = pose * pin.SE3(np.eye(3), np.array([3.0, 0.0, 0.0]))
     none = solved(arm, far)
     assert (len(none), none.complete) == (0, True)
@@ -238,14 +238,14 @@ def test_legs_and_parallelograms_have_two_solutions_each(robot, name, count, tas
     mechanism = robot(name)
     for q in (mechanism.random_closed(2, seed=1)[-1], mechanism.q_home):
         pose = mechanism.placement(q, mechanism.end)
-        found = solved(mechanism, pose, mechanism.end, **task)
-        assert found.complete
-        assert found.counts.real + found.counts.complex == max(count, found.counts.total)
-        assert len(found) == found.counts.real
-        assert min(apart(mechanism, q, other) for other in found) < 1e-9
-    assert len(found) == count
-    assert not found.outside[0]
-    assert mechanism.distance(mechanism.q_home, found[0]) < 1e-9
+        solutions = solved(mechanism, pose, mechanism.end, **task)
+        assert solutions.complete
+        assert solutions.counts.real + solutions.counts.complex == max(count, solutions.counts.total)
+        assert len(solutions) == solutions.counts.real
+        assert min(apart(mechanism, q, other) for other in solutions) < 1e-9
+    assert len(solutions) == count
+    assert not solutions.outside[0]
+    assert mechanism.distance(mechanism.q_home, solutions[0]) < 1e-9
 
 
 @pytest.mark.parametrize(("name", "starts"), [("rx90", 200), ("delta4", 100)])
@@ -253,11 +253,11 @@ def test_newton_from_random_starts_finds_no_other_solution(robot, name, starts):
     mechanism = robot(name)
     node, q = mechanism.end, mechanism.random_closed(3, seed=2)[-1]
     pose = mechanism.placement(q, node)
-    found = solved(mechanism, pose, node)
+    solutions = solved(mechanism, pose, node)
     others = guessed(mechanism, pose, node, starts)
-    assert len(others) >= len(found) / 2
+    assert len(others) >= len(solutions) / 2
     for other in others:
-        assert min(apart(mechanism, other, one) for one in found) < 1e-5
+        assert min(apart(mechanism, other, solution) for solution in solutions) < 1e-5
 
 
 # --- what is not isolated, and tasks ----------------------------------------------------------------------------------
@@ -269,42 +269,42 @@ def test_a_redundant_arm_is_refused_until_a_joint_is_locked(robot):
     with pytest.raises(IKError, match=r"still have 1 DoF: .* lock 1 of its joints"):
         solved(arm, pose)
     value = float(arm.q_home[arm.q_index("joint3")])
-    found = cinegen.inverse_kinematics(arm, {"tool": pose}, all=True, locked={"joint3": value})
-    assert found.complete
-    assert arm.distance(arm.q_home, found[0]) < 1e-9
-    assert all(q[arm.q_index("joint3")] == value for q in found)
+    solutions = cinegen.inverse_kinematics(arm, {"tool": pose}, all=True, locked={"joint3": value})
+    assert solutions.complete
+    assert arm.distance(arm.q_home, solutions[0]) < 1e-9
+    assert all(q[arm.q_index("joint3")] == value for q in solutions)
     with pytest.raises(cinegen.CinegenError, match="no joint 'joint33'"):
         cinegen.inverse_kinematics(arm, {"tool": pose}, all=True, locked={"joint33": value})
-    assert len(cinegen.inverse_kinematics(arm, {"tool": pose}, all=True, locked=["joint3"])) == len(found)
-    one = cinegen.inverse_kinematics(arm, {"tool": pose}, locked={"joint3": value})
-    assert one.q[arm.q_index("joint3")] == value
+    assert len(cinegen.inverse_kinematics(arm, {"tool": pose}, all=True, locked=["joint3"])) == len(solutions)
+    result = cinegen.inverse_kinematics(arm, {"tool": pose}, locked={"joint3": value})
+    assert result.q[arm.q_index("joint3")] == value
 
 
 def test_a_wrist_whose_axes_are_in_line_leaves_a_curve(robot):
     arm = robot("rx90")
     q = arm.configuration({"joint5": 0.0})
-    found = solved(arm, arm.placement(q, "tool"))
-    assert not found.complete
-    assert "a curve of configurations" in found.method
-    assert len(found.self_motions) == 2  # shoulder to the front and to the back
-    for motion in found.self_motions:
+    solutions = solved(arm, arm.placement(q, "tool"))
+    assert not solutions.complete
+    assert "a curve of configurations" in solutions.method
+    assert len(solutions.self_motions) == 2  # shoulder to the front and to the back
+    for motion in solutions.self_motions:
         assert (motion.dimension, motion.moving) == (1, ("joint4", "joint6"))
-        assert max(found.task.distances(arm, motion.configuration)) < 1e-9
+        assert max(solutions.task.distances(arm, motion.configuration)) < 1e-9
         assert abs(motion.configuration[arm.q_index("joint5")]) < 1e-6
-    assert found.as_dict()["self_motions"][0]["moving"] == ["joint4", "joint6"]
+    assert solutions.as_dict()["self_motions"][0]["moving"] == ["joint4", "joint6"]
 
 
 def test_a_curve_is_not_excluded_where_shoulder_and_wrist_are_singular_at_once():
     q = np.array([math.pi, math.pi, RIGHT, RIGHT, math.pi, 0.0])
-    found = solved(PUMA, PUMA.placement(q, "tool"))
-    assert not found.complete
-    assert "a curve of configurations is not excluded" in found.method
+    solutions = solved(PUMA, PUMA.placement(q, "tool"))
+    assert not solutions.complete
+    assert "a curve of configurations is not excluded" in solutions.method
 
 
 def test_a_stretched_elbow_is_one_solution_in_which_two_coincide(robot):
     arm = robot("planar_3r")
-    found = solved(arm, arm.placement(arm.configuration({"joint2": 0.0}), "tool"))
-    assert (len(found), found.coincident, found.complete, found.certified) == (1, (2,), True, 0)
+    solutions = solved(arm, arm.placement(arm.configuration({"joint2": 0.0}), "tool"))
+    assert (len(solutions), solutions.coincident, solutions.complete, solutions.certified) == (1, (2,), True, 0)
 
 
 def test_a_free_rotation_and_a_free_orientation():
@@ -313,17 +313,17 @@ def test_a_free_rotation_and_a_free_orientation():
     joints = [("revolute", rng.uniform(-1, 1, 3), rng.uniform(-3, 3, 3)) for _ in range(5)]
     tool = ("fixed", (0.1, 0.2, 0.3), (0.4, 0.5, 0.6))
     three = chain(*joints[:3], tool)
-    found = solved(three, random_pose(three, 0), rotation=0)
-    assert found.complete
-    assert "three joints and a ball joint" in found.method
+    solutions = solved(three, random_pose(three, 0), rotation=0)
+    assert solutions.complete
+    assert "three joints and a ball joint" in solutions.method
     five = chain(*joints, tool)
     pose = random_pose(five, 0)
-    found = solved(five, pose, rotation=2)
-    assert found.complete
+    solutions = solved(five, pose, rotation=2)
+    assert solutions.complete
     turned = pose * pin.SE3(pin.exp3(np.array([0.0, 0.0, 0.7])), np.zeros(3))
     again = solved(five, turned, rotation=2)
     assert again.complete
-    alike(five, again, list(found))
+    alike(five, again, list(solutions))
 
 
 @pytest.mark.parametrize(
@@ -338,9 +338,9 @@ def test_serial_arms_have_as_many_solutions_as_theory_allows(word, bound):
         turn = (0.0, 0.0, rng.uniform(-3, 3)) if letter == "=" else rng.uniform(-3, 3, 3)
         joints.append(("prismatic" if letter == "P" else "revolute", place, turn))
     arm = chain(*joints, ("fixed", (0.1, 0.2, 0.3), (0.4, 0.5, 0.6)))
-    found = solved(arm, random_pose(arm, 1))
-    assert found.complete
-    assert found.counts.total == bound
+    solutions = solved(arm, random_pose(arm, 1))
+    assert solutions.complete
+    assert solutions.counts.total == bound
 
 
 def test_joints_are_brought_within_their_limits_by_whole_revolutions():
@@ -349,9 +349,9 @@ def test_joints_are_brought_within_their_limits_by_whole_revolutions():
     pose = arm.placement(np.array([0.5]), "tool")
     near = cinegen.inverse_kinematics(arm, {"tool": pose}, np.array([6.0]), all=True)
     assert np.allclose(near[0], 0.5 + 2.0 * math.pi)  # limits are -9 and 9
-    there = cinegen.inverse_kinematics(arm, {"tool": pose}, np.array([14.0]), all=True)
-    assert np.allclose(there[0], 0.5)  # nearest the middle between the limits, as 0.5 + 4 pi is beyond
-    assert not there.outside[0]
+    beyond = cinegen.inverse_kinematics(arm, {"tool": pose}, np.array([14.0]), all=True)
+    assert np.allclose(beyond[0], 0.5)  # nearest the middle between the limits, as 0.5 + 4 pi is beyond
+    assert not beyond.outside[0]
 
 
 def test_what_is_not_computed_is_an_error(robot):
@@ -373,11 +373,11 @@ def test_a_free_base_stays_where_it_is(robot):
     arm = build(urdf.replace('<link name="base"', f'<link name="earth"/>{free}<link name="base"', 1), None)
     assert arm.floating
     q = np.r_[pin.SE3ToXYZQUAT(pin.SE3(pin.exp3(np.array([0.3, 0.2, 0.1])), np.ones(3))), robot("rx90").q_home]
-    found = cinegen.inverse_kinematics(arm, {"tool": arm.placement(q, "tool")}, q, all=True)
-    assert (len(found), found.complete, found.certified) == (8, True, 8)
-    assert all(np.array_equal(one[:7], q[:7]) for one in found)
-    assert max(map(max, found.errors)) < 1e-12
-    assert "the base stays where it is" in found.method
+    solutions = cinegen.inverse_kinematics(arm, {"tool": arm.placement(q, "tool")}, q, all=True)
+    assert (len(solutions), solutions.complete, solutions.certified) == (8, True, 8)
+    assert all(np.array_equal(solution[:7], q[:7]) for solution in solutions)
+    assert max(map(max, solutions.errors)) < 1e-12
+    assert "the base stays where it is" in solutions.method
 
 
 def test_a_joint_that_follows_another_one_keeps_the_tool_upright():
@@ -393,13 +393,13 @@ def test_a_joint_that_follows_another_one_keeps_the_tool_upright():
     """
     lamp = cinegen.load(text.replace("RATIO", "-1"))
     pose = lamp.placement(lamp.q_home, "tool")
-    found = solved(lamp, pose, rotation=0)
-    assert len(found) == 2
+    solutions = solved(lamp, pose, rotation=0)
+    assert len(solutions) == 2
     x, y, _ = pose.translation
     two = math.acos((x * x + y * y - 0.5**2 - 0.3**2) / (2.0 * 0.5 * 0.3))
-    for q, bend in zip(found, (two, -two), strict=True):
-        one = math.atan2(y, x) - math.atan2(0.3 * math.sin(bend), 0.5 + 0.3 * math.cos(bend))
-        assert np.allclose(q, [one, bend, -bend])
+    for q, bend in zip(solutions, (two, -two), strict=True):
+        first = math.atan2(y, x) - math.atan2(0.3 * math.sin(bend), 0.5 + 0.3 * math.cos(bend))
+        assert np.allclose(q, [first, bend, -bend])
     assert len(solved(lamp, pose)) == 1
     with pytest.raises(IKError, match="ratio of 1 or -1, not for 'joint3-joint2'"):
         solved(cinegen.load(text.replace("RATIO", "-0.7 offset -18")), pose, rotation=0)
@@ -408,16 +408,16 @@ def test_a_joint_that_follows_another_one_keeps_the_tool_upright():
 def test_solutions_of_which_a_part_is_complete_with_probability_one_are_not_called_proved(robot, monkeypatch):
     arm = robot("rx90")
     pose = arm.placement(arm.q_home, "tool")
-    found = solved(arm, pose)
-    assert (found.complete, found.proved) == (True, True)
-    assert claim_text(found).startswith("These are all. ")
+    solutions = solved(arm, pose)
+    assert (solutions.complete, solutions.proved) == (True, True)
+    assert claim_text(solutions).startswith("These are all. ")
     exact = Homotopy.modes
     monkeypatch.setattr(Homotopy, "modes", lambda *args: replace(exact(*args), almost_surely=True))
-    found = solved(arm, pose)
-    assert (len(found), found.complete, found.proved) == (8, True, False)
-    assert repr(found).endswith("all with probability one>")
-    assert claim_text(found).startswith("These are all, with probability one. ")
-    assert (found.as_dict()["complete"], found.as_dict()["proved"]) == (True, False)
+    solutions = solved(arm, pose)
+    assert (len(solutions), solutions.complete, solutions.proved) == (8, True, False)
+    assert repr(solutions).endswith("all with probability one>")
+    assert claim_text(solutions).startswith("These are all, with probability one. ")
+    assert (solutions.as_dict()["complete"], solutions.as_dict()["proved"]) == (True, False)
 
 
 # --- ik certified -----------------------------------------------------------------------------------------------------
@@ -440,12 +440,12 @@ def exact(placement):
 
 def reached(arm, values):
     """(4, 4) of the tool of a serial arm whose joints rotate about z."""
-    model, here = arm.model, mp.eye(4)
+    model, pose = arm.model, mp.eye(4)
     for j, value in enumerate(values, 1):
         c, s = mp.cos(value), mp.sin(value)
         turn = mp.matrix([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
-        here = here * exact(model.jointPlacements[j]) * turn
-    return here * exact(model.frames[arm.frame_id("tool")].placement)
+        pose = pose * exact(model.jointPlacements[j]) * turn
+    return pose * exact(model.frames[arm.frame_id("tool")].placement)
 
 
 def refined(arm, pose, q):
@@ -462,10 +462,10 @@ def refined(arm, pose, q):
 
 def test_solutions_of_arms_are_in_their_boxes():
     pose = random_pose(PUMA, 1)
-    found = solved(PUMA, pose)
-    assert found.certified == len(found) > 0
+    solutions = solved(PUMA, pose)
+    assert solutions.certified == len(solutions) > 0
     with mpmath.workdps(50):
-        for q, certificate in zip(found, found.certificates, strict=True):
+        for q, certificate in zip(solutions, solutions.certificates, strict=True):
             values, left = refined(PUMA, pose, q)
             assert left < 1e-40
             off = max(abs(mp.mpf(float(x)) - value) for x, value in zip(q, values, strict=True))
@@ -476,23 +476,23 @@ def test_solutions_of_arms_are_in_their_boxes():
 @pytest.mark.parametrize("name", ROBOTS)
 def test_solutions_of_our_robots_are_certified(robot, name):
     m = robot(name)
-    found = cinegen.inverse_kinematics(m, {m.end: m.placement(m.random_closed(2, 1)[-1], m.end)}, all=True)
-    assert found.certified == sum(count == 1 for count in found.coincident) > 0
-    assert all(one.gap < 1e-12 for one in found.certificates if one)
+    solutions = cinegen.inverse_kinematics(m, {m.end: m.placement(m.random_closed(2, 1)[-1], m.end)}, all=True)
+    assert solutions.certified == sum(count == 1 for count in solutions.coincident) > 0
+    assert all(certificate.gap < 1e-12 for certificate in solutions.certificates if certificate)
 
 
 def test_what_is_no_solution_is_not_certified(robot):
     for name in ("rx90", "five_bar", "delta4"):
         m = robot(name)
-        found = cinegen.inverse_kinematics(m, {m.end: m.placement(m.random_closed(2, 1)[-1], m.end)}, all=True)
+        solutions = cinegen.inverse_kinematics(m, {m.end: m.placement(m.random_closed(2, 1)[-1], m.end)}, all=True)
         for seed in range(3):
             off = 1e-3 * rng(seed).normal(size=m.model.nq)
-            assert replace(found, configurations=tuple(q + off for q in found)).certified == 0
+            assert replace(solutions, configurations=tuple(q + off for q in solutions)).certified == 0
         half_turns = [pin.SE3(pin.exp3(math.pi * axis), np.zeros(3)) for axis in np.eye(3)]
-        moved = found.task.copy()
+        moved = solutions.task.copy()
         for move in (pin.SE3(np.eye(3), np.array([1e-3, 0.0, 0.0])), *half_turns):
-            moved.target = found.task.target * move
-            assert replace(found, task=moved).certified == 0
+            moved.target = solutions.task.target * move
+            assert replace(solutions, task=moved).certified == 0
         if name == "rx90":
-            task = FrameTask(m.end, found.task.target * half_turns[0], rotation=2)
-            assert replace(found, task=task, unknowns=found.unknowns._replace(rank=5)).certified == 0
+            task = FrameTask(m.end, solutions.task.target * half_turns[0], rotation=2)
+            assert replace(solutions, task=task, unknowns=solutions.unknowns._replace(rank=5)).certified == 0

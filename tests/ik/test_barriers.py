@@ -49,8 +49,8 @@ def linear(rows, most):
 
 
 def away(mechanism, q, rng, lengths):
-    here = mechanism.placement(q, mechanism.nodes[-1])
-    return pin.SE3(here.rotation, here.translation + lengths * mechanism.length * rng.normal(size=3))
+    pose = mechanism.placement(q, mechanism.nodes[-1])
+    return pin.SE3(pose.rotation, pose.translation + lengths * mechanism.length * rng.normal(size=3))
 
 
 def pulled(mechanism, rng, lengths=0.3, rotation=0, **options):

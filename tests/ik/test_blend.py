@@ -58,19 +58,19 @@ def test_the_target_arrives_in_time_on_a_straight_line_and_the_node_with_it(arm:
 def test_a_fading_pull_gives_way_smoothly_and_ends(arm: cinegen.Mechanism) -> None:
     solver = cinegen.Solver(arm, DT)
     middle, end = arm.nodes[4], arm.end
-    one, other = solver.add_task(middle, rotation=0), solver.add_task(end, rotation=0)
+    fading, other = solver.add_task(middle, rotation=0), solver.add_task(end, rotation=0)
     other.target.translation += np.array([0.0, 0.05, 0.05])
-    one.target.translation += np.array([0.0, -0.03, 0.0])
+    fading.target.translation += np.array([0.0, -0.03, 0.0])
     step = ticked(solver, 400)
-    solver.remove_task(one, seconds=0.4)
-    assert solver.tasks == (one, other)
+    solver.remove_task(fading, seconds=0.4)
+    assert solver.tasks == (fading, other)
     for tick in range(400):
         step = solver.step()
         assert np.abs(step.v).max() < 2.0
         assert len(solver.tasks) == (2 if tick < 399 else 1)
     step = ticked(solver, 200)
     assert step.errors[0][0] < 1e-6
-    solver.remove_task(one)  # is let go already
+    solver.remove_task(fading)  # is let go already
 
 
 @pytest.mark.parametrize(
@@ -88,9 +88,9 @@ def test_who_changes_the_target_meanwhile_takes_over(delta: cinegen.Mechanism, t
     solver.blend(task, beside(task.target, [0.0, 0.0, -0.1]), seconds=0.5)
     ticked(solver, 100)
     take_over(solver, task)
-    there = task.target.copy()
+    target = task.target.copy()
     ticked(solver, 500)
-    assert task.target == there
+    assert task.target == target
 
 
 def test_who_sets_the_weight_meanwhile_keeps_it(delta: cinegen.Mechanism) -> None:

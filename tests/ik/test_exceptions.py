@@ -184,10 +184,10 @@ def test_exceptions_of_past_ticks_take_no_memory(robot, same):
     class FaultyError(Exception):
         """Can be referred to weakly."""
 
-    alive, one = weakref.WeakSet(), FaultyError("again")
+    alive, fault = weakref.WeakSet(), FaultyError("again")
 
     def answer(state):
-        error = one if same else FaultyError("anew")
+        error = fault if same else FaultyError("anew")
         alive.add(error)
         raise error
 
@@ -312,7 +312,7 @@ PROPERTIES = [name for name, value in inspect.getmembers(Solver) if getattr(valu
     "use",
     [
         *(
-            partial(lambda name, one: setattr(one, name, VALUES.get(name, lambda _: 0.1)(one)), name)
+            partial(lambda name, solver: setattr(solver, name, VALUES.get(name, lambda _: 0.1)(solver)), name)
             for name in PROPERTIES
         ),
         lambda solver: solver.step(),

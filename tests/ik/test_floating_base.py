@@ -51,9 +51,9 @@ def test_a_base_that_is_loaded_as_fixed_does_not_move(tmp_path, form):
     assert step.status is not Status.FOLLOWING
     assert held.placement(step.q, "trunk").isApprox(of_pinocchio(held, held.q_home, "trunk"), 1e-12)
     target = of_pinocchio(held, held.integrate(held.q_home, np.full(held.model.nv, 0.2)), "hand")
-    found = cinegen.inverse_kinematics(held, {"hand": target})
-    assert found
-    assert of_pinocchio(held, found.q, "hand").isApprox(target, 1e-6)
+    result = cinegen.inverse_kinematics(held, {"hand": target})
+    assert result
+    assert of_pinocchio(held, result.q, "hand").isApprox(target, 1e-6)
 
 
 def test_with_a_fixed_base_the_loops_of_a_robot_are_counted_again(raff, root):

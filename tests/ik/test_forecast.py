@@ -50,15 +50,15 @@ def test_when_an_arm_is_stretched(how, dt):
             task.target.translation = begin + speed * tick * DT * out
         solver.step()
     forecast = forecast_motion(solver, 3.0, dt)
-    here = np.linalg.norm(begin) + speed * ran * DT
+    distance = np.linalg.norm(begin) + speed * ran * DT
 
     def elbow(time):
-        return math.acos((max(here + speed * time, 0.0) ** 2 - A**2 - B**2) / (2.0 * A * B))
+        return math.acos((max(distance + speed * time, 0.0) ** 2 - A**2 - B**2) / (2.0 * A * B))
 
     def sigma(time):
         return np.linalg.svd(two_r(A, B, 0.0, elbow(time)) / arm.length, compute_uv=False)[1]
 
-    stretched = (A + B - here) / speed
+    stretched = (A + B - distance) / speed
     near = brentq(lambda time: NEAR_SINGULAR - sigma(time), 0.0, stretched)
     event = _first(forecast, EventKind.TYPE_1)
     assert event.time == pytest.approx(near, abs=0.2 * (dt or 0.03))
@@ -214,10 +214,10 @@ def test_looking_ahead_changes_nothing(robot, seed, name, acceleration):
 
     assert np.array_equal(_play(looking, seed, look), _play(other, seed))
     look_ahead.copy(looking)
-    one, two = look_ahead.forecast(0.2), forecast_motion(other, 0.2)
-    assert np.array_equal(one.q, two.q)
-    assert np.array_equal(one.sigma_min, two.sigma_min)
-    assert np.array_equal(one.passive_sigma_min, two.passive_sigma_min)
+    forecast, expected = look_ahead.forecast(0.2), forecast_motion(other, 0.2)
+    assert np.array_equal(forecast.q, expected.q)
+    assert np.array_equal(forecast.sigma_min, expected.sigma_min)
+    assert np.array_equal(forecast.passive_sigma_min, expected.passive_sigma_min)
 
 
 @settings(max_examples=30)
@@ -269,9 +269,9 @@ def test_singular_values_are_those_of_the_path(robot, seed, name):
     task.twist = 0.3 * mechanism.length * rng.normal(size=6)
     forecast = forecast_motion(solver, 0.5)
     for q, sigma, passive in zip(forecast.q, forecast.sigma_min, forecast.passive_sigma_min, strict=True):
-        there = Solver(mechanism, DT, q=q)
-        there.add_task(mechanism.end, axes="world", rotation=task.rotation)
-        step = there.step()
+        fresh = Solver(mechanism, DT, q=q)
+        fresh.add_task(mechanism.end, axes="world", rotation=task.rotation)
+        step = fresh.step()
         assert step.lost_dof.sigma == pytest.approx(sigma, abs=1e-9)
         assert passive == (pytest.approx(step.uncontrolled_dof.sigma, abs=1e-9) if mechanism.is_constrained else np.inf)
 
@@ -310,7 +310,7 @@ def test_tasks_that_are_invalid_are_left_out(robot):
             setattr(solver.add_task("link3"), *wrong.popitem())
         solver.add_task("tool").twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
         forecasts.append(forecast_motion(solver, 1.0).q)
-    assert all(np.array_equal(one, forecasts[0]) for one in forecasts[1:])
+    assert all(np.array_equal(forecast, forecasts[0]) for forecast in forecasts[1:])
 
 
 def test_times_that_make_no_sense_are_refused(robot):

@@ -55,20 +55,20 @@ def test_rows_and_gaps_of_the_loops_are_the_mechanisms_own_closed_and_open(name,
     unit = np.array([*of_loops, *mechanism.structure.system.coupling_sizes])
     for q in mechanism.random_closed(6, seed=1):
         for bent in (0.0, 0.3, 3.0):
-            there = q + bent * rng.normal(size=len(q)) * mechanism.scale
-            kinematics.evaluate(memory, there)
+            q_bent = q + bent * rng.normal(size=len(q)) * mechanism.scale
+            kinematics.evaluate(memory, q_bent)
             largest = residual.evaluate_loops(memory, True)
-            assert memory.residual == pytest.approx(mechanism.loop_residual(there) / unit, abs=1e-13)
+            assert memory.residual == pytest.approx(mechanism.loop_residual(q_bent) / unit, abs=1e-13)
             assert largest == np.abs(memory.residual).max()
-            rows = mechanism.loop_jacobian(there) * mechanism.scale / unit[:, None]
+            rows = mechanism.loop_jacobian(q_bent) * mechanism.scale / unit[:, None]
             assert memory.jacobian == pytest.approx(rows, abs=1e-11)
             by_hand = []
             for loop in mechanism.loops:
-                first = mechanism.placement(there, loop.first) * loop.first_placement
-                second = mechanism.placement(there, loop.second) * loop.second_placement
+                first = mechanism.placement(q_bent, loop.first) * loop.first_placement
+                second = mechanism.placement(q_bent, loop.second) * loop.second_placement
                 by_hand.append(loop_residual(loop.kind, first.actInv(second).homogeneous, mechanism.length)[0])
             for coupling, size in zip(mechanism.couplings, mechanism.structure.system.coupling_sizes, strict=True):
-                terms = [(there[mechanism.q_index(joint)], c) for joint, c in coupling.terms.items()]
+                terms = [(q_bent[mechanism.q_index(joint)], c) for joint, c in coupling.terms.items()]
                 values = [np.polynomial.Polynomial([0.0, *c])(value) for value, c in terms]
                 by_hand.append([(sum(values) - coupling.constant) / size])
             assert memory.residual == pytest.approx(np.concatenate(by_hand), abs=1e-13)
@@ -84,8 +84,8 @@ def all_kinds_of_tasks(mechanism: cinegen.Mechanism, solver: Solver, rng: np.ran
         for translation in range(4):
             for rotation in range(4):
                 node = str(rng.choice(mechanism.nodes[1:]))
-                there = mechanism.placement(solver.q, node)
-                target = near(mechanism, there, rng, float(rng.choice([1e-9, 1e-3, 0.1, 3.0])))
+                pose = mechanism.placement(solver.q, node)
+                target = near(mechanism, pose, rng, float(rng.choice([1e-9, 1e-3, 0.1, 3.0])))
                 solver.add_task(node, target, translation, rotation, float(rng.uniform(0.1, 10.0)), axes)
                 weights = rng.uniform(0.01, 3.0, 6) * (rng.random(6) < 0.7)
                 solver.add_task(node, target, weights=weights, weight=float(rng.uniform(0.1, 10.0)), axes=axes)
@@ -133,16 +133,16 @@ def test_a_floating_base_has_columns_for_all_tasks():
 
 
 def plain_levels(solver: Solver) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, int]]:
-    mechanism, system, before, found = solver.mechanism, solver.mechanism.structure.system, 0, []
+    mechanism, system, before, levels = solver.mechanism, solver.mechanism.structure.system, 0, []
     for priority in sorted({task.priority for task in solver.frame_tasks}):
         tasks = [task for task in solver.frame_tasks if task.priority <= priority]
         rank = task_rank(mechanism, system, tasks)
         system.evaluate(solver.q)
-        own = [(task, axes_of(task, mechanism, system)) for task in tasks if task.priority == priority]
-        error, rows = equations(mechanism, system, own)
-        found.append((rows, error, relative_weights([task for task, _ in own]), rank - before))
+        with_axes = [(task, axes_of(task, mechanism, system)) for task in tasks if task.priority == priority]
+        error, rows = equations(mechanism, system, with_axes)
+        levels.append((rows, error, relative_weights([task for task, _ in with_axes]), rank - before))
         before = rank
-    return found
+    return levels
 
 
 def steps_agree(solver: Solver, rng: np.random.Generator, tight: float, odd: bool = True) -> str:
@@ -395,16 +395,16 @@ def nearest(
     memory, held = SolverMemory(n=n, bounds=n, mobility=k, most_active=k + 1), np.full(n, np.nan)
     memory.active_normals[:] = memory.active[:] = np.nan
     memory.wanted_point[:], memory.normals[:] = wanted, g
-    found = bounds.nearest(memory, low, high, held, k)
-    return found, memory.wanted_point, held
+    success = bounds.nearest(memory, low, high, held, k)
+    return success, memory.wanted_point, held
 
 
 def check_nearest(wanted: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Inside, and optimal: what tasks it away from where it was wanted is held by bounds that push inwards (Karush,
     Kuhn and Tucker; the problem is strictly convex, so nothing else is to be shown)."""
-    found, x, held = nearest(wanted, g, low, high)
+    success, x, held = nearest(wanted, g, low, high)
     size = max(1.0, np.abs(wanted).max())
-    assert found
+    assert success
     assert (g @ x <= high + 1e-10 * size).all()
     assert (g @ x >= low - 1e-10 * size).all()
     on = np.flatnonzero(held)

@@ -53,15 +53,15 @@ def test_the_step_of_each_level_is_that_of_the_plain_statement(name, which):
 @pytest.mark.filterwarnings("ignore::cinegen.CinegenWarning")
 def test_so_it_is_on_random_mechanisms(count):
     """Trees of 4 to 8 bodies with up to two loops between any two of them."""
-    rng, found, loops = np.random.default_rng(8), np.zeros(2, dtype=int), 0
+    rng, totals, loops = np.random.default_rng(8), np.zeros(2, dtype=int), 0
     for _ in range(count):
         bodies = int(rng.integers(4, 9))
         mechanism = cinegen.load(f"RAFF random\n{graph(rng, bodies, int(rng.integers(0, 3))).text()}")
         if mechanism.mobility > 1:
-            found += compare(mechanism, 3, rng)
+            totals += compare(mechanism, 3, rng)
             loops += bool(mechanism.loops)
-    assert found[0] > count
-    assert min(found[1], loops) > count // 10
+    assert totals[0] > count
+    assert min(totals[1], loops) > count // 10
 
 
 def settle(solver: Solver, most: int = 400) -> cinegen.Step:
@@ -78,10 +78,10 @@ def test_a_level_is_not_blamed_for_what_those_above_do():
     solver = Solver(load("delta4", "r1"), 1e-3)
     first = solver.add_task("platform", weights=[1, 1, 0, 0, 0, 0], axes="world")
     second = solver.add_task("platform", rotation=0, axes="world", priority=1)
-    here = first.target.translation
+    start = first.target.translation
     first.target, second.target = beside(first.target, (1e-5, -2e-5, 0.0)), beside(first.target, (5e-5, 3e-5, 2e-5))
-    there = solver.mechanism.placement(solver.step().q, "platform").translation
-    assert there - here == pytest.approx([1e-5, -2e-5, 2e-5], abs=1e-10)
+    end = solver.mechanism.placement(solver.step().q, "platform").translation
+    assert end - start == pytest.approx([1e-5, -2e-5, 2e-5], abs=1e-10)
 
 
 def test_hand_first_elbow_second_ends_where_an_optimiser_does():
@@ -106,10 +106,10 @@ def test_hand_first_elbow_second_ends_where_an_optimiser_does():
 
 def test_priorities_swapped_swap_who_wins_and_any_integers_order_them():
     arm = load("arm7", "arm")
-    there, elsewhere = arm.q_home + 0.3, arm.q_home - 0.25
+    q_goal, elsewhere = arm.q_home + 0.3, arm.q_home - 0.25
     for first, second in ((0, 7), (7, 0)):
         solver = Solver(arm, 0.01)
-        tool = solver.add_task("tool", arm.placement(there, "tool"), priority=first)
+        tool = solver.add_task("tool", arm.placement(q_goal, "tool"), priority=first)
         mid = solver.add_task("link5", arm.placement(elsewhere, "link5"), priority=second)
         step = settle(solver)
         winner, loser = step.errors if first < second else step.errors[::-1]
@@ -219,9 +219,9 @@ def test_the_first_level_ends_where_it_would_alone(name):
     """Random targets, some out of reach, and another node below."""
     mechanism, rng = load(name, None), np.random.default_rng(11)
     for case in range(4):
-        there, elsewhere = mechanism.random_closed(2, seed=case)
+        q_goal, elsewhere = mechanism.random_closed(2, seed=case)
         first, second = rng.choice(mechanism.nodes[1:], 2)
-        target = mechanism.placement(there, str(first))
+        target = mechanism.placement(q_goal, str(first))
         if case == 0:
             target = beside(target, tuple(mechanism.length * rng.normal(size=3)))
         ends = []

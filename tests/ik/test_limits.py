@@ -153,9 +153,9 @@ def test_closing_the_loops_costs_no_speed(robot, name):
 def test_slowed_down_the_tool_goes_straight_to_its_target(robot, name):
     mechanism = robot(name)
     node = mechanism.nodes[-1]
-    there = mechanism.random_closed(1, seed=5)[0]
+    q_goal = mechanism.random_closed(1, seed=5)[0]
     home = mechanism.placement(mechanism.q_home, node).translation
-    way = mechanism.placement(there, node).translation - home
+    way = mechanism.placement(q_goal, node).translation - home
     way *= 0.05 * mechanism.length / np.linalg.norm(way)
     solver = Solver(mechanism, 1e-3)
     solver.add_task(node, pin.SE3(mechanism.placement(mechanism.q_home, node).rotation, home + way), rotation=0)
@@ -196,10 +196,10 @@ def test_pressed_against_a_wall_a_robot_rests_on_its_limits_and_leaves_them_at_o
         i = mechanism.q_index(joint)
         low, high = model.lowerPositionLimit[i], model.upperPositionLimit[i]
         assert min(step.q[i] - low, high - step.q[i]) == pytest.approx(0.0, abs=1e-12)
-    here, task.target = mechanism.placement(step.q, node), home
+    start, task.target = mechanism.placement(step.q, node), home
     step = solver.step()
-    there = mechanism.placement(step.q, node)
-    nearer = np.linalg.norm(here.translation - home.translation) - np.linalg.norm(there.translation - home.translation)
+    after = mechanism.placement(step.q, node)
+    nearer = np.linalg.norm(start.translation - home.translation) - np.linalg.norm(after.translation - home.translation)
     if name == "five_bar":  # its wall is near a singularity, in the direction back: this motion is damped
         assert step.singular_values[-1] < 0.5 * NEAR_SINGULAR
         assert nearer > 4e-4 * mechanism.length
@@ -333,9 +333,9 @@ def test_a_floating_base_has_limits_of_velocity_and_acceleration(biped):
         task.target = pin.SE3(task.target.rotation, task.target.translation + np.array([0.3, 0.1, 0.2]))
     solver.velocity_limits["base"] = (0.02, 0.01, 0.03, 0.1, 0.2, 0.3)
     assert solver.velocity_limits[biped.base] == (0.02, 0.01, 0.03, 0.1, 0.2, 0.3)
-    found = fastest(solver)[:6]
-    assert (found <= np.array([0.02, 0.01, 0.03, 0.1, 0.2, 0.3])).all()
-    assert found.max() > 0.005
+    speeds = fastest(solver)[:6]
+    assert (speeds <= np.array([0.02, 0.01, 0.03, 0.1, 0.2, 0.3])).all()
+    assert speeds.max() > 0.005
     solver.velocity_limits["base"] = 0.004
     assert solver.velocity_limits["base"] == (0.004,) * 6
     assert fastest(solver)[:6].max() <= 0.004

@@ -87,8 +87,8 @@ def set_out(robot, name, joints, rotation):
     solver, other = Solver(mechanism, DT, q), Solver(reference, DT, carried(mechanism, q, reference))
     solver.lock(*joints)
     away = 0.1 * mechanism.length * np.random.default_rng(5).normal(size=3)
-    for one in (solver, other):
-        task = one.add_task(mechanism.end, rotation=rotation)
+    for twin in (solver, other):
+        task = twin.add_task(mechanism.end, rotation=rotation)
         move(task, away)
     return solver, other, mechanism, reference
 
@@ -135,8 +135,8 @@ def test_a_locked_base_equals_the_model_with_a_fixed_base(word):
     solver, other = Solver(mechanism, DT), Solver(reference, DT, q[7:])
     solver.lock("base" if word == "base" else mechanism.base)
     assert solver.locked == (mechanism.base,)
-    for one in (solver, other):
-        task = one.add_task(bipeds.FEET[0], rotation=0)
+    for twin in (solver, other):
+        task = twin.add_task(bipeds.FEET[0], rotation=0)
         move(task, [0.05, 0.0, 0.1])
     for _ in range(60):
         step, expected = solver.step(), other.step()
@@ -182,8 +182,8 @@ def test_a_solver_that_was_unlocked_moves_as_if_it_had_never_been_locked(robot, 
     solver.step()
     solver.unlock()
     assert solver.locked == ()
-    for one in (solver, other):
-        task = one.add_task(mechanism.end)
+    for twin in (solver, other):
+        task = twin.add_task(mechanism.end)
         move(task, 0.05 * mechanism.length)
     for _ in range(20):
         assert (solver.step().q == other.step().q).all()
@@ -270,14 +270,14 @@ def test_what_cannot_be_locked_is_an_error_that_changes_nothing(robot):
 def test_named_joints_stay_where_they_are(robot, name, joints):
     mechanism = robot(name)
     q, goal = mechanism.q_home, None
-    for there in mechanism.with_held(joints, q).random_closed(3):
-        goal = of_pinocchio(mechanism, there, mechanism.end)
-        found = inverse_kinematics(mechanism, {mechanism.end: goal}, q, locked=joints, limits=False)
-        assert found
-        assert found.closure <= 1e-10
+    for q_goal in mechanism.with_held(joints, q).random_closed(3):
+        goal = of_pinocchio(mechanism, q_goal, mechanism.end)
+        result = inverse_kinematics(mechanism, {mechanism.end: goal}, q, locked=joints, limits=False)
+        assert result
+        assert result.closure <= 1e-10
         for joint in joints:
-            assert found.q[mechanism.q_index(joint)] == q[mechanism.q_index(joint)]
-        error = pin.log6(goal.actInv(of_pinocchio(mechanism, found.q, mechanism.end))).vector
+            assert result.q[mechanism.q_index(joint)] == q[mechanism.q_index(joint)]
+        error = pin.log6(goal.actInv(of_pinocchio(mechanism, result.q, mechanism.end))).vector
         assert np.abs(error).max() < 1e-6
     other = pin.SE3(goal.rotation, goal.translation + 0.3 * mechanism.length)
     missed = inverse_kinematics(mechanism, {mechanism.end: other}, q, locked=mechanism.joints, starts=2)
@@ -289,10 +289,10 @@ def test_a_value_is_kept_and_loops_close_there(robot):
     mechanism = robot("gough")
     value = mechanism.q_home[mechanism.q_index("joint3")] + 0.02
     goal = mechanism.placement(mechanism.close(mechanism.configuration({"joint3": value}), ["joint3"]), mechanism.end)
-    found = inverse_kinematics(mechanism, {mechanism.end: goal}, locked={"joint3": value})
-    assert found
-    assert found.q[mechanism.q_index("joint3")] == value
-    assert found.closure <= 1e-10
+    result = inverse_kinematics(mechanism, {mechanism.end: goal}, locked={"joint3": value})
+    assert result
+    assert result.q[mechanism.q_index("joint3")] == value
+    assert result.closure <= 1e-10
 
 
 def test_a_locked_base_stays_and_the_hand_reaches():
@@ -302,9 +302,9 @@ def test_a_locked_base_stays_and_the_hand_reaches():
     assert inverse_kinematics(mechanism, [task])
     assert not inverse_kinematics(mechanism, [task], locked=["base"], starts=5)
     near = of_pinocchio(mechanism, mechanism.configuration({"elbow": 0.7}), "hand")
-    found = inverse_kinematics(mechanism, [cinegen.FrameTask("hand", near, rotation=0)], locked=["base"])
-    assert found
-    assert (found.q[:7] == mechanism.q_home[:7]).all()
+    result = inverse_kinematics(mechanism, [cinegen.FrameTask("hand", near, rotation=0)], locked=["base"])
+    assert result
+    assert (result.q[:7] == mechanism.q_home[:7]).all()
 
 
 def test_what_cannot_be_locked_is_an_error(robot):

@@ -26,7 +26,7 @@ QUILL = """robot arm {{ base {{ }}
 def test_micro_and_giant_robots_move_alike(root, name, unit, factor, wishes, to):
     """The same numbers in another unit."""
     text = (root / f"robots/{name}.raff").read_text()
-    robots = [cinegen.load(text.replace("\n", f"\nunits {one}\n", 1)) for one in ("mm", unit)]
+    robots = [cinegen.load(text.replace("\n", f"\nunits {symbol}\n", 1)) for symbol in ("mm", unit)]
     first, second = robots
     assert second.length == pytest.approx(factor * first.length, rel=1e-12)
     assert (first.mobility, first.actuated) == (second.mobility, second.actuated)

@@ -299,8 +299,8 @@ def test_a_branch_that_is_kept_is_not_left(five_bar, kind):
 def test_where_no_toggle_is_near_a_kept_branch_changes_nothing(robot, name):
     mechanism = robot(name)
     solver, other = Solver(mechanism, TICK, keep_branch=True), Solver(mechanism, TICK)
-    for one in (solver, other):
-        task = one.add_task(mechanism.end, rotation=0)
+    for twin in (solver, other):
+        task = twin.add_task(mechanism.end, rotation=0)
         task.target = pin.SE3(task.target.rotation, task.target.translation + 0.03 * mechanism.length)
     for _ in range(20):
         step = solver.step()
@@ -319,14 +319,14 @@ def test_the_sign_is_that_of_the_determinant_where_the_jacobian_is_square(robot,
         step = rng.normal(size=mechanism.model.nv)
         jacobian = mechanism.loop_jacobian(q)
         motion = step - np.linalg.pinv(jacobian, rcond=1e-9) @ (jacobian @ step)
-        there = mechanism.close(mechanism.integrate(q, 0.05 * motion / np.abs(motion).max() * mechanism.scale))
-        here, after = (mechanism.loop_jacobian(x)[:, columns] for x in (q, there))
+        q_next = mechanism.close(mechanism.integrate(q, 0.05 * motion / np.abs(motion).max() * mechanism.scale))
+        before, after = (mechanism.loop_jacobian(x)[:, columns] for x in (q, q_next))
         if kept is None:
-            kept = np.array(independent(here))
+            kept = np.array(independent(before))
             assert len(kept) == len(columns)
-        signs = np.linalg.slogdet(here[kept])[0] * np.linalg.slogdet(after[kept])[0]
-        assert passes_toggle(mechanism, q, there) == (signs < 0.0)
-        q = there
+        signs = np.linalg.slogdet(before[kept])[0] * np.linalg.slogdet(after[kept])[0]
+        assert passes_toggle(mechanism, q, q_next) == (signs < 0.0)
+        q = q_next
 
 
 def independent(matrix):

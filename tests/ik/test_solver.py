@@ -82,9 +82,9 @@ def test_another_node_follows_from_the_next_tick_on(arm):
     solver, task = arm
     mechanism = solver.mechanism
     node = mechanism.nodes[-2]
-    here = mechanism.placement(solver.q, node)
+    pose = mechanism.placement(solver.q, node)
     task.rotation, task.node = 0, node
-    goal = pin.SE3(here.rotation, here.translation + np.array([0.0, 0.01, -0.01]))
+    goal = pin.SE3(pose.rotation, pose.translation + np.array([0.0, 0.01, -0.01]))
     task.target = goal
     assert ticked(solver, 300).status is Status.FOLLOWING
     assert (task.node, task.frame) == (node, mechanism.frame_id(node))
@@ -150,8 +150,8 @@ def test_what_is_set_of_an_objective_takes_effect_at_once(robot):
     solver = Solver(arm, TICK, arm.random_closed(1, seed=7)[0])
     joint, away = arm.joints[1], arm.random_closed(2, seed=8)[1]
     posture, margin, far = Posture(), LimitMargin(), Manipulability()
-    for one in (posture, margin, far):
-        one.velocity(solver.state)
+    for objective in (posture, margin, far):
+        objective.velocity(solver.state)
     posture.joints, posture.q, posture.rate = {joint: 2.0}, away.tolist(), 3.0
     assert _same_velocity(solver, posture, Posture(away, {joint: 1.0}, 3.0))  # weights are relative
     assert not _same_velocity(solver, posture, Posture())
@@ -262,8 +262,8 @@ def test_ticks_go_on_as_those_of_a_solver_with_the_new_period(robot, name, accel
     solver.dt = after
     assert solver.v == pytest.approx(v, rel=1e-12)
     for _ in range(5):
-        for one in (solver, other):
-            aside(one.tasks[0], speed * after)
+        for twin in (solver, other):
+            aside(twin.tasks[0], speed * after)
         step, expected = solver.step(), other.step()
         assert step.q == pytest.approx(expected.q, abs=1e-12)
         assert step.v == pytest.approx(expected.v, rel=1e-9, abs=1e-12)

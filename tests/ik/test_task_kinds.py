@@ -65,17 +65,17 @@ def test_jacobians_are_the_derivatives_of_errors(name):
 
 def test_every_kind_is_reached_and_changes_at_run_time():
     arm = load("arm7", "arm")
-    there = State(arm, arm.q_home + 0.2, 0.01)
-    tool = there.frame("tool")
+    state = State(arm, arm.q_home + 0.2, 0.01)
+    tool = state.frame("tool")
     tasks = [
-        RelativePose("tool", "link3", there.frame("tool", "link3")),
+        RelativePose("tool", "link3", state.frame("tool", "link3")),
         LookAt("tool", tool.act(np.array([0.0, 0.0, 0.5]))),
         AxisAlong("tool", tool.rotation[:, 0], axis=(1.0, 0.0, 0.0)),
         PointOnLine("tool", tool.translation, (1.0, 2.0, 0.5)),
         PointInPlane("tool", tool.translation, (1.0, 0.0, 1.0)),
         PointAtDistance("tool", tool.act(np.array([0.1, 0.0, 0.0])), 0.1),
-        JointValues({"joint2": there.q[1], "joint4": there.q[3]}),
-        JointEquality({"joint2": 1.0, "joint4": -1.0}, there.q[1] - there.q[3]),
+        JointValues({"joint2": state.q[1], "joint4": state.q[3]}),
+        JointEquality({"joint2": 1.0, "joint4": -1.0}, state.q[1] - state.q[3]),
     ]
     for task in tasks:
         solver = Solver(arm, 0.01)
@@ -214,8 +214,8 @@ def test_the_jacobian_of_a_single_joint_has_one_column(raff):
 def test_a_task_of_ones_own_in_twenty_lines(name):
     mechanism = load(name, None)
     node, other = mechanism.end, mechanism.nodes[0]
-    here = State(mechanism, mechanism.q_home, 0.01)
-    apart = float(np.linalg.norm(here.frame(node).translation - here.frame(other).translation))
+    state = State(mechanism, mechanism.q_home, 0.01)
+    apart = float(np.linalg.norm(state.frame(node).translation - state.frame(other).translation))
     solver = Solver(mechanism, 0.01)
     task = solver.add_task(Distance(node, other, 1.02 * apart))
     for _ in range(200):
@@ -242,21 +242,21 @@ def raises(state):
 def test_a_task_that_fails_is_left_out_of_the_tick_and_told(name, broken, says):
     arm = load("arm7", "arm")
     solver = Solver(arm, 0.01)
-    own, tool = solver.add_task(Distance("tool", "base", 0.6)), solver.add_task("tool", rotation=0)
+    distance, tool = solver.add_task(Distance("tool", "base", 0.6)), solver.add_task("tool", rotation=0)
     solver.step()
-    good = getattr(own, name)
-    setattr(own, name, broken)
+    good = getattr(distance, name)
+    setattr(distance, name, broken)
     for _ in range(3):
         step = solver.step()
         assert step.status is Status.BAD_TARGET
         assert np.isnan(step.errors[0]).all()
         assert step.exceptions
         assert step.task_statuses[0] is Status.BAD_TARGET
-        assert repr(own) in step.problems[0]
+        assert repr(distance) in step.problems[0]
         assert not step.problems[1]
     assert re.search(says, str(step.exceptions[0]))
     assert len(solver.exception_log.messages) == 1
-    setattr(own, name, good)
+    setattr(distance, name, good)
     solver.remove_task(tool)
     step = ticked(solver, 200)
     assert step.status is Status.FOLLOWING
@@ -316,9 +316,9 @@ def test_copies_for_a_look_ahead_follow_bit_for_bit():
 
 def test_inverse_kinematics_takes_all_kinds_and_priorities():
     arm = load("arm7", "arm")
-    there = State(arm, arm.q_home + 0.4, 0.01)
-    pose = cinegen.FrameTask("tool", there.frame("tool"), frame=arm.frame_id("tool"))
-    gaze = LookAt("link5", there.frame("link5").act(np.array([0.0, 0.0, 1.0])), priority=1)
+    state = State(arm, arm.q_home + 0.4, 0.01)
+    pose = cinegen.FrameTask("tool", state.frame("tool"), frame=arm.frame_id("tool"))
+    gaze = LookAt("link5", state.frame("link5").act(np.array([0.0, 0.0, 1.0])), priority=1)
     result = cinegen.inverse_kinematics(arm, [pose, gaze])
     assert result
     assert np.abs(result.errors).max() < 1e-9
@@ -434,9 +434,9 @@ with warnings.catch_warnings():  # qpsolvers misses solvers that no task needs
 def test_a_frame_of_pink_moves_as_one_of_cinegen():
     arm = load("arm7", "arm")
     target, poses = arm.placement(arm.q_home + 0.2, "tool"), []
-    for own in (False, True):
+    for native in (False, True):
         solver = Solver(arm, 0.01)
-        if own:
+        if native:
             solver.add_task("tool", target)
         else:
             task = FrameTask("tool", position_cost=1.0, orientation_cost=1.0)
@@ -447,8 +447,8 @@ def test_a_frame_of_pink_moves_as_one_of_cinegen():
         poses.append(arm.placement(step.q, "tool").homogeneous)
     assert np.allclose(*poses, atol=1e-8)
     assert added.weight == 1.0
-    there = Configuration(arm.model, arm.model.createData(), step.q)
-    assert np.abs(task.compute_error(there)).max() < 1e-8  # by pink
+    configuration = Configuration(arm.model, arm.model.createData(), step.q)
+    assert np.abs(task.compute_error(configuration)).max() < 1e-8  # by pink
 
 
 def test_costs_are_weights_and_rows_of_cost_zero_are_left_out():

@@ -26,7 +26,7 @@ UNIT = np.eye(3)
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "told"),
+    ("name", "value", "says"),
     [
         ("target", None, "target of the task of 'tool' is None: give a pinocchio.SE3"),
         ("target", pin.SE3(UNIT, np.array([0.0, np.nan, 0.0])), r"has the position \[0.0, nan, 0.0\]: give three"),
@@ -54,7 +54,7 @@ UNIT = np.eye(3)
         ("offset", [1.0], r"offset of the task of 'tool' is \[1.0\]: give a point of three finite numbers"),
     ],
 )
-def test_a_bad_value_is_named_and_what_it_must_be(robot, name, value, told):
+def test_a_bad_value_is_named_and_what_it_must_be(robot, name, value, says):
     arm = robot("arm7")
     solver = Solver(arm, DT)
     bad, good = solver.add_task("tool"), solver.add_task("link3", rotation=0)
@@ -63,7 +63,7 @@ def test_a_bad_value_is_named_and_what_it_must_be(robot, name, value, told):
     step = solver.step()
     assert step.status is Status.BAD_TARGET
     assert step.problems == (bad.problem, "") == (bad.problem, good.problem)
-    assert re.search(told, bad.problem), bad.problem
+    assert re.search(says, bad.problem), bad.problem
     assert step.task_statuses == (Status.BAD_TARGET, Status.FOLLOWING)
     assert np.isnan([*step.errors[0], *bad.error]).all()
     assert np.isfinite(step.errors[1]).all()
@@ -163,14 +163,16 @@ def test_a_grip_moves_as_a_frame_does(twins, rotation, axes):
 def test_reach_and_forecast_know_of_it(twins):
     robot, node, at = twins
     q = robot.random_closed(1)[0]
-    there = robot.placement(q, node) * at
-    found = cinegen.inverse_kinematics(robot, [FrameTask(node, there, rotation=0, offset=at)], limits=False)
-    assert found
-    assert np.allclose((robot.placement(found.q, node) * at).translation, there.translation, atol=1e-6)
-    assert max(found.errors[0][:1]) < 1e-6
+    target = robot.placement(q, node) * at
+    result = cinegen.inverse_kinematics(robot, [FrameTask(node, target, rotation=0, offset=at)], limits=False)
+    assert result
+    assert np.allclose((robot.placement(result.q, node) * at).translation, target.translation, atol=1e-6)
+    assert max(result.errors[0][:1]) < 1e-6
     solver, other = cinegen.Solver(robot, 0.01), cinegen.Solver(robot, 0.01)
     task, twin = solver.add_task(node, rotation=0, offset=at), other.add_task("grip", rotation=0)
-    for one in (task, twin):
-        one.target = pin.SE3(one.target.rotation, one.target.translation + np.array([0.0, 0.0, 10.0 * robot.length]))
+    for moved in (task, twin):
+        moved.target = pin.SE3(
+            moved.target.rotation, moved.target.translation + np.array([0.0, 0.0, 10.0 * robot.length])
+        )
     ahead, beyond = cinegen.forecast_motion(solver, 1.0), cinegen.forecast_motion(other, 1.0)
     assert [event.kind for event in ahead.events] == [event.kind for event in beyond.events]

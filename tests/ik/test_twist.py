@@ -51,17 +51,17 @@ def test_a_twist_moves_the_node_by_itself_times_the_seconds(raff, axes, way):
             expected = begin
             for _ in range(240 * seconds):
                 expected = carried(expected, twist, DT, "tool")
-        there = arm.placement(solver.q, "tool")
+        pose = arm.placement(solver.q, "tool")
         late = 0.5 * (DT * float(np.linalg.norm(twist[3:]))) ** 2  # of second order in the last tick alone
-        assert there.translation == pytest.approx(expected.translation, abs=late + 1e-11)
-        assert there.rotation == pytest.approx(expected.rotation, abs=late + 1e-11)
+        assert pose.translation == pytest.approx(expected.translation, abs=late + 1e-11)
+        assert pose.rotation == pytest.approx(expected.rotation, abs=late + 1e-11)
     task.twist = np.zeros(6)
     solver.step()
-    there = arm.placement(solver.q, "tool")  # exactly, now that it rests
+    pose = arm.placement(solver.q, "tool")  # exactly, now that it rests
     # but axes that turn with the node are taken where it is, not where it should be: of second order in a tick
     exact = 1e-6 if turning and twist[3:].any() else 1e-11
-    assert there.translation == pytest.approx(expected.translation, abs=exact)
-    assert there.rotation == pytest.approx(expected.rotation, abs=exact)
+    assert pose.translation == pytest.approx(expected.translation, abs=exact)
+    assert pose.rotation == pytest.approx(expected.rotation, abs=exact)
 
 
 @pytest.mark.parametrize("axes", ["target", "world"])

@@ -44,7 +44,7 @@ def test_a_tick_is_the_least_weighted_motion_of_the_actuated_joints(robot, name)
     plain, solver = aimed(mechanism, SMALL, q), aimed(mechanism, SMALL, q)
     for joint in mechanism.actuated:
         weights[mechanism.v_index(joint)] = solver.joint_weights[joint] = rng.uniform(0.5, 40.0)
-    moved, before = (one.step().v * DT / mechanism.scale for one in (solver, plain))
+    moved, before = (twin.step().v * DT / mechanism.scale for twin in (solver, plain))
     expected = least(mechanism, q, [mechanism.end], weights, before)
     assert np.abs(moved - expected).max() < 1e-4 * np.abs(expected).max()
     assert mechanism.is_constrained or np.abs(before - expected).max() > 0.01 * np.abs(expected).max()
@@ -95,8 +95,8 @@ def test_a_heavy_joint_changes_neither_singular_values_nor_statuses_nor_what_is_
         assert first.status is second.status
         solver.q = other.q = mechanism.q_home
         ends = []
-        for one in (solver, other):
-            step = ticked(one, 400)
+        for twin in (solver, other):
+            step = ticked(twin, 400)
             ends.append((step.status, step.errors[0][0]))
         assert ends[0][0] is ends[1][0]
         assert abs(ends[0][1] - ends[1][1]) < 1e-6 * mechanism.length
@@ -127,9 +127,9 @@ def test_a_weighted_motion_keeps_limits_and_makes_no_task_slower(robot):
     mechanism = robot("arm7")
     low = mechanism.q_home[mechanism.q_index("joint3")] - 0.02
     solver, other = aimed(mechanism, 0.5), aimed(mechanism, 0.5)
-    for one in (solver, other):
-        one.velocity_limits = 0.2
-        one.position_limits["joint3"] = (low, low + 0.05)
+    for twin in (solver, other):
+        twin.velocity_limits = 0.2
+        twin.position_limits["joint3"] = (low, low + 0.05)
     solver.joint_weights = {"joint1": 50.0, "joint2": 20.0}
     first, second = solver.step(), other.step()
     assert first.speed_scale >= second.speed_scale * (1.0 - 1e-9)

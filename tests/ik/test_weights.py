@@ -50,13 +50,13 @@ def test_an_axis_of_weight_0_is_free_and_the_others_are_exact(robot, pattern):
     step = ticked(solver, 80)
     assert step.status is Status.FOLLOWING
     assert max(task.error) <= 1e-9
-    there = arm.placement(step.q, "tool")
-    off = target.rotation.T @ (target.translation - there.translation)
+    pose = arm.placement(step.q, "tool")
+    off = target.rotation.T @ (target.translation - pose.translation)
     assert off[pattern[:3] > 0.0] == pytest.approx(0.0, abs=1e-9)
-    turned = pin.log3(target.rotation.T @ there.rotation)
+    turned = pin.log3(target.rotation.T @ pose.rotation)
     if (pattern[3:] > 0.0).sum() == 2:  # the free axis has its direction, and may rotate about itself
         free = int(np.argmin(pattern[3:]))
-        assert there.rotation[:, free] == pytest.approx(target.rotation[:, free], abs=1e-9)
+        assert pose.rotation[:, free] == pytest.approx(target.rotation[:, free], abs=1e-9)
     else:
         assert turned[pattern[3:] > 0.0] == pytest.approx(0.0, abs=1e-9)
     if not pattern[3:].any():  # nothing moves what no row asks for, but for what the other rows need
@@ -175,10 +175,10 @@ def test_what_can_be_met_together_is_met_whatever_the_weights(robot, name):
         away = task.target.translation + 0.1 * mechanism.length * rng.normal(size=3)
         task.target = pin.SE3(task.target.rotation, away)
         for _ in range(60):
-            there = solver.step().q
+            q_goal = solver.step().q
         solver = Solver(mechanism, 0.01)
         for node in (first, *others):
-            solver.add_task(node, mechanism.placement(there, node), weight=10.0 ** rng.uniform(-4.0, 4.0))
+            solver.add_task(node, mechanism.placement(q_goal, node), weight=10.0 ** rng.uniform(-4.0, 4.0))
         reached(solver, 400)
 
 

@@ -15,12 +15,12 @@ def blocks(seed: int, dependent: bool) -> tuple[np.ndarray, dict, int]:
     first, last, heights = [], [], []
     width = 4 * count + 4
     for _ in range(count):
-        own, new = int(rng.integers(1, 4)), int(rng.integers(2, 4))
+        independent, new = int(rng.integers(1, 4)), int(rng.integers(2, 4))
         begin, end = max(column - int(rng.integers(1, 3)), 0), column + new + 1
-        block = np.zeros((own, width))
-        block[:, begin:end] = rng.normal(size=(own, end - begin))
+        block = np.zeros((independent, width))
+        block[:, begin:end] = rng.normal(size=(independent, end - begin))
         if dependent:
-            block = np.vstack([block, rng.normal(size=(int(rng.integers(0, 3)), own)) @ block])
+            block = np.vstack([block, rng.normal(size=(int(rng.integers(0, 3)), independent)) @ block])
         rows.append(rng.permutation(block))
         heights.append(len(block))
         first += [begin] * len(block)
@@ -53,10 +53,10 @@ def test_motions_and_steps_are_those_of_the_whole_matrix(seed, dependent, scale)
         banded.from_motions(row, rank, tables["tau"], tables["h"], tables["reach"])
     assert q @ q.T == pytest.approx(np.eye(n), abs=1e-12)
     assert j @ q[rank:].T == pytest.approx(np.zeros((len(j), n - rank)), abs=1e-11 * np.linalg.norm(j))
-    there = np.eye(n)
-    for row in there:
+    motions = np.eye(n)
+    for row in motions:
         banded.to_motions(row, rank, tables["tau"], tables["h"], tables["reach"])
-    assert there == pytest.approx(q.T, abs=1e-12)
+    assert motions == pytest.approx(q.T, abs=1e-12)
     x = np.random.default_rng(seed).normal(size=n)
     out = np.zeros(n)
     arguments = (f, rank, tables["order"], tables["tau"], tables["h"], tables["reach"], j @ x)

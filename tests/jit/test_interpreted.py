@@ -34,13 +34,13 @@ def drive(solver: Solver, ticks: int = 40, size: float = 0.2) -> np.ndarray:
     """Configurations on a large motion of the end, which also meets limits and singularities."""
     task = solver.add_task(solver.mechanism.end)
     home, length = task.target.copy(), solver.mechanism.length
-    found = []
+    records = []
     for k in range(ticks):
         shift = size * length * np.array([math.sin(0.1 * k), math.cos(0.07 * k) - 1.0, math.sin(0.15 * k)])
         task.target = home * pin.SE3(pin.exp3(0.3 * np.array([math.sin(0.05 * k), 0.0, 0.02 * k])), shift)
         step = solver.step()
-        found.append([*step.q, *step.v, list(type(step.status)).index(step.status), step.closure])
-    return np.array(found)
+        records.append([*step.q, *step.v, list(type(step.status)).index(step.status), step.closure])
+    return np.array(records)
 
 
 @pytest.mark.parametrize("name", sorted(FEWER))
@@ -72,9 +72,9 @@ def test_loops_are_closed_in_python_as_in_machine_code(robot):
         expected = mechanism.close(q)
         closer = mechanism.structure.closer
         closer._close = lambda handle, closer=closer: close(closer._memory)
-        found = mechanism.close(q)
+        closed = mechanism.close(q)
         del mechanism.structure._scratch.closer
-        np.testing.assert_allclose(found, expected, atol=1e-11)
+        np.testing.assert_allclose(closed, expected, atol=1e-11)
 
 
 def test_division_by_zero_and_roots_of_negative_numbers_do_not_raise_in_python(tmp_path, monkeypatch):

@@ -94,7 +94,7 @@ def test_a_kernel_and_python_see_the_same():
     run = prepare(add_up, Weighted)
     assert run(memory.handle) == 1
     assert memory.sum == expected
-    assert all(one.ctypes.data % 64 == 0 for one in (memory.point, memory.label, memory.weight, memory.first))
+    assert all(buffer.ctypes.data % 64 == 0 for buffer in (memory.point, memory.label, memory.weight, memory.first))
     assert memory.point[:, 0].tolist() == [-1.0] * 4
     assert memory.last.tolist() == [0.5, 1.5, 2.5, 3.5]
     memory.factor = 0.0
@@ -211,9 +211,9 @@ def follow_targets(arm) -> np.ndarray:
         else:
             task.target = task.target * pin.SE3(pin.exp3(np.array([0.0, 0.0, 1e-2])), np.zeros(3))
         records.append(solver.step()._record)
-        wanted, there = task.target, arm.placement(solver.q, "tool")
-        assert np.linalg.norm(wanted.translation - there.translation) < 1e-4
-        assert wanted.rotation == pytest.approx(there.rotation, abs=1e-3)
+        wanted, reached = task.target, arm.placement(solver.q, "tool")
+        assert np.linalg.norm(wanted.translation - reached.translation) < 1e-4
+        assert wanted.rotation == pytest.approx(reached.rotation, abs=1e-3)
     return np.array(records)
 
 

@@ -60,11 +60,11 @@ def drive(mechanism: cinegen.Mechanism, ticks: int) -> np.ndarray:
     """Configurations on the demonstration path, which avoids singularities: these amplify rounding."""
     path, solver = fit_path(mechanism, mechanism.end), driven(mechanism)
     (task,) = solver.tasks
-    found = []
+    trajectory = []
     for k in range(ticks):
         task.target = path.target(k / 240)
-        found.append(solver.step().q)
-    return np.array(found)
+        trajectory.append(solver.step().q)
+    return np.array(trajectory)
 
 
 @pytest.mark.parametrize("name", ["arm7", "delta4", "gough"])
@@ -94,12 +94,12 @@ def test_each_evaluation_of_a_tick_is_a_call_of_pinocchio(robot, name, is_compil
 @every_robot
 def test_two_thousand_ticks_are_those_of_the_kernels_own_kinematics(path, monkeypatch):
     mechanism = cinegen.load(path)
-    found = drive(mechanism, 2000)
+    trajectory = drive(mechanism, 2000)
     monkeypatch.setattr(pinocchio_calls, "native", lambda: Native(reason="a test forbids it"))
     assert driven(mechanism)._memory.evaluate_address == 0
-    differences = np.abs(drive(mechanism, 2000) - found)
-    assert np.ptp(found, axis=0).max() > 0.01
-    assert (differences / np.maximum(np.abs(found), 1.0)).max() <= 1e-14
+    differences = np.abs(drive(mechanism, 2000) - trajectory)
+    assert np.ptp(trajectory, axis=0).max() > 0.01
+    assert (differences / np.maximum(np.abs(trajectory), 1.0)).max() <= 1e-14
 
 
 def test_threads_evaluate_batches_at_the_same_time(robot):
@@ -113,8 +113,8 @@ def test_threads_evaluate_batches_at_the_same_time(robot):
     expected = evaluate(0)
     assert np.isfinite(expected).all()
     with ThreadPoolExecutor(4) as threads:
-        for found in threads.map(evaluate, range(8)):
-            assert np.array_equal(found, expected)
+        for jacobians in threads.map(evaluate, range(8)):
+            assert np.array_equal(jacobians, expected)
 
 
 def test_who_changes_a_model_does_not_change_what_kernels_evaluate():
@@ -161,14 +161,14 @@ def test_a_build_without_a_function_warns_once_with_its_name(monkeypatch, robot)
         (pinocchio_calls, "_DATA", pinocchio_calls._MODEL, "does not know"),
         (foreign, "numbers_at", lambda begin, shape: np.zeros(shape), "results differ"),
         (pin, "integrate", lambda model, q, step: q, "results differ"),
-        (pin, "difference", lambda model, q, there: q, "results differ"),
+        (pin, "difference", lambda model, q, end: q, "results differ"),
     ],
 )
 def test_a_build_in_which_anything_differs_is_not_called(monkeypatch, module, name, value, reason):
     monkeypatch.setattr(module, name, value)
-    found = pinocchio_calls.native()
-    assert reason in found.reason
-    assert found.evaluate == found.integrate == found.difference == 0
+    native = pinocchio_calls.native()
+    assert reason in native.reason
+    assert native.evaluate == native.integrate == native.difference == 0
 
 
 @pytest.mark.usefixtures("unchecked")

@@ -27,9 +27,9 @@ OTHER = 54321
 @pytest.fixture
 def cache(tmp_path, monkeypatch):
     """The folder of a tick's machine code, for which a copy stands."""
-    there, folder = Path(tick._cache.cache_path), tmp_path / "cache of kernels"
+    original, folder = Path(tick._cache.cache_path), tmp_path / "cache of kernels"
     folder.mkdir(mode=0o700)
-    for path in there.glob(f"{Path(tick._cache._cache_file._index_path).stem}*"):  # none of earlier versions
+    for path in original.glob(f"{Path(tick._cache._cache_file._index_path).stem}*"):  # none of earlier versions
         shutil.copy(path, folder)
     for file in folder.iterdir():
         file.chmod(0o600)

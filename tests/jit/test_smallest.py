@@ -34,8 +34,8 @@ def test_it_is_right_to_rounding_however_small_and_however_often_it_occurs(seed,
     rng = np.random.default_rng(seed)
     values = rng.uniform(1.0, 2.0, n)
     values[:times] = 10.0**power
-    found = smallest(scale * with_values(rng, n + more, values)) / scale
-    assert found == pytest.approx(values.min(), rel=1e-12, abs=2e-15 * n)
+    computed = smallest(scale * with_values(rng, n + more, values)) / scale
+    assert computed == pytest.approx(values.min(), rel=1e-12, abs=2e-15 * n)
 
 
 @pytest.mark.parametrize("a", [np.zeros((3, 2)), np.ones((4, 3)), np.c_[np.eye(5), np.zeros(5)]])
@@ -53,7 +53,7 @@ def test_a_sampler_that_is_asked_for_less_gives_the_same(robot, name, counted):
     whole = BatchEvaluator(mechanism, mechanism.end, *counted, (), True).follow(motors)
     less = BatchEvaluator(mechanism, mechanism.end, *counted, (), True, whole=False).follow(motors)
     assert np.isfinite(whole.q).any()
-    for one in ("q", "closure", "passive_sigma"):
-        np.testing.assert_array_equal(getattr(whole, one), getattr(less, one))
+    for attribute in ("q", "closure", "passive_sigma"):
+        np.testing.assert_array_equal(getattr(whole, attribute), getattr(less, attribute))
     np.testing.assert_allclose(less.singular_values[:, -1], whole.singular_values[:, -1], atol=1e-13)
     assert less.placements.shape == less.jacobians.shape == (20, 0, 0)

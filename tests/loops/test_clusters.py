@@ -43,8 +43,8 @@ def test_mobility_is_as_counted_by_hand_and_loops_stay_closed(family):
     mechanism = made(family, 30)
     assert mechanism.mobility == large.MOBILITY[family](30)
     assert len(mechanism.actuated) == mechanism.mobility
-    one = family in ("train", "girder")
-    assert len(mechanism.cluster_ranks) == (1 if one else len(mechanism.loops))
+    single = family in ("train", "girder")
+    assert len(mechanism.cluster_ranks) == (1 if single else len(mechanism.loops))
     dragged(mechanism, ticks=100)
 
 
@@ -95,20 +95,20 @@ def two(rocker: float = 60.0, more: str = "") -> cinegen.Mechanism:
 def test_loops_that_share_no_joint_are_clusters():
     mechanism = two()
     first, second = clusters(mechanism.structure.system)
-    names = [{mechanism.columns[k] for k in one.columns} for one in (first, second)]
+    names = [{mechanism.columns[k] for k in cluster.columns} for cluster in (first, second)]
     assert names == [{"joint1", "joint2", "joint3"}, {"joint11", "joint12", "joint13"}]
-    assert [one.rows.tolist() for one in (first, second)] == [[0, 1, 2, 3, 4], [5, 6, 7, 8, 9]]
+    assert [cluster.rows.tolist() for cluster in (first, second)] == [[0, 1, 2, 3, 4], [5, 6, 7, 8, 9]]
     assert (mechanism.cluster_ranks, mechanism.mobility) == ((2, 2), 3)
     jacobian = mechanism.structure.system.evaluate(mechanism.q_home)[1]
-    for one in (first, second):
-        outside = np.setdiff1d(np.arange(7), one.columns)
-        assert not jacobian[np.ix_(one.rows, outside)].any()
+    for cluster in (first, second):
+        outside = np.setdiff1d(np.arange(7), cluster.columns)
+        assert not jacobian[np.ix_(cluster.rows, outside)].any()
 
 
 def test_a_coupling_links_clusters():
     mechanism = two(more="coupling { link 11 link 1 ratio 1 offset 0 }")
-    (one,) = clusters(mechanism.structure.system)
-    assert (one.loops, one.couplings) == ((0, 1), (0,))
+    (cluster,) = clusters(mechanism.structure.system)
+    assert (cluster.loops, cluster.couplings) == ((0, 1), (0,))
     assert (mechanism.cluster_ranks, mechanism.mobility) == ((5,), 2)
 
 
@@ -119,13 +119,13 @@ def test_a_cluster_alone_has_the_equations_that_it_has_in_the_mechanism(locked):
     q = mechanism.q_home + 0.2 * np.random.default_rng(3).normal(size=7)
     system = (mechanism.with_held(locked, q) if locked else mechanism).structure.system
     residual, jacobian = system.evaluate(q)
-    found = subsystems(system)
-    assert len(found) == 2
-    for one, (own, at) in zip(clusters(system), found, strict=True):
-        alone, own_jacobian = own.evaluate(q[at])
+    parts = subsystems(system)
+    assert len(parts) == 2
+    for cluster, (part, at) in zip(clusters(system), parts, strict=True):
+        alone, own_jacobian = part.evaluate(q[at])
         assert len(at) == 3 - bool(locked)
-        assert alone == pytest.approx(residual[one.rows], abs=1e-14)
-        assert own_jacobian == pytest.approx(jacobian[np.ix_(one.rows, one.columns)], abs=1e-14)
+        assert alone == pytest.approx(residual[cluster.rows], abs=1e-14)
+        assert own_jacobian == pytest.approx(jacobian[np.ix_(cluster.rows, cluster.columns)], abs=1e-14)
 
 
 def test_an_open_cluster_is_named_and_no_other():
@@ -149,10 +149,10 @@ def test_a_cluster_that_can_not_be_closed_does_not_keep_others_open():
 
 def test_random_configurations_move_all_joints_of_several_clusters():
     mechanism = two()
-    found = np.array(mechanism.random_closed(4))
-    assert found.shape == (4, 7)
-    assert (np.abs(found - mechanism.q_home).max(axis=0) > 0.05).all()
-    assert max(mechanism.closure(q) for q in found) <= 1e-12
+    samples = np.array(mechanism.random_closed(4))
+    assert samples.shape == (4, 7)
+    assert (np.abs(samples - mechanism.q_home).max(axis=0) > 0.05).all()
+    assert max(mechanism.closure(q) for q in samples) <= 1e-12
 
 
 def test_motions_of_large_jacobians_are_those_of_their_singular_vectors():

@@ -81,12 +81,12 @@ def check(model: pin.Model, q: np.ndarray, step: np.ndarray, fixed: int = 0) -> 
     kinematics.evaluate(memory, q)
     assert memory.screws == pytest.approx(np.reshape(data.J, (6, -1)).T[fixed:], abs=1e-12)
     assert memory.frames == pytest.approx(np.array([frame_of(placement) for placement in data.oMi]), abs=1e-12)
-    there, back, whole = np.zeros(model.nq), np.zeros(model.nv - fixed), np.concatenate([np.zeros(fixed), step])
-    kinematics.integrate(memory, q, step, there)
-    assert there == pytest.approx(pin.integrate(model, q, whole), abs=1e-12)
-    assert step.any() or there.tobytes() == q.tobytes()  # what does not move stays bit by bit
-    kinematics.difference(memory, q, there, back)
-    assert back == pytest.approx(pin.difference(model, q, there)[fixed:], abs=1e-11)
+    moved, back, whole = np.zeros(model.nq), np.zeros(model.nv - fixed), np.concatenate([np.zeros(fixed), step])
+    kinematics.integrate(memory, q, step, moved)
+    assert moved == pytest.approx(pin.integrate(model, q, whole), abs=1e-12)
+    assert step.any() or moved.tobytes() == q.tobytes()  # what does not move stays bit by bit
+    kinematics.difference(memory, q, moved, back)
+    assert back == pytest.approx(pin.difference(model, q, moved)[fixed:], abs=1e-11)
 
 
 @with_both
@@ -150,10 +150,10 @@ def check_other_lengths(kinds) -> None:
     for kind, joint in zip(kinds, model.joints[1:], strict=True):
         end = joint.idx_q + joint.nq
         longer[end - UNIT_VECTORS.get(kind, 0) : end] *= rng.uniform(0.5, 2.0)
-    given = longer.copy()
-    kinematics.evaluate(memory, given)
+    argument = longer.copy()
+    kinematics.evaluate(memory, argument)
     assert memory.screws == pytest.approx(data.J.T, abs=1e-12)
-    assert np.array_equal(given, longer)
+    assert np.array_equal(argument, longer)
 
 
 @with_both
@@ -231,7 +231,7 @@ def test_mimic_joints_are_refused():
 # Jacobians of loops that the kernels form, against Pinocchio's own constraint Jacobians: every robot, every kind.
 
 
-WITH_LOOPS = [one for one in EVERY if document(one.values[0]).robot(one.values[1]).loops]
+WITH_LOOPS = [param for param in EVERY if document(param.values[0]).robot(param.values[1]).loops]
 
 KEPT = {
     LoopKind.RIGID: [0, 1, 2, 3, 4, 5],
@@ -251,8 +251,8 @@ def pinocchio_rows(system: ClosedLoops, q: np.ndarray) -> list[np.ndarray]:
         datas.append(models[-1].createData())
     data = system.model.createData()
     pin.computeJointJacobians(system.model, data, q)
-    for one, its_data in zip(models, datas, strict=True):
-        one.calc(system.model, data, its_data)
+    for model, its_data in zip(models, datas, strict=True):
+        model.calc(system.model, data, its_data)
     return np.split(pin.getConstraintsJacobian(system.model, data, models, datas), len(system.loops))
 
 

@@ -28,7 +28,7 @@ class Joint(NamedTuple):
     """Of a mechanism: two bodies, and where it is in the world at home."""
 
     kind: LoopKind
-    one: int
+    first: int
     other: int
     place: pin.SE3
 
@@ -43,7 +43,7 @@ class Form(NamedTuple):
     @property
     def length(self) -> float:
         self.system.evaluate(self.q)
-        points = np.array([one.translation for one in self.system.data.oMi])
+        points = np.array([placement.translation for placement in self.system.data.oMi])
         model, screws = self.system.model, self.system.screws()
         moves = np.zeros((len(points), screws.shape[1]), dtype=bool)
         for j in range(1, model.njoints):
@@ -79,9 +79,9 @@ def described(
     while pending:
         body = pending.popleft()
         for i in order:
-            kind, one, other, _ = joints[i]
-            far = other if one == body else one
-            if i in used or body not in (one, other) or far in carriers:
+            kind, first, other, _ = joints[i]
+            far = other if first == body else first
+            if i in used or body not in (first, other) or far in carriers:
                 continue
             used.add(i)
             parent = carriers[body]
@@ -92,9 +92,9 @@ def described(
         model.addFrame(pin.Frame(f"body{body}", carrier, 0, pin.SE3.Identity(), pin.FrameType.BODY))
     for i in order:
         if i not in used:
-            kind, one, other, _ = joints[i]
-            ends = [places[carriers[body]].actInv(drawn[i]) for body in (one, other)]
-            loops.append(LoopConstraint(f"loop{i}", kind, f"body{one}", f"body{other}", *ends))
+            kind, first, other, _ = joints[i]
+            ends = [places[carriers[body]].actInv(drawn[i]) for body in (first, other)]
+            loops.append(LoopConstraint(f"loop{i}", kind, f"body{first}", f"body{other}", *ends))
     return Form(ClosedLoops(model, loops, length), carriers, pin.neutral(model))
 
 
@@ -105,9 +105,9 @@ def random_mechanism(rng: np.random.Generator, size: float = 1.0) -> list[Joint]
     pairs += [tuple(rng.choice(bodies, 2, replace=False).tolist()) for _ in range(int(rng.integers(0, 3)))]
     turning = [LoopKind.REVOLUTE, LoopKind.BALL, LoopKind.REVOLUTE]  # else nothing but nodes gives a scale
     return [
-        Joint(turning[i] if i < 3 else kinds[rng.choice(3, p=[0.6, 0.2, 0.2])], one, other,
+        Joint(turning[i] if i < 3 else kinds[rng.choice(3, p=[0.6, 0.2, 0.2])], first, other,
               pin.SE3(pin.Quaternion(rng.normal(size=4)).normalized().matrix(), size * rng.normal(size=3)))
-        for i, (one, other) in enumerate(pairs)
+        for i, (first, other) in enumerate(pairs)
     ]  # fmt: skip
 
 
@@ -115,32 +115,32 @@ def random_mechanism(rng: np.random.Generator, size: float = 1.0) -> list[Joint]
 def test_they_do_not_depend_on_frames_cuts_base_and_order(seed):
     rng = np.random.default_rng(seed)
     joints = random_mechanism(rng)
-    bodies = 1 + max(max(joint.one, joint.other) for joint in joints)
+    bodies = 1 + max(max(joint.first, joint.other) for joint in joints)
     point, length = rng.normal(size=3), described(joints, 0, list(range(len(joints))), rng).length
     expected = None
     for root in [0, *rng.integers(bodies, size=4).tolist()]:
         form = described(joints, root, rng.permutation(len(joints)).tolist(), rng, length)
         assert form.length == pytest.approx(length, rel=1e-9)
-        found = form.loops(form.q), form.task(form.q, bodies - 2, 0, point)
+        sigmas = form.loops(form.q), form.task(form.q, bodies - 2, 0, point)
         if expected is None:
-            expected = found
-        for own, first in zip(found, expected, strict=True):
-            nonzero = min(np.count_nonzero(own > 1e-7), np.count_nonzero(first > 1e-7))
-            assert own[:nonzero] == pytest.approx(first[:nonzero], abs=1e-9)
-            assert max(own[nonzero:].max(initial=0.0), first[nonzero:].max(initial=0.0)) < 1e-7
+            expected = sigmas
+        for sigma, first in zip(sigmas, expected, strict=True):
+            nonzero = min(np.count_nonzero(sigma > 1e-7), np.count_nonzero(first > 1e-7))
+            assert sigma[:nonzero] == pytest.approx(first[:nonzero], abs=1e-9)
+            assert max(sigma[nonzero:].max(initial=0.0), first[nonzero:].max(initial=0.0)) < 1e-7
 
 
 @pytest.mark.parametrize("size", [1e-6, 1e-3, 1e3])
 def test_the_length_is_proportional_to_size_and_singular_values_are_not(size):
     small, large = (random_mechanism(np.random.default_rng(3), s) for s in (1.0, size))
     order = list(range(len(small)))
-    one, other = (
+    of_small, other = (
         described(joints, 0, order, np.random.default_rng(1), 1.0, s) for joints, s in ((small, 1.0), (large, size))
     )
-    assert other.length == pytest.approx(size * one.length, rel=1e-9)
+    assert other.length == pytest.approx(size * of_small.length, rel=1e-9)
     forms = [
         described(joints, 0, order, np.random.default_rng(1), form.length, s)
-        for joints, form, s in ((small, one, 1.0), (large, other, size))
+        for joints, form, s in ((small, of_small, 1.0), (large, other, size))
     ]
     assert forms[0].loops(forms[0].q) == pytest.approx(forms[1].loops(forms[1].q), abs=1e-9)
 
@@ -162,9 +162,9 @@ def test_axes_that_nearly_meet_give_no_scale_and_small_changes_change_little():
     assert length(0.0) == pytest.approx(0.1)
     assert length(1e-5) == pytest.approx(0.1, rel=1e-3)
     offsets = np.geomspace(1e-6, 0.1, 200)
-    found = np.array([length(off) for off in offsets])
-    assert (np.abs(np.diff(np.log(found))) < 3.0 * np.diff(np.log(offsets))).all()
-    assert found[-1] < 0.3
+    lengths = np.array([length(off) for off in offsets])
+    assert (np.abs(np.diff(np.log(lengths))) < 3.0 * np.diff(np.log(offsets))).all()
+    assert lengths[-1] < 0.3
 
 
 @pytest.mark.parametrize("tilt", [0.0, 1e-12, 1e-8, 1e-5, 1e-3])
@@ -174,8 +174,8 @@ def test_axes_that_are_nearly_parallel_have_the_length_of_parallel_ones(tilt):
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     screws = np.vstack([np.cross(points, directions).T, directions.T])
     exact = np.sqrt(3.0 * ((points[:, :2] - points[:, :2].mean(axis=0)) ** 2).sum() / 5.0)
-    found = characteristic_length(screws, points, np.zeros((5, 5), dtype=bool))
-    assert found == pytest.approx(exact, rel=10.0 * tilt + 1e-9)
+    length = characteristic_length(screws, points, np.zeros((5, 5), dtype=bool))
+    assert length == pytest.approx(exact, rel=10.0 * tilt + 1e-9)
 
 
 def test_the_characteristic_length_of_a_bar_on_a_hinge_is_that_of_the_bar(raff):

@@ -73,7 +73,7 @@ def declared(folder: Path, kind: str, joints: str) -> tuple[cinegen.Mechanism, l
             names = ", ".join(f"joint{number}" for number in joints)
             (folder / "p.yaml").write_text(f"name_mot: [{names}]", encoding="utf-8")
         mechanism = cinegen.load(path)
-    return mechanism, [str(one.message) for one in met if "actuated" in str(one.message)]
+    return mechanism, [str(warning.message) for warning in met if "actuated" in str(warning.message)]
 
 
 SYNTAX = {
@@ -127,9 +127,9 @@ def test_too_few_actuated_joints_are_noted_with_those_that_are_missing(kind, tmp
 
 
 def test_what_an_sdf_says_of_actuated_joints_must_be_true_or_false():
-    own = '<raff:robot xmlns:raff="urn:raff2urdf"><raff:joint name="turn" actuated="yes"/></raff:robot>'
+    element = '<raff:robot xmlns:raff="urn:raff2urdf"><raff:joint name="turn" actuated="yes"/></raff:robot>'
     with pytest.raises(cinegen.CinegenError, match="actuated='yes' of a raff:joint must be true or false"):
-        cinegen.load(SDF.format(own))
+        cinegen.load(SDF.format(element))
 
 
 # --- drives -----------------------------------------------------------------------------------------------------------
@@ -160,7 +160,7 @@ def interfaces(*names):
     """As of ROS 2; the other joints are only measured."""
     commands = "<command_interface name='position'/>"
     states = "<state_interface name='position'/>"
-    joints = "".join(f'<joint name="{one}">{commands if one in names else ""}{states}</joint>' for one in "abcd")
+    joints = "".join(f'<joint name="{joint}">{commands if joint in names else ""}{states}</joint>' for joint in "abcd")
     return f'<ros2_control name="hw" type="system"><hardware/>{joints}</ros2_control>'
 
 
@@ -204,12 +204,12 @@ def test_what_the_user_or_a_file_states_is_stronger(tmp_path, text_file):
     ("abcd", "depend on each other: [abcd], [abcd] are passive"),
 ])  # fmt: skip
 def test_a_set_that_does_not_determine_the_motion_is_replaced_with_a_warning(named, says):
-    with pytest.warns(UserWarning, match=says) as told:
+    with pytest.warns(UserWarning, match=says) as warned:
         mechanism = cinegen.load(FIVE_BAR.format(transmissions(*named)))
     assert len(mechanism.actuated) == len({*mechanism.actuated}) == 2
     assert {*mechanism.actuated} <= {*named} or {*named} <= {*mechanism.actuated}
     assert (mechanism.uncontrolled, mechanism.dependent) == ((), ())
-    assert "--actuated JOINTS (in Python actuated=[...]) names others" in str(told[0].message)
+    assert "--actuated JOINTS (in Python actuated=[...]) names others" in str(warned[0].message)
     again = build(mechanism.source.urdf, mechanism.source.constraints)
     assert again.actuated == mechanism.actuated
     assert load_quietly(FIVE_BAR.format(transmissions(*named)), ["b", "d"]).actuated == ("b", "d")

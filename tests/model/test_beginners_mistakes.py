@@ -142,9 +142,9 @@ def words(text: str, said: re.Match[str]) -> str:
     after, before, line = said[1].split(), said[2].split(), int(said[3]) - 1
     lines = text.split("\n")
     for word, value, old, was in zip(after[::2], after[1::2], before[::2], before[1::2], strict=True):
-        found = re.compile(rf"\b{old} {re.escape(was)}(?![\d.])")
+        written = re.compile(rf"\b{old} {re.escape(was)}(?![\d.])")
         default = re.compile(r"(?= \})")  # what is not written stands before the end of the block
-        place = found if found.search(lines[line]) else default
+        place = written if written.search(lines[line]) else default
         lines[line] = place.sub(f" {word} {value}" if place is default else f"{word} {value}", lines[line], count=1)
     return "\n".join(lines)
 
@@ -376,8 +376,8 @@ def test_the_first_message_names_the_edit_that_repairs_a_mistake(mistake: Mistak
     assert mended.closure(mended.q_home) <= 1e-10
     assert mended.q_home == pytest.approx(meant.q_home, abs=1e-6)
     for node in meant.nodes if mistake.name not in MOVED else ():
-        placed, there = (one.placement(one.q_home, node).homogeneous for one in (mended, meant))
-        assert placed == pytest.approx(there, abs=1e-6)
+        placed, expected = (mechanism.placement(mechanism.q_home, node).homogeneous for mechanism in (mended, meant))
+        assert placed == pytest.approx(expected, abs=1e-6)
     for joint in meant.limits if mistake.right != "MJCF" else ():
         assert mended.limits[joint] == pytest.approx(meant.limits[joint], abs=1e-2)
 

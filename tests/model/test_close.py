@@ -27,8 +27,8 @@ def by_numpy(mechanism: cinegen.Mechanism, q: np.ndarray, locked: tuple[str, ...
 def some_locked(mechanism: cinegen.Mechanism, rng: np.random.Generator) -> tuple[str, ...]:
     """None, all motors, some of them, or any joints."""
     actuated, count = list(mechanism.actuated), int(rng.integers(1, mechanism.mobility + 1))
-    ways = [[], actuated, actuated, rng.choice(actuated, min(count, len(actuated)), replace=False)]
-    return tuple(map(str, [*ways, rng.choice(mechanism.joints, count, replace=False)][rng.integers(5)]))
+    choices = [[], actuated, actuated, rng.choice(actuated, min(count, len(actuated)), replace=False)]
+    return tuple(map(str, [*choices, rng.choice(mechanism.joints, count, replace=False)][rng.integers(5)]))
 
 
 @pytest.mark.parametrize("name", CLOSED)
@@ -49,12 +49,12 @@ def assert_closed_as_by_numpy(mechanism, start, locked=("joint1",), within=1e-9)
             mechanism.close(start, locked)
         return
     before = start.copy()
-    found = mechanism.close(start, locked)
+    closed = mechanism.close(start, locked)
     assert np.array_equal(start, before)
-    assert mechanism.closure(found) <= 1e-12
-    assert found == pytest.approx(expected.q, abs=within)
+    assert mechanism.closure(closed) <= 1e-12
+    assert closed == pytest.approx(expected.q, abs=within)
     held = [mechanism.q_index(joint) for joint in locked]
-    assert found[held].tobytes() == start[held].tobytes()
+    assert closed[held].tobytes() == start[held].tobytes()
 
 
 @pytest.mark.parametrize("off", [0.0, 1e-9, 1e-3])

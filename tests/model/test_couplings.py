@@ -38,7 +38,7 @@ def test_random_couplings_on_random_mechanisms(seed):
     memory = set_up(LoopMemory(), mechanism.structure.system, mechanism.cluster_ranks)
     q = mechanism.q_home + rng.normal(size=mechanism.model.nq)
     assert mechanism.loop_residual(q) == pytest.approx(lacks(mechanism, q), rel=1e-12, abs=1e-12)
-    ends = [(lacks(mechanism, q + 1e-6 * one), lacks(mechanism, q - 1e-6 * one)) for one in np.eye(len(q))]
+    ends = [(lacks(mechanism, q + 1e-6 * unit), lacks(mechanism, q - 1e-6 * unit)) for unit in np.eye(len(q))]
     differences = [(ahead - behind) / 2e-6 for ahead, behind in ends]
     jacobian = mechanism.loop_jacobian(q)
     assert jacobian == pytest.approx(np.array(differences).T, rel=1e-6, abs=1e-6 * max(1.0, np.abs(jacobian).max()))

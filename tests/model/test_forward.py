@@ -113,9 +113,9 @@ def test_it_begins_on_the_branch_that_it_is_given(robot):
 def test_a_mechanism_in_micrometres_moves_as_its_twin_in_metres():
     """All thresholds are parts of the characteristic length."""
     small, large = (cinegen.load(four_bar(lengths=size * np.array([120, 400, 360, 240]))) for size in (1e-6, 1e3))
-    one, other = ForwardKinematics(small), ForwardKinematics(large)
+    motion, other = ForwardKinematics(small), ForwardKinematics(large)
     for crank in (0.9, 2.0, 9.0, -4.0):
-        assert one.move({"joint1": crank}) == pytest.approx(other.move({"joint1": crank}), abs=1e-9)
+        assert motion.move({"joint1": crank}) == pytest.approx(other.move({"joint1": crank}), abs=1e-9)
 
 
 @pytest.mark.parametrize("name", ["hybrid", "delta4_linear", "differential_wrist", "rx90"])
@@ -129,9 +129,9 @@ def test_rates_are_derivatives_of_the_motion(robot, name):
     def away(t):
         values = at(mechanism, mechanism.q_home, mechanism.actuated) + v * t + 0.5 * a * t * t
         q = ForwardKinematics(mechanism).move(dict(zip(mechanism.actuated, values.tolist(), strict=True)))
-        return mechanism.difference(here, q)
+        return mechanism.difference(start, q)
 
-    here = ForwardKinematics(mechanism).move({})
+    start = ForwardKinematics(mechanism).move({})
     scale = mechanism.scale
     assert velocities / scale == pytest.approx((away(h) - away(-h)) / (2.0 * h) / scale, abs=1e-7)
     assert accelerations / scale == pytest.approx((away(h) + away(-h)) / h**2 / scale, abs=1e-5)

@@ -28,7 +28,7 @@ def blocks(text):
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         cinegen.load(text)
-    return [str(one.message) for one in said if "let no joint move" in str(one.message)]
+    return [str(warning.message) for warning in said if "let no joint move" in str(warning.message)]
 
 
 def test_fingers_that_would_leave_their_limits_both_ways_are_named_and_no_others():
@@ -62,8 +62,8 @@ def test_limits_without_a_range_are_told():
         cinegen.load(hand((0, 0, None), (0.5, 0.5, None)))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        one, none = cinegen.load(hand((0, 0, None), (0, 1, None))), cinegen.load(hand((0, 1, None), (0, 1, None)))
-    assert one.source.notes == ("the lower limit is the upper limit of f0: they can't move",)
+        frozen, none = cinegen.load(hand((0, 0, None), (0, 1, None))), cinegen.load(hand((0, 1, None), (0, 1, None)))
+    assert frozen.source.notes == ("the lower limit is the upper limit of f0: they can't move",)
     assert none.source.notes == ()
 
 
@@ -123,10 +123,10 @@ def test_what_is_not_closed_in_the_plane_is_told_with_the_edit_that_does(raff, g
     with pytest.raises(cinegen.ClosureError) as caught:
         raff(bars(gap, turned=turned).partition("\n")[2], relax=relax)
     edit = r"It closes with a frame on frame5, '(?P<edit>parameters .*)', lengths in mm"
-    found = re.search(says + edit, str(caught.value))
-    assert found, caught.value
+    match = re.search(says + edit, str(caught.value))
+    assert match, caught.value
     mended = bars(gap, turned=turned, end="frame 6")
-    mended = mended.replace("constraint", f"frame 6 {{ {found['edit']} pred 5 }}\n constraint")
+    mended = mended.replace("constraint", f"frame 6 {{ {match['edit']} pred 5 }}\n constraint")
     assert cinegen.load(mended, relax=False).mobility == 1
 
 
@@ -222,6 +222,6 @@ def test_modes_are_counted_without_them():
     """A crank moves a rocker by a rod between ball joints: two configurations for each angle of the crank."""
     mechanism = cinegen.load(rssr())
     assert (mechanism.mobility, len(mechanism.structure.idle), mechanism.actuated) == (2, 1, ("joint1",))
-    found = cinegen.assembly_modes(mechanism)
-    rockers = {round(float(q[mechanism.q_index("joint3")]), 6) for q in found.configurations}
-    assert len(found.configurations) == len(rockers) == 2
+    modes = cinegen.assembly_modes(mechanism)
+    rockers = {round(float(q[mechanism.q_index("joint3")]), 6) for q in modes.configurations}
+    assert len(modes.configurations) == len(rockers) == 2

@@ -35,9 +35,9 @@ def arm(raff):
     ({"joint3": 1e3}, {}),
 ])  # fmt: skip
 def test_a_joint_beyond_either_limit_is_reported_with_that_limit_in_file_order(arm, values, expected):
-    found = arm.limits.exceeded(arm.configuration(values))
-    assert list(found) == list(expected)
-    assert found == pytest.approx(expected, abs=1e-12)
+    exceeded = arm.limits.exceeded(arm.configuration(values))
+    assert list(exceeded) == list(expected)
+    assert exceeded == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize(("value", "sign"), [(0.2, 1.0), (-0.05, -1.0)])
@@ -88,9 +88,9 @@ def test_limits_of_velocity_and_effort_are_those_of_a_urdf_and_infinite_where_it
         joint_at(f"j{k}", f"l{k}", f"l{k + 1}", inside=f'<limit lower="-1" upper="1" {limit}/>', kind="revolute")
         for k, limit in enumerate(limits)
     ]
-    found = cinegen.load(robot(links("l0", "l1", "l2", "l3"), *joints)).limits
+    bounds = cinegen.load(robot(links("l0", "l1", "l2", "l3"), *joints)).limits
     nothing = (-1, 1, math.inf, math.inf)
-    assert [tuple(found[joint]) for joint in found] == [(-1, 1, 0.3, 0.5), nothing, nothing]
+    assert [tuple(bounds[joint]) for joint in bounds] == [(-1, 1, 0.3, 0.5), nothing, nothing]
 
 
 def test_whether_configurations_are_within_limits_is_told_of_many_at_once(arm):

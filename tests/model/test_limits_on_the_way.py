@@ -66,7 +66,7 @@ def test_a_joint_that_leaves_its_limit_and_comes_back_is_told(robot, name, chang
         assert (said[1], float(said[2])) == (joint, pytest.approx(limit, rel=1e-5))
         assert np.array_equal(motion.q, mechanism.q_home)  # nothing has moved, and it still can
         part = float(said[4]) / 100.0
-        place = {one.split()[0]: float(one.split()[2]) for one in said[3].split(", ")}
+        place = {entry.split()[0]: float(entry.split()[2]) for entry in said[3].split(", ")}
         assert place == pytest.approx(goals(mechanism, change * part), abs=0.02)
         q = ForwardKinematics(mechanism).move(place)  # where the limit is reached
         assert q[mechanism.q_index(joint)] == pytest.approx(limit, abs=1e-4)
@@ -179,15 +179,15 @@ def test_derivatives_of_loops_are_bounded_as_the_proof_says(robot, name):
         system.evaluate(q)
         columns, row = np.asarray(system.data.J) * system.scale, 0
         for i, (loop, anchor) in enumerate(zip(system.loops, system.anchors, strict=True)):
-            own = system.columns[i]
+            cols = system.columns[i]
             end = (system.data.oMi[anchor[2]] * anchor[3]).translation
-            speed = np.linalg.norm(columns[:3, own].T + np.cross(columns[3:, own].T, end), axis=1) / system.length
-            turned = np.linalg.norm(columns[3:, own], axis=0)
+            speed = np.linalg.norm(columns[:3, cols].T + np.cross(columns[3:, cols].T, end), axis=1) / system.length
+            turned = np.linalg.norm(columns[3:, cols], axis=0)
             width = np.where(turned > 0.0, turned, speed)
             lever = max(1.0, (speed / np.where(turned > 0.0, turned, np.inf)).max())
-            travelled = float(width @ np.abs(v[own]))
-            found = np.linalg.norm(second[row : row + loop.rows])
-            assert found <= np.hypot(lever, 1.0) * travelled**2 * (1.0 + 1e-2)
+            travelled = float(width @ np.abs(v[cols]))
+            norm = np.linalg.norm(second[row : row + loop.rows])
+            assert norm <= np.hypot(lever, 1.0) * travelled**2 * (1.0 + 1e-2)
             row += loop.rows
 
 

@@ -127,10 +127,10 @@ def test_the_mechanism_is_that_of_the_file(folder, monkeypatch, ending):
     monkeypatch.chdir("/")
     assert (text.name, text.nodes, text.joints, text.mobility) == (file.name, file.nodes, file.joints, file.mobility)
     np.testing.assert_array_equal(text.q_home, file.q_home)
-    for own, other in zip(text.model.inertias, file.model.inertias, strict=True):
-        np.testing.assert_array_equal(own.toDynamicParameters(), other.toDynamicParameters())
+    for body, other in zip(text.model.inertias, file.model.inertias, strict=True):
+        np.testing.assert_array_equal(body.toDynamicParameters(), other.toDynamicParameters())
     if ending != ".sdf":
-        boxes = [[Path(one.meshPath).name for one in robot.collision.geometryObjects] for robot in (text, file)]
+        boxes = [[Path(shape.meshPath).name for shape in robot.collision.geometryObjects] for robot in (text, file)]
         assert boxes[0] == boxes[1]
         assert any("box" in name for name in boxes[0])
 
@@ -208,15 +208,15 @@ def test_frames_jacobians_and_masses_are_the_models(name, root):
     bodies = {frame.name for frame in model.frames if frame.type == pin.FrameType.BODY} - {"universe"}
     assert bodies <= {*mechanism.nodes}
     q = pin.integrate(model, pin.neutral(model), np.random.default_rng(1).normal(size=model.nv))
-    one, other = model.createData(), mechanism.model.createData()
-    pin.framesForwardKinematics(model, one, q)
+    data, other = model.createData(), mechanism.model.createData()
+    pin.framesForwardKinematics(model, data, q)
     pin.framesForwardKinematics(mechanism.model, other, q)
-    jacobians = [pin.computeJointJacobians(*pair, q) for pair in ((model, one), (mechanism.model, other))]
+    jacobians = [pin.computeJointJacobians(*pair, q) for pair in ((model, data), (mechanism.model, other))]
     np.testing.assert_allclose(jacobians[1], jacobians[0], atol=1e-14)
-    np.testing.assert_allclose(pin.crba(mechanism.model, other, q), pin.crba(model, one, q), atol=1e-13)
+    np.testing.assert_allclose(pin.crba(mechanism.model, other, q), pin.crba(model, data, q), atol=1e-13)
     for body in bodies:
-        there = one.oMf[model.getFrameId(body, pin.FrameType.BODY)]
-        np.testing.assert_allclose(other.oMf[mechanism.frame_id(body)].homogeneous, there.homogeneous, atol=1e-14)
+        placed = data.oMf[model.getFrameId(body, pin.FrameType.BODY)]
+        np.testing.assert_allclose(other.oMf[mechanism.frame_id(body)].homogeneous, placed.homogeneous, atol=1e-14)
 
 
 @pytest.mark.parametrize("kind", [pin.ContactType.CONTACT_6D, pin.ContactType.CONTACT_3D])

@@ -286,9 +286,9 @@ def test_what_is_not_read_of_an_mjcf_is_listed(text_file):
     assert mjcf.read(path).ignored == ["equality constraint 'g' (not active)", "limits of tendon 'two'"]
     notes = cinegen.load(path).source.notes
     assert notes == ("not read: equality constraint 'g' (not active)", "not read: limits of tendon 'two'")
-    found = mjcf.read(path, ignore=["e"])
-    assert [coupling["name"] for coupling in found.constraints["couplings"]] == ["f"]
-    assert found.ignored[0] == "equality constraint 'e'"
+    loaded = mjcf.read(path, ignore=["e"])
+    assert [coupling["name"] for coupling in loaded.constraints["couplings"]] == ["f"]
+    assert loaded.ignored[0] == "equality constraint 'e'"
 
 
 @pytest.mark.parametrize(("equality", "says"), [

@@ -120,7 +120,7 @@ def test_a_loop_of_each_dialect_is_closed(dialect, write):
     assert mechanism.mobility == 1
     assert mechanism.joints == ("drive", "elbow", "swing")
     assert mechanism.actuated == ("drive",)
-    assert [(one.name, one.kind.name.lower()) for one in mechanism.loops] == [(loop, kind)]
+    assert [(closed_loop.name, closed_loop.kind.name.lower()) for closed_loop in mechanism.loops] == [(loop, kind)]
     assert mechanism.gap_as_written <= 1e-15  # all joints at 0 is closed
     assert mechanism.source.dialects == (name,)
     closure, farthest = dragged(mechanism)
@@ -309,8 +309,8 @@ def test_couplings_of_each_dialect_hold(dialect, write):
     for q in [mechanism.q_home, *np.atleast_2d(mechanism.random_closed(3, 0))]:
         a = q[mechanism.q_index("a")]
         for joint, slope in slopes.items():
-            own = q[mechanism.q_index(joint)]
-            assert own == pytest.approx(slope * a + offsets.get(joint, 0.0), abs=1e-10)
+            position = q[mechanism.q_index(joint)]
+            assert position == pytest.approx(slope * a + offsets.get(joint, 0.0), abs=1e-10)
     assert dragged(mechanism)[0] <= 1e-10
 
 
@@ -403,13 +403,13 @@ def test_loop_closures_of_robonex(kind, write, tmp_path):
 # --- several dialects at once ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("one", LOOPS)
-def test_a_loop_that_two_dialects_declare_is_closed_once(one, write):
-    other = "Gazebo joint" if LOOPS[one][3] == "ball" else "Isaac Sim"
-    mechanism = cinegen.load(write(LOOPS[one][0] + LOOPS[other][0]))
+@pytest.mark.parametrize("dialect", LOOPS)
+def test_a_loop_that_two_dialects_declare_is_closed_once(dialect, write):
+    other = "Gazebo joint" if LOOPS[dialect][3] == "ball" else "Isaac Sim"
+    mechanism = cinegen.load(write(LOOPS[dialect][0] + LOOPS[other][0]))
     assert len(mechanism.loops) == 1
     assert mechanism.mobility == 1
-    kinds = {LOOPS[one][3], LOOPS[other][3]}
+    kinds = {LOOPS[dialect][3], LOOPS[other][3]}
     assert mechanism.loops[0].kind.name.lower() == ("revolute" if "revolute" in kinds else "ball")
 
 

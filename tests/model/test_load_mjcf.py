@@ -171,11 +171,11 @@ def test_a_body_that_is_tied_to_the_world_is_turned_into_raff(write, free):
     text = f"<body name='hull' pos='0 0 1'>{free}<geom size='1'/>{arm}</body>"
     tie = "<equality><connect name='tie' body1='arm' anchor='0 0 0.5'/></equality>"
     path = write(text=f"<mujoco><worldbody>{text}</worldbody>{tie}</mujoco>")
-    found = raff2urdf.to_raff(path, path.with_suffix(".raff"))
+    made = raff2urdf.to_raff(path, path.with_suffix(".raff"))
     mechanism = cinegen.load(path.with_suffix(".raff"))
     assert len(mechanism.loops) == 1
     assert mechanism.mobility == cinegen.load(path).mobility == (4 if free else 1)
-    assert mechanism.placement(mechanism.q_home, found.nodes["hull"]).translation.tolist() == [0.0, 0.0, 1.0]
+    assert mechanism.placement(mechanism.q_home, made.nodes["hull"]).translation.tolist() == [0.0, 0.0, 1.0]
 
 
 EFFORTS = """<mujoco>
@@ -306,11 +306,11 @@ def test_gravity_of_the_file_is_that_of_sessions_and_of_what_is_saved():
 def test_what_forces_leave_out_is_told(typed, text_file):
 
     path = text_file("arm.xml", ARM.format(more='damping="3 0.1" frictionloss="0.2" stiffness="9"'))
-    told = "forces leave out the nonlinear damping of shoulder, the springs of shoulder"
-    assert told in cinegen.load(path).source.notes
-    assert f"note: {told}\n  gravity: 1, -4, -6 m/s2\n" in typed("forces", path).out
+    left_out = "forces leave out the nonlinear damping of shoulder, the springs of shoulder"
+    assert left_out in cinegen.load(path).source.notes
+    assert f"note: {left_out}\n  gravity: 1, -4, -6 m/s2\n" in typed("forces", path).out
     report = json.loads(typed("forces", path, "--json", "--gravity", "0,0,-2").out)
-    assert (report["notes"], report["gravity"], report["resting"]) == ([told], [0.0, 0.0, -2.0], ["shoulder"])
+    assert (report["notes"], report["gravity"], report["resting"]) == ([left_out], [0.0, 0.0, -2.0], ["shoulder"])
     assert report["torques"][0]["band"] == pytest.approx(0.2)
     assert not any("leave out" in note for note in cinegen.load(ARM.format(more="")).source.notes)
 
@@ -321,9 +321,9 @@ def test_what_acts_on_balls_and_tendons_is_told_too():
       <tendon><fixed name="belt" {belt}><joint joint="hinge" coef="2"/></fixed></tendon>
       <actuator><motor name="reel" tendon="belt" {reel}/></actuator></mujoco>"""
     numbers = 'armature="1" damping="1" frictionloss="1"'
-    told = cinegen.load(text.format(ball=numbers, belt=numbers, reel='armature="1" damping="1"')).source.notes
+    notes = cinegen.load(text.format(ball=numbers, belt=numbers, reel='armature="1" damping="1"')).source.notes
     friction = "the damping of ball, belt, reel, the friction of ball, belt, the armature of ball, belt, reel"
-    assert f"forces leave out {friction}" in told
+    assert f"forces leave out {friction}" in notes
     assert not any("leave out" in note for note in cinegen.load(text.format(ball="", belt="", reel="")).source.notes)
 
 
@@ -332,10 +332,10 @@ def test_urdf2raff_keeps_gravity_and_torques(tmp_path):
     path.write_text(ARM.format(more='damping="3" frictionloss="0.2"'))
     made = raff2urdf.to_raff(path, raff)
     assert made.document.gravity == (1.0, -4.0, -6.0)
-    there, back, rng = cinegen.load(path), cinegen.load(raff), np.random.default_rng(2)
+    original, back, rng = cinegen.load(path), cinegen.load(raff), np.random.default_rng(2)
     q, v, a = rng.normal(size=(3, 3))
-    moved = q + [made.offsets[made.joints[joint]] for joint in there.joints]
-    assert InverseDynamics(back).torques(moved, v, a) == pytest.approx(InverseDynamics(there).torques(q, v, a))
+    moved = q + [made.offsets[made.joints[joint]] for joint in original.joints]
+    assert InverseDynamics(back).torques(moved, v, a) == pytest.approx(InverseDynamics(original).torques(q, v, a))
 
 
 @pytest.mark.parametrize("handle", [
@@ -352,8 +352,8 @@ def test_a_mocap_body_is_a_handle_not_a_loop(handle):
     (note,) = [note for note in mechanism.source.notes if "handle" in note]
     assert "'fore' to the mocap body 'handle'" in note
     assert "a task on 'fore' moves it" in note
-    there = mechanism.placement(np.array([0.3, -0.2, 0.0]), "fore")
-    assert cinegen.inverse_kinematics(mechanism, {"fore": there})
+    pose = mechanism.placement(np.array([0.3, -0.2, 0.0]), "fore")
+    assert cinegen.inverse_kinematics(mechanism, {"fore": pose})
 
 
 def test_a_keyframe_places_free_bodies():

@@ -40,47 +40,47 @@ def converted(path, robot, out, dialect):
     """The URDF of a robot, and the loops and couplings for which the dialect has no notation."""
     with warnings.catch_warnings(record=True) as seen:
         warnings.simplefilter("always")
-        made = [one for one in convert(path, out, dialect=dialect) if one.robot == robot]
-    lost = [str(one.message) for one in seen if "only cinegen reads them" in str(one.message)]
+        made = [result for result in convert(path, out, dialect=dialect) if result.robot == robot]
+    lost = [str(warning.message) for warning in seen if "only cinegen reads them" in str(warning.message)]
     lost = [message for message in lost if f"robot '{robot}'" in message]
     return made[0].file, re.findall("(?:loop|coupling) '[^']*'", lost[0]) if lost else []
 
 
-def assert_same(back, there):
-    assert np.array_equal(back.q_home, there.q_home)
-    assert (back.mobility, back.loop_rank) == (there.mobility, there.loop_rank)
-    assert (back.joints, back.actuated, back.nodes) == (there.joints, there.actuated, there.nodes)
+def assert_same(back, source):
+    assert np.array_equal(back.q_home, source.q_home)
+    assert (back.mobility, back.loop_rank) == (source.mobility, source.loop_rank)
+    assert (back.joints, back.actuated, back.nodes) == (source.joints, source.actuated, source.nodes)
     assert [(loop.name, loop.kind, loop.first, loop.second) for loop in back.loops] == [
-        (loop.name, loop.kind, loop.first, loop.second) for loop in there.loops
+        (loop.name, loop.kind, loop.first, loop.second) for loop in source.loops
     ]
-    assert list(map(str, back.couplings)) == list(map(str, there.couplings))
-    assert [one.name for one in back.couplings] == [one.name for one in there.couplings]
-    assert (back.sensors, back.sensor_constraints) == (there.sensors, there.sensor_constraints)
+    assert list(map(str, back.couplings)) == list(map(str, source.couplings))
+    assert [coupling.name for coupling in back.couplings] == [coupling.name for coupling in source.couplings]
+    assert (back.sensors, back.sensor_constraints) == (source.sensors, source.sensor_constraints)
     for word in ("lowerPositionLimit", "upperPositionLimit", "upperVelocityLimit", "upperEffortLimit"):
-        assert np.array_equal(getattr(back.model, word), getattr(there.model, word))
+        assert np.array_equal(getattr(back.model, word), getattr(source.model, word))
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
 def test_every_dialect_comes_back_bit_for_bit(original, dialect, tmp_path):
-    path, there = original
-    urdf, _ = converted(path, there.name, tmp_path / "made", dialect)
-    assert_same(cinegen.load(urdf), there)
+    path, source = original
+    urdf, _ = converted(path, source.name, tmp_path / "made", dialect)
+    assert_same(cinegen.load(urdf), source)
     if dialect != "json":
         (tmp_path / "moved").mkdir()
-        assert_same(cinegen.load(shutil.copy(urdf, tmp_path / "moved")), there)
+        assert_same(cinegen.load(shutil.copy(urdf, tmp_path / "moved")), source)
 
 
 @pytest.mark.parametrize("dialect", DIALECTS[1:])
 def test_what_a_dialect_declares_is_the_mechanism_but_for_what_is_named(original, dialect, tmp_path):
     """Without what is only for cinegen: home is another one, but the loops and couplings are all there."""
-    path, there = original
-    urdf, lost = converted(path, there.name, tmp_path, dialect)
+    path, source = original
+    urdf, lost = converted(path, source.name, tmp_path, dialect)
     for file in tmp_path.glob("*.constraints.json"):
         file.unlink()
     root = etree.fromstring(urdf.read_bytes())
-    own = root.find("{urn:raff2urdf}robot")
-    assert own is not None
-    root.remove(own)
+    element = root.find("{urn:raff2urdf}robot")
+    assert element is not None
+    root.remove(element)
     note = root.find("link").getprevious()
     assert "raff2urdf constraints:" in note.text
     root.remove(note)
@@ -91,24 +91,25 @@ def test_what_a_dialect_declares_is_the_mechanism_but_for_what_is_named(original
         back = cinegen.load(urdf)
     except cinegen.ClosureError:
         return  # from all joints at 0
-    assert back.mobility == there.mobility
-    assert len(back.couplings) == len(there.couplings)
+    assert back.mobility == source.mobility
+    assert len(back.couplings) == len(source.couplings)
     assert (
-        back.closure(back.configuration({joint: there.q_home[there.q_index(joint)] for joint in there.joints})) < 1e-11
+        back.closure(back.configuration({joint: source.q_home[source.q_index(joint)] for joint in source.joints}))
+        < 1e-11
     )
 
 
 @pytest.mark.parametrize("dialect", ["json", "constraint", "urdf+"])
 def test_a_urdf_becomes_a_raff_of_the_same_mechanism(original, dialect, tmp_path):
-    path, there = original
-    urdf, _ = converted(path, there.name, tmp_path, dialect)
-    found = raff2urdf.to_raff(urdf, tmp_path / "again.raff", graphics=False)
+    path, source = original
+    urdf, _ = converted(path, source.name, tmp_path, dialect)
+    made = raff2urdf.to_raff(urdf, tmp_path / "again.raff", graphics=False)
     back = cinegen.load(tmp_path / "again.raff")
-    assert (back.mobility, back.actuated) == (there.mobility, there.actuated)
-    assert [one.name for one in back.couplings] == [one.name for one in there.couplings]
-    for q in [there.q_home, *there.random_closed(3)]:
-        values = {joint: q[there.q_index(joint)] for joint in there.joints}
-        moved = {found.joints[joint]: value + found.offsets[found.joints[joint]] for joint, value in values.items()}
+    assert (back.mobility, back.actuated) == (source.mobility, source.actuated)
+    assert [coupling.name for coupling in back.couplings] == [coupling.name for coupling in source.couplings]
+    for q in [source.q_home, *source.random_closed(3)]:
+        values = {joint: q[source.q_index(joint)] for joint in source.joints}
+        moved = {made.joints[joint]: value + made.offsets[made.joints[joint]] for joint, value in values.items()}
         assert back.closure(back.configuration(moved)) < 1e-9
 
 
@@ -120,7 +121,10 @@ def test_other_programs_ignore_what_they_do_not_know(robot, tmp_path):
         tree = pin.buildModelFromUrdf(str(urdf))
         whole = whole or tree
         assert list(tree.names) == list(whole.names)
-        assert all(one.isApprox(other) for one, other in zip(tree.jointPlacements, whole.jointPlacements, strict=True))
+        assert all(
+            placement.isApprox(other)
+            for placement, other in zip(tree.jointPlacements, whole.jointPlacements, strict=True)
+        )
         assert yourdfpy.URDF.load(str(urdf), load_meshes=False, build_scene_graph=False).robot.joints
 
 
@@ -130,11 +134,11 @@ def test_random_couplings_come_back_in_every_dialect(tmp_path_factory, seed, dia
     folder = tmp_path_factory.mktemp("any")
     path = folder / "any.raff"
     path.write_text(random_text(np.random.default_rng(seed))[0])
-    there = cinegen.load(path)
+    source = cinegen.load(path)
     urdf, _ = converted(path, "any", folder, dialect)
     if dialect != "json":
         (folder / "any.constraints.json").unlink()
-    assert_same(cinegen.load(urdf), there)
+    assert_same(cinegen.load(urdf), source)
 
 
 @settings(max_examples=28)
@@ -143,8 +147,8 @@ def test_mujoco_finds_random_couplings_fulfilled(tmp_path_factory, seed):
     folder = tmp_path_factory.mktemp("any")
     path = folder / "any.raff"
     path.write_text(random_text(np.random.default_rng(seed))[0])
-    there = cinegen.load(path)
-    curved = [sum(len(c) > 1 for c in coupling.terms.values()) for coupling in there.couplings]
+    source = cinegen.load(path)
+    curved = [sum(len(c) > 1 for c in coupling.terms.values()) for coupling in source.couplings]
     if max(curved) > 1:
         with pytest.raises(
             raff2urdf.RaffError, match="MJCF has no notation for a coupling with curves of several joints"
@@ -157,18 +161,18 @@ def test_mujoco_finds_random_couplings_fulfilled(tmp_path_factory, seed):
     model = mujoco.MjModel.from_xml_path(str(made))
     data = mujoco.MjData(model)
     ranks = []
-    for q in [there.q_home, *there.random_closed(4)]:
-        for joint in there.joints:
-            data.joint(joint).qpos[:] = q[there.q_index(joint)]
+    for q in [source.q_home, *source.random_closed(4)]:
+        for joint in source.joints:
+            data.joint(joint).qpos[:] = q[source.q_index(joint)]
         mujoco.mj_forward(model, data)
         rows = data.efc_type[: data.nefc] == mujoco.mjtConstraint.mjCNSTR_EQUALITY
-        assert rows.sum() == len(there.couplings)
+        assert rows.sum() == len(source.couplings)
         sizes = [max(1.0, *(abs(x) for x in row)) for row in data.efc_J.reshape(-1, model.nv)[: data.nefc][rows]]
         assert (np.abs(data.efc_pos[: data.nefc][rows]) / sizes).max() < 1e-9
         ranks.append(np.linalg.matrix_rank(data.efc_J.reshape(-1, model.nv)[: data.nefc][rows], tol=1e-9))
-    assert there.mobility == model.nv - max(ranks)
+    assert source.mobility == model.nv - max(ranks)
     back = cinegen.load(made)
-    assert (back.mobility, len(back.couplings)) == (there.mobility, len(there.couplings))
+    assert (back.mobility, len(back.couplings)) == (source.mobility, len(source.couplings))
 
 
 def test_each_dialect_names_what_it_lacks(tmp_path, text_file):

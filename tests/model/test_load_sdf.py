@@ -223,8 +223,8 @@ def test_a_second_axis_is_z_of_the_joint_unless_given_and_that_is_told(kind, sec
     )
     turned = mechanism.placement(mechanism.configuration({"j_2": 0.5}), "b").rotation
     assert turned == pytest.approx(pin.utils.rotate("x", 0.5), abs=1e-12)  # z of the joint is x of the child
-    given = CROSS.format(kind=kind, second="<axis2><xyz>0 0 1</xyz></axis2>")
-    assert cinegen.load(given).source.notes == ()
+    explicit = CROSS.format(kind=kind, second="<axis2><xyz>0 0 1</xyz></axis2>")
+    assert cinegen.load(explicit).source.notes == ()
 
 
 def test_gravity_is_that_of_the_world_as_the_first_link_has_it():
@@ -336,10 +336,10 @@ def at(mechanism, node):
 def test_an_included_model_is_where_its_include_places_it(models, more, child, palm, heading):
     mechanism = cinegen.load(robot(models, more=more, child=child))
     assert mechanism.joints == ("turn", child.replace("palm", "grip"))
-    found = at(mechanism, child)
-    assert found.translation == pytest.approx(palm, abs=1e-12)
+    placed = at(mechanism, child)
+    assert placed.translation == pytest.approx(palm, abs=1e-12)
     c, s = np.cos(heading), np.sin(heading)
-    assert found.rotation == pytest.approx(np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]), abs=1e-12)
+    assert placed.rotation == pytest.approx(np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]), abs=1e-12)
     finger = at(mechanism, child.replace("palm", "finger"))
     assert finger.translation == pytest.approx(np.add(palm, [0.2 * c, 0.2 * s, 0.0]), abs=1e-12)
     opened = mechanism.placement(mechanism.configuration({child.replace("palm", "grip"): 0.1}), finger_of(child))
@@ -384,9 +384,9 @@ def test_a_model_is_found_in_the_folder_that_the_environment_names(models, monke
     path = robot(models)
     with pytest.raises(
         cinegen.CinegenError, match=r"robot.sdf:6: the included 'model://gripper'.*is not found"
-    ) as told:
+    ) as caught:
         cinegen.load(path)
-    assert "ROS_PACKAGE_PATH" in str(told.value)
+    assert "ROS_PACKAGE_PATH" in str(caught.value)
     for variable in ("ROS_PACKAGE_PATH", "GZ_SIM_RESOURCE_PATH"):
         with monkeypatch.context() as patched:
             patched.setenv(variable, str(elsewhere))

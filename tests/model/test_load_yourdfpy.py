@@ -44,23 +44,23 @@ def loaded(path, **options):
 
 
 def test_the_mechanism_is_that_of_the_file(arm):
-    one, other = cinegen.load(arm), cinegen.load(loaded(arm, build_scene_graph=True, load_meshes=True))
+    from_file, other = cinegen.load(arm), cinegen.load(loaded(arm, build_scene_graph=True, load_meshes=True))
     for attribute in ("name", "nodes", "joints", "actuated", "couplings", "q_home", "floating"):
-        assert np.all(getattr(one, attribute) == getattr(other, attribute)), attribute
-    assert one.length == pytest.approx(other.length, rel=1e-14)
-    for placed, there in zip(one.model.jointPlacements, other.model.jointPlacements, strict=True):
-        np.testing.assert_allclose(placed.homogeneous, there.homogeneous, atol=1e-15)
+        assert np.all(getattr(from_file, attribute) == getattr(other, attribute)), attribute
+    assert from_file.length == pytest.approx(other.length, rel=1e-14)
+    for placed, expected in zip(from_file.model.jointPlacements, other.model.jointPlacements, strict=True):
+        np.testing.assert_allclose(placed.homogeneous, expected.homogeneous, atol=1e-15)
     for attribute in ("lowerPositionLimit", "upperPositionLimit", "upperVelocityLimit", "upperEffortLimit"):
-        np.testing.assert_array_equal(getattr(one.model, attribute), getattr(other.model, attribute))
-    for body, there in zip(one.model.inertias, other.model.inertias, strict=True):
-        np.testing.assert_allclose(body.toDynamicParameters(), there.toDynamicParameters(), rtol=1e-14, atol=1e-16)
-    for shapes, theirs in ((one.visual, other.visual), (one.collision, other.collision)):
-        for shape, there in zip(shapes.geometryObjects, theirs.geometryObjects, strict=True):
-            assert (shape.name, shape.meshPath) == (there.name, there.meshPath)
-            np.testing.assert_array_equal(shape.meshScale, there.meshScale)
-            np.testing.assert_array_equal(shape.meshColor, there.meshColor)
-            np.testing.assert_allclose(shape.placement.homogeneous, there.placement.homogeneous, atol=1e-15)
-    assert {shape.meshPath for shape in one.visual.geometryObjects} >= {str(arm.parent / "meshes" / "box.stl")}
+        np.testing.assert_array_equal(getattr(from_file.model, attribute), getattr(other.model, attribute))
+    for body, expected in zip(from_file.model.inertias, other.model.inertias, strict=True):
+        np.testing.assert_allclose(body.toDynamicParameters(), expected.toDynamicParameters(), rtol=1e-14, atol=1e-16)
+    for shapes, theirs in ((from_file.visual, other.visual), (from_file.collision, other.collision)):
+        for shape, expected in zip(shapes.geometryObjects, theirs.geometryObjects, strict=True):
+            assert (shape.name, shape.meshPath) == (expected.name, expected.meshPath)
+            np.testing.assert_array_equal(shape.meshScale, expected.meshScale)
+            np.testing.assert_array_equal(shape.meshColor, expected.meshColor)
+            np.testing.assert_allclose(shape.placement.homogeneous, expected.placement.homogeneous, atol=1e-15)
+    assert {shape.meshPath for shape in from_file.visual.geometryObjects} >= {str(arm.parent / "meshes" / "box.stl")}
 
 
 def test_a_handler_of_file_names_says_where_meshes_are(arm, tmp_path, monkeypatch):

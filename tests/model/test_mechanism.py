@@ -51,13 +51,13 @@ def test_a_prismatic_joint_of_any_axis_is_one_translation_and_the_next_joint_is_
 @pytest.mark.parametrize("name", ["delta4", "delta4_linear", "rx90"])
 def test_differences_of_configurations_are_in_rad_and_m_scaled_ones_in_characteristic_lengths(robot, name):
     mechanism = robot(name)
-    here, there = mechanism.q_home, mechanism.random_closed(1)[0]
-    step = mechanism.difference(here, there)
-    assert step == pytest.approx(there - here)
-    assert mechanism.scaled_difference(here, there) * mechanism.scale == pytest.approx(step)
-    assert mechanism.distance(here, there) == np.abs((there - here) / mechanism.scale).max() > 0.0
-    assert mechanism.integrate(here, step) == pytest.approx(there)
-    assert mechanism.interpolate(here, there, 0.25) == pytest.approx(0.75 * here + 0.25 * there)
+    start, goal = mechanism.q_home, mechanism.random_closed(1)[0]
+    step = mechanism.difference(start, goal)
+    assert step == pytest.approx(goal - start)
+    assert mechanism.scaled_difference(start, goal) * mechanism.scale == pytest.approx(step)
+    assert mechanism.distance(start, goal) == np.abs((goal - start) / mechanism.scale).max() > 0.0
+    assert mechanism.integrate(start, step) == pytest.approx(goal)
+    assert mechanism.interpolate(start, goal, 0.25) == pytest.approx(0.75 * start + 0.25 * goal)
 
 
 def test_a_mechanism_never_changes(robot):

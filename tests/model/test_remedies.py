@@ -381,11 +381,11 @@ class Setting:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content if isinstance(content, bytes) else content.encode())
         options = {
-            name: one.format(folder=self.folder) if isinstance(one, str) else one for name, one in self.options.items()
+            name: raw.format(folder=self.folder) if isinstance(raw, str) else raw for name, raw in self.options.items()
         }
         with mock.patch.dict(os.environ, self.environment):
             said = problems(self.folder / next(iter(self.files)), **options)
-        return [one for one in said if "left out, as requested" not in one]
+        return [message for message in said if "left out, as requested" not in message]
 
 
 Act = Callable[[Setting, re.Match[str]], object]
@@ -413,7 +413,7 @@ def change(files: Values | None = None, **options: Any) -> Act:
             path = it.folder / filled(name, said)
             if content is None:
                 shutil.rmtree(path) if path.is_dir() else path.unlink()
-                it.files = {own: text for own, text in it.files.items() if not (it.folder / own).is_relative_to(path)}
+                it.files = {key: text for key, text in it.files.items() if not (it.folder / key).is_relative_to(path)}
             else:
                 it.files = it.files | {path.relative_to(it.folder).as_posix(): filled(content, said)}
 
@@ -424,10 +424,10 @@ def python(**words: str) -> Act:
     """Give the option that the message's first group writes in Python, with these words for the placeholders in it."""
 
     def act(it: Setting, said: re.Match[str]) -> None:
-        own, _, value = said[1].partition("=")
+        option, _, value = said[1].partition("=")
         for word, text in words.items():
             value = value.replace(word, repr(text.format(folder=it.folder)))
-        it.options = it.options | {own: ast.literal_eval(value)}
+        it.options = it.options | {option: ast.literal_eval(value)}
 
     return act
 
@@ -436,8 +436,8 @@ def first(name: str) -> Act:
     """Load another file."""
 
     def act(it: Setting, said: re.Match[str]) -> None:
-        own = filled(name, said)
-        it.files = {own: it.files[own], **it.files}
+        file = filled(name, said)
+        it.files = {file: it.files[file], **it.files}
 
     return act
 
@@ -455,8 +455,8 @@ def converted(raff_text: str, format: str = "urdf") -> dict[str, str]:
         path = Path(name) / "r.raff"
         path.write_text(raff_text, encoding="utf-8")
         (made,) = raff2urdf.convert(path, name, format=format)
-        found = {made.file, *filter(None, [made.constraints])}
-        return {one.name: one.read_text(encoding="utf-8") for one in sorted(found, key=lambda one: one != made.file)}
+        files = {made.file, *filter(None, [made.constraints])}
+        return {file.name: file.read_text(encoding="utf-8") for file in sorted(files, key=lambda f: f != made.file)}
 
 
 GEAR = "link 7 { type 2 pred 0 parameters { theta 180 } } coupling { link 7 link 1 ratio 2 }"
@@ -903,8 +903,8 @@ def literal(text: str) -> Values:
 
 
 def saved(folder: Path, name: str, content: str, **others: str) -> Path:
-    for own, text in {name: content, **others}.items():
-        (folder / own).write_text(text, encoding="utf-8")
+    for file, text in {name: content, **others}.items():
+        (folder / file).write_text(text, encoding="utf-8")
     return folder / name
 
 
@@ -920,8 +920,8 @@ def said_by(
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
-            found = call(*arguments)
-            last = list(found.source.notes) if isinstance(found, Mechanism) and found.source else []
+            result = call(*arguments)
+            last = list(result.source.notes) if isinstance(result, Mechanism) and result.source else []
         except errors as error:
             last = [str(error)]
     return "\n".join([*(str(warning.message) for warning in caught), *last])
@@ -1062,16 +1062,16 @@ def test_every_remedy_that_a_message_about_files_proposes_is_tried(tmp_path: Pat
         if path.name in ("cli.py", "command_line.py"):
             continue
         for line, template in proposals(path):
-            found = (
-                one.span() for message, said in read for one in pattern(template).finditer(message) if meet(one, said)
+            spans = (
+                hit.span() for message, said in read for hit in pattern(template).finditer(message) if meet(hit, said)
             )
-            if next(found, None) is None:
+            if next(spans, None) is None:
                 untried[template] = f"{path.relative_to(root)}:{line}"
     excused = {template for template in untried if any(words in template for words in ELSEWHERE)}
     assert {template: at for template, at in untried.items() if template not in excused} == {}
     assert all(any(words in template for template in excused) for words in ELSEWHERE)
 
 
-def meet(one: re.Match[str], other: re.Match[str]) -> bool:
+def meet(part: re.Match[str], other: re.Match[str]) -> bool:
     """Whether two parts of one text have a character in common."""
-    return one.start() < other.end() and other.start() < one.end()
+    return part.start() < other.end() and other.start() < part.end()

@@ -88,10 +88,10 @@ def test_sticks_are_drawn_for_a_mesh_that_is_lost(write, name, says):
         with pytest.warns(
             cinegen.CinegenWarning, match=rf"^\S*arm.urdf:3: .*{says}.*; sticks are drawn instead$"
         ) as seen:
-            found = getattr(mechanism, shapes).geometryObjects
+            objects = getattr(mechanism, shapes).geometryObjects
         assert len(seen) == 1
         frames = mechanism.model.frames
-        drawn = {(frames[shape.parentFrame].name, shape.name.partition(" ")[0]) for shape in found}
+        drawn = {(frames[shape.parentFrame].name, shape.name.partition(" ")[0]) for shape in objects}
         assert drawn == {("base", "base_0"), ("upper", "bar"), *([("upper", "joint")] * (shapes == "visual"))}
     assert list(mechanism.unchecked_links) == ["upper"]
     both = cinegen.load(write("", kept + VISUAL.format(name)))
@@ -222,7 +222,7 @@ def test_raff_has_coordinates_in_its_own_unit_whatever_collada_declares(tmp_path
     (tmp_path / "tip.raff").write_text(f"RAFF tip\nunits mm\nrobot tip {{ base {{ }} {part} }}")
     (made,) = raff2urdf.convert(tmp_path / "tip.raff", tmp_path / "out")
     for path in (tmp_path / "tip.raff", made.urdf):
-        shape = next(one for one in cinegen.load(path).visual.geometryObjects if one.meshPath.endswith(".stl"))
+        shape = next(mesh for mesh in cinegen.load(path).visual.geometryObjects if mesh.meshPath.endswith(".stl"))
         shape.geometry.computeLocalAABB()
         np.testing.assert_allclose(shape.geometry.aabb_local.max_, [1e-3, 2e-3, 3e-3], rtol=1e-6)
 
@@ -291,5 +291,5 @@ def test_bars_of_a_long_chain_are_seen():
 
 def test_a_robot_of_one_joint_has_a_plane():
     """Pinocchio returns its Jacobian as a vector."""
-    one = cinegen.load(robot(links("a", "b"), joint_at("j", "a", "b")))
-    assert np.allclose(motion_plane(one), [0.0, 0.0, 1.0])
+    mechanism = cinegen.load(robot(links("a", "b"), joint_at("j", "a", "b")))
+    assert np.allclose(motion_plane(mechanism), [0.0, 0.0, 1.0])

@@ -58,10 +58,10 @@ def gough():
     gamma, epsilon, alpha, d, theta, r = parameters(placed)
     angles = {"gamma": gamma, "alpha": alpha, "theta": theta}
     lengths = {"epsilon": epsilon, "d": d, "r": r}
-    own = RaffParameters(
+    geom = RaffParameters(
         **{k: float(np.degrees(x)) for k, x in angles.items()}, **{k: 1e3 * x for k, x in lengths.items()}
     )
-    links[6] = RaffLink(6, own, JointType.FIXED, 3, compound=CompoundKind.BALL, variables=at_lock, name=links[6].name)
+    links[6] = RaffLink(6, geom, JointType.FIXED, 3, compound=CompoundKind.BALL, variables=at_lock, name=links[6].name)
     parts = []
     for part in (link for number, link in links.items() if number not in (4, 5)):
         if isinstance(part, RaffLink):
@@ -151,28 +151,28 @@ def with_limit(urdf, name, attributes):
 def test_what_is_no_free_ball_joint_stays_three_joints(chain, change):
     urdf, constraints, *_ = chain.source
     entries = [dict(joint) for joint in constraints["joints"]]
-    given = {**constraints, "joints": entries}
+    changed = {**constraints, "joints": entries}
     first = next(joint for joint in entries if joint["name"] == "joint1_X")
     if change == "axes":
-        given["balls"] = [{"name": "wrong", "joints": ["joint1_X", "joint1_Y", "joint2"]}]
+        changed["balls"] = [{"name": "wrong", "joints": ["joint1_X", "joint1_Y", "joint2"]}]
         entries[3] |= {"actuated": False}
         urdf = with_limit(urdf, "joint2", {"effort": "1"})
         with pytest.raises(LoadError, match="ball joint 'wrong': the joints joint1_X, joint1_Y, joint2 are not succ"):
-            build(urdf, given)
+            build(urdf, changed)
         return
     if change == "coupling":
         terms = [{"joint": name, "coefficients": [1.0]} for name in ("joint1_X", "joint2")]
-        given["couplings"] = [{"name": "gear", "terms": terms, "constant": 0.0}]
+        changed["couplings"] = [{"name": "gear", "terms": terms, "constant": 0.0}]
     elif change == "actuated":
         first["actuated"] = True
     else:
         bounds = {"lower": "-1", "upper": "1"} if change == "limits" else {"velocity": "2"}
         urdf = with_limit(urdf, "joint1_X", {"effort": "1"} | bounds)
     for key in ("mobility", "loop_rows", "loop_rank"):
-        given.pop(key, None)
-    found = build(urdf, given)
-    assert found.balls == ("joint3",)
-    assert "joint1_X" in found.joints
+        changed.pop(key, None)
+    mechanism = build(urdf, changed)
+    assert mechanism.balls == ("joint3",)
+    assert "joint1_X" in mechanism.joints
 
 
 def test_a_floating_base_limits_and_loops_together():
@@ -237,13 +237,13 @@ def test_assembly_modes_and_lines_are_those_of_the_successive_joints(gough, robo
     assert solutions.certified == len(solutions) > 0
     expected = cinegen.assembly_modes(robot("gough"))
     assert len(modes) == len(expected)
-    for q, there in zip(modes, expected, strict=True):
+    for q, q_expected in zip(modes, expected, strict=True):
         assert gough.closure(q) < 1e-11
-        placed = robot("gough").placement(there, "platform")
+        placed = robot("gough").placement(q_expected, "platform")
         assert np.abs(gough.placement(q, "platform").homogeneous - placed.homogeneous).max() < 1e-8
     json.dumps(modes.as_dict())
     lines = [line.coordinates for line in leg_lines(gough, gough.q_home)]
     same = [line.coordinates for line in leg_lines(robot("gough"), robot("gough").q_home)]
     assert np.abs(np.array(lines) - np.array(same)).max() < 1e-8
-    found, of_three = singularity(gough, gough.q_home), singularity(gough.successive, gough.successive.q_home)
-    assert found.second == pytest.approx(of_three.second, abs=1e-7)
+    of_ball, of_three = singularity(gough, gough.q_home), singularity(gough.successive, gough.successive.q_home)
+    assert of_ball.second == pytest.approx(of_three.second, abs=1e-7)

@@ -190,8 +190,8 @@ def test_a_singularity_in_six_coordinates_has_a_witness_soon(robot):
     over = dict(zip(POSE, [(-0.05, 0.05)] * 2 + [(0.85, 0.95)] + [(-turn, turn)] * 2, strict=False))
     over["rz"] = tuple(np.radians([60.0, 100.0]))
     proof = prove(robot("gough"), over, boxes=150)
-    assert [one["determinant"] for one in proof.witnesses] == [1, -1]
-    poses = np.array([[one["pose"][name] for name in POSE] for one in proof.witnesses])
+    assert [witness["determinant"] for witness in proof.witnesses] == [1, -1]
+    poses = np.array([[witness["pose"][name] for name in POSE] for witness in proof.witnesses])
     assert np.prod(legs_of(robot("gough"), poses)[1]) < 0.0
     ends = np.array(list(over.values()))
     some = np.random.default_rng(0).uniform(*ends.T, (4000, 6))
@@ -266,7 +266,7 @@ def test_all_robots_within_tolerances(name, over, tolerances):
     assert proof, proof
     errors, rng = proof.certificate["bounds"]["tolerances"], np.random.default_rng(2)
     for _ in range(4):
-        values = {one: parameters.values[parameters.index(one)] + rng.uniform(-e, e) for one, e in errors.items()}
+        values = {key: parameters.values[parameters.index(key)] + rng.uniform(-e, e) for key, e in errors.items()}
         mechanism = parameters.mechanism_with(parameters.with_changed(values))
         coordinates = Coordinates(mechanism, list(over))
         pose = {key: rng.uniform(*ends) for key, ends in over.items()}
@@ -432,10 +432,10 @@ def test_derivatives_over_a_box_contain_those_at_its_points(robot, name, over):
             ],
         )
         point = [value._replace(g=[], r=arb(0)) for value in wide]
-        here = checker.parts(point, 2)
-        parts = checker.change(wide, here, checker.parts(wide, 2, True))
+        at_point = checker.parts(point, 2)
+        parts = checker.change(wide, at_point, checker.parts(wide, 2, True))
         numbers = [
-            np.array([[float(v.mid()) for v in row] for row in m]) for m in (checker.jacobian(point, here), *parts)
+            np.array([[float(v.mid()) for v in row] for row in m]) for m in (checker.jacobian(point, at_point), *parts)
         ]
     kernel = (at.jacobian[0, 0], *change.by[0], *change.sharper[0], change.bent[0], change.apart[0])
     for theirs, ours in zip(numbers, kernel, strict=True):
@@ -645,10 +645,10 @@ def test_what_no_clearance_is_proved_of(robot):
 
 def mutated(certificate, rng):
     """A certificate in which one number or claim of what is proved is another one."""
-    found = copy.deepcopy(certificate)
-    leaves = [node for node in found["tree"] if isinstance(node, dict)]
+    mutant = copy.deepcopy(certificate)
+    leaves = [node for node in mutant["tree"] if isinstance(node, dict)]
     leaf, factor = rng.choice(leaves), rng.choice([0.0, 0.5, 0.9, 1.1, 2.0, -1.0, 1e9, math.nan])
-    kind = rng.randrange(10 if found["bounds"]["sigma"] or found["bounds"]["clearance"] else 8)
+    kind = rng.randrange(10 if mutant["bounds"]["sigma"] or mutant["bounds"]["clearance"] else 8)
     if kind == 0:
         k = rng.randrange(len(leaf["x"]))
         leaf["x"][k] += rng.choice([1e-9, 1e-3, 0.1, 2.0 * math.pi, -2.0 * math.pi, math.nan])
@@ -658,27 +658,27 @@ def mutated(certificate, rng):
     elif kind == 2:
         leaf["claim"] = rng.choice(["proved", "limit", "open", "regular", "unreachable"])
     elif kind == 3:
-        k = rng.randrange(len(found["tree"]))
-        found["tree"].insert(k, rng.choice([0, 1, 2, found["tree"][k]]))
+        k = rng.randrange(len(mutant["tree"]))
+        mutant["tree"].insert(k, rng.choice([0, 1, 2, mutant["tree"][k]]))
     elif kind == 4:
-        del found["tree"][rng.randrange(len(found["tree"]))]
+        del mutant["tree"][rng.randrange(len(mutant["tree"]))]
     elif kind == 5:
-        ends = rng.choice(list(found["over"].values()))
+        ends = rng.choice(list(mutant["over"].values()))
         ends[rng.randrange(2)] += rng.choice([0.01, 0.05, 0.3, -0.01, -0.05, -0.3])
     elif kind == 6:
-        one, other = rng.sample(leaves, 2)
-        one["x"], other["x"] = other["x"], one["x"]
+        first, other = rng.sample(leaves, 2)
+        first["x"], other["x"] = other["x"], first["x"]
     elif kind == 8:
-        bound = "clearance" if found["bounds"]["sigma"] is None else "sigma"
-        found["bounds"][bound] *= rng.choice([0.0, 0.5, 1.1, 1.5, 2.0, 1e9])
-    elif kind == 9 and found["bounds"]["sigma"]:
+        bound = "clearance" if mutant["bounds"]["sigma"] is None else "sigma"
+        mutant["bounds"][bound] *= rng.choice([0.0, 0.5, 1.1, 1.5, 2.0, 1e9])
+    elif kind == 9 and mutant["bounds"]["sigma"]:
         leaf["claim"] = "sigma"
     elif kind == 9:
         rng.choice(leaf["planes"])[rng.randrange(3)] += rng.choice([3, -2000, 30_000, 10**20])
     else:
-        variable = rng.choice([v for v in found["variables"] if v["limits"][0] is not None])
+        variable = rng.choice([v for v in mutant["variables"] if v["limits"][0] is not None])
         variable["limits"][rng.randrange(2)] *= factor
-    return found
+    return mutant
 
 
 def assert_true(certificate, result, mechanism, rng):
@@ -693,7 +693,7 @@ def assert_true(certificate, result, mechanism, rng):
     for pose in poses_in(dict(zip(RECTANGLE, certificate["over"].values(), strict=True)), 30, rng):
         q = coordinates.from_home(pose, steps=10)
         assert q is not None
-        by_name = {one["name"]: one["limits"] for one in certificate["variables"]}
+        by_name = {variable["name"]: variable["limits"] for variable in certificate["variables"]}
         for name in mechanism.joints:
             low_end, high_end = by_name[name]
             assert not certificate["bounds"]["limits"] or low_end <= q[mechanism.q_index(name)] <= high_end
