@@ -66,46 +66,46 @@ def result(family: str, number: int, method: str) -> Result:
     scene = FAMILIES[family](number)
     begin = time.perf_counter()
     if method == "rrtconnect":
-        found = plan(scene, planner="rrtconnect")
+        planned = plan(scene, planner="rrtconnect")
     elif method == "plan":
-        found = plan(scene)
+        planned = plan(scene)
     elif method == "literal":
-        found = plan_literally(scene)
+        planned = plan_literally(scene)
     elif method == "vortex 1":
-        found = plan(scene, planner="vortex", attempts=1, shorten=False, seconds=60.0)
+        planned = plan(scene, planner="vortex", attempts=1, shorten=False, seconds=60.0)
     else:
-        found = plan(
+        planned = plan(
             scene, field={**FIELDS, "firas": firas}.get(method, method), planner="vortex", shorten=False, seconds=60.0
         )
     spent = time.perf_counter() - begin
-    steps = sum(len(attempt.path) for attempt in found.attempts)
-    straight = float(np.linalg.norm(found.trace[-1] - found.trace[0]))
-    clearance = found.clearance / scene.safety if found else np.inf
+    steps = sum(len(attempt.path) for attempt in planned.attempts)
+    straight = float(np.linalg.norm(planned.trace[-1] - planned.trace[0]))
+    clearance = planned.clearance / scene.safety if planned else np.inf
     return Result(
-        bool(found), clearance, found.length / max(straight, 1e-9), found.motion,
-        1e3 * spent / steps if steps else np.nan, spent, found.status.value,
+        bool(planned), clearance, planned.length / max(straight, 1e-9), planned.motion,
+        1e3 * spent / steps if steps else np.nan, spent, planned.status.value,
     )  # fmt: skip
 
 
 def table(family: str, numbers: range, workers: int) -> None:
     asked = [(family, number, method) for number in numbers for method in METHODS]
-    found: dict[str, dict[int, Result]] = {method: {} for method in METHODS}
+    results: dict[str, dict[int, Result]] = {method: {} for method in METHODS}
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        for (_, number, method), one in zip(asked, pool.map(_result, asked), strict=True):
-            found[method][number] = one
+        for (_, number, method), outcome in zip(asked, pool.map(_result, asked), strict=True):
+            results[method][number] = outcome
             if method == METHODS[-1]:
                 print(f"\r{family} {number}", end="", file=sys.stderr, flush=True)
-    solvable = [number for number in numbers if any(found[method][number].solved for method in METHODS)]
+    solvable = [number for number in numbers if any(results[method][number].solved for method in METHODS)]
     never = sorted(set(numbers) - set(solvable))
     print(f"\n{family}: {len(solvable)} of {len(numbers)} are solved by any" + (f"; by none: {never}" if never else ""))
     print(f"{'':<12} {'solved':>22}", *(f"{name:>9}" for name in ("clearance", "way", "motion", "step", "time")))
     for method in METHODS:
-        solved = [found[method][number] for number in solvable if found[method][number].solved]
+        solved = [results[method][number] for number in solvable if results[method][number].solved]
         numbers = [
-            min((one.clearance for one in solved), default=np.nan),
-            *(median([getattr(one, name) for one in solved] or [np.nan]) for name in ("way", "motion")),
-            median(one.step for one in found[method].values()),
-            median(one.time for one in found[method].values()),
+            min((outcome.clearance for outcome in solved), default=np.nan),
+            *(median([getattr(outcome, name) for outcome in solved] or [np.nan]) for name in ("way", "motion")),
+            median(outcome.step for outcome in results[method].values()),
+            median(outcome.time for outcome in results[method].values()),
         ]
         print(
             f"{method:<12} {rate(len(solved), len(solvable)):>22}",

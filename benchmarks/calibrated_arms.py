@@ -42,46 +42,46 @@ def arm(number: int, rng: np.random.Generator) -> cinegen.Mechanism:
     return cinegen.load(model)
 
 
-def apart(one: np.ndarray, other: np.ndarray) -> float:
-    return float(np.abs((one - other + math.pi) % (2 * math.pi) - math.pi).max())
+def apart(q: np.ndarray, other: np.ndarray) -> float:
+    return float(np.abs((q - other + math.pi) % (2 * math.pi) - math.pi).max())
 
 
 def guessed(model: pin.Model, pose: pin.SE3, starts: int, rng: np.random.Generator) -> list[np.ndarray]:
     """What Newton's method finds from random starts."""
     data, frame = model.createData(), model.getFrameId("tool")
-    q, found = rng.uniform(-math.pi, math.pi, (starts, 6)), list[np.ndarray]()
+    q, solutions = rng.uniform(-math.pi, math.pi, (starts, 6)), list[np.ndarray]()
     for _ in range(ITERATIONS):
         errors, jacobians = np.zeros((len(q), 6)), np.zeros((len(q), 6, 6))
-        for k, one in enumerate(q):
-            pin.computeJointJacobians(model, data, one)
+        for k, row in enumerate(q):
+            pin.computeJointJacobians(model, data, row)
             errors[k] = pin.log6(pin.updateFramePlacement(model, data, frame).actInv(pose)).vector
             jacobians[k] = pin.getFrameJacobian(model, data, frame, pin.LOCAL)
-        there = np.abs(errors).max(axis=1) < 1e-10
-        for one in q[there]:
-            if all(apart(one, other) > 1e-4 for other in found):
-                found.append(one)
-        left = ~there & (np.abs(np.linalg.det(jacobians)) > 1e-300)
+        reached = np.abs(errors).max(axis=1) < 1e-10
+        for row in q[reached]:
+            if all(apart(row, other) > 1e-4 for other in solutions):
+                solutions.append(row)
+        left = ~reached & (np.abs(np.linalg.det(jacobians)) > 1e-300)
         steps = np.linalg.solve(jacobians[left], errors[left, :, None])[:, :, 0]
         q = q[left] + steps * np.minimum(1.0, LONGEST / np.abs(steps).max(axis=1))[:, None]
-    return found
+    return solutions
 
 
 def main(arms: int = 30, starts: int = 1000) -> None:
     times, proved, certified, total, missing, more = [], 0, 0, 0, 0, 0
     for number in range(arms):
         rng = np.random.default_rng(number)
-        robot, own = arm(number, rng), []
+        robot, spent = arm(number, rng), []
         for _ in range(2):
             pose = robot.placement(rng.uniform(-3, 3, 6), "tool")
             begun = time.perf_counter()
-            found = cinegen.inverse_kinematics(robot, {"tool": pose}, all=True)
-            own.append(time.perf_counter() - begun)
-            proved += found.proved
-        times.append(own)
+            solutions = cinegen.inverse_kinematics(robot, {"tool": pose}, all=True)
+            spent.append(time.perf_counter() - begun)
+            proved += solutions.proved
+        times.append(spent)
         others = guessed(robot.model, pose, starts, rng)
-        total, certified = total + len(found), certified + found.certified
-        missing += sum(min((apart(q, one) for one in found), default=9.0) > 1e-4 for q in others)
-        more += sum(min((apart(q, one) for one in others), default=9.0) > 1e-4 for q in found)
+        total, certified = total + len(solutions), certified + solutions.certified
+        missing += sum(min((apart(q, solution) for solution in solutions), default=9.0) > 1e-4 for q in others)
+        more += sum(min((apart(q, other) for other in others), default=9.0) > 1e-4 for q in solutions)
     median, most = np.median(times, axis=0), np.max(times, axis=0)
     print(f"first pose: median {median[0]:.3f} s, at most {most[0]:.3f} s; second: {median[1]:.3f} s, {most[1]:.3f} s")
     print(f"{proved} of {2 * arms} proved to be all; second poses: {total} solutions, {certified} certified")

@@ -57,16 +57,16 @@ def covariance(count: int) -> None:
             truth, clean, measured = synthetic(parameters, kinds, seed, errors, noise)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                found = calibrate(parameters, measured, folds=0)
-            scale = np.where(found.subspace.errors > 0.0, found.subspace.errors, np.inf)
-            off = found.combinations - found.subspace.basis.T @ ((truth - parameters.values) / scale)
-            root = np.linalg.cholesky(found.combination_covariance)
+                estimate = calibrate(parameters, measured, folds=0)
+            scale = np.where(estimate.subspace.errors > 0.0, estimate.subspace.errors, np.inf)
+            off = estimate.combinations - estimate.subspace.basis.T @ ((truth - parameters.values) / scale)
+            root = np.linalg.cholesky(estimate.combination_covariance)
             squares.append(float(np.mean(np.linalg.solve(root, off) ** 2)))
-            largest = max(largest, float(np.max(np.abs(off) / np.sqrt(np.diag(found.combination_covariance)))))
-            rows = found.observation.predict(found.values).jacobian @ found.subspace.changes
-            basis = np.linalg.qr((rows / found.observation.sigmas[..., None])[found.kept])[0]
-            outputs = found.observation.outputs
-            apart = ((measured.values - clean.values)[:, outputs] / found.observation.sigmas)[found.kept]
+            largest = max(largest, float(np.max(np.abs(off) / np.sqrt(np.diag(estimate.combination_covariance)))))
+            rows = estimate.observation.predict(estimate.values).jacobian @ estimate.subspace.changes
+            basis = np.linalg.qr((rows / estimate.observation.sigmas[..., None])[estimate.kept])[0]
+            outputs = estimate.observation.outputs
+            apart = ((measured.values - clean.values)[:, outputs] / estimate.observation.sigmas)[estimate.kept]
             drawn.append(float(np.mean((basis.T @ apart) ** 2)))
         print(
             f"{name}, {kinds} coordinates, {errors:g} expected errors, {noise:g} noise: chi-square per rank "
@@ -92,24 +92,24 @@ def main(count: int) -> None:
             spoilt = bad.values != measured.values
             blank = Measurements(bad.quantities, np.where(spoilt, np.nan, bad.values), bad.sigmas, bad.labels)
             began = time.process_time()
-            found = calibrate(parameters, measured, folds=0)
+            estimate = calibrate(parameters, measured, folds=0)
             spent += time.process_time() - began
-            again, without = (calibrate(parameters, one, folds=0) for one in (bad, blank))
-            wanted = found.subspace.basis.T @ ((truth - parameters.values) / found.subspace.errors)
-            sigma = np.sqrt(np.diag(found.combination_covariance))
-            within.append(float((np.abs(found.combinations - wanted) <= 3.0 * sigma).mean()))
-            root = np.linalg.cholesky(found.combination_covariance)
-            squares.append(float(np.mean(np.linalg.solve(root, found.combinations - wanted) ** 2)))
-            fits.append(found.fit)
-            moved.append(changes(again, found))
-            lost.append(changes(without, found))
+            again, without = (calibrate(parameters, readings, folds=0) for readings in (bad, blank))
+            wanted = estimate.subspace.basis.T @ ((truth - parameters.values) / estimate.subspace.errors)
+            sigma = np.sqrt(np.diag(estimate.combination_covariance))
+            within.append(float((np.abs(estimate.combinations - wanted) <= 3.0 * sigma).mean()))
+            root = np.linalg.cholesky(estimate.combination_covariance)
+            squares.append(float(np.mean(np.linalg.solve(root, estimate.combinations - wanted) ** 2)))
+            fits.append(estimate.fit)
+            moved.append(changes(again, estimate))
+            lost.append(changes(without, estimate))
             best.append(changes(again, without))
-            told = np.zeros_like(spoilt)
-            for one in again.outliers:
-                told[one.pose, one.column] = True
+            flagged = np.zeros_like(spoilt)
+            for outlier in again.outliers:
+                flagged[outlier.pose, outlier.column] = True
             spoilt_ones += int(spoilt.sum())
-            missed += int((spoilt & ~told).sum())
-            wrong += int((told & ~spoilt).sum())
+            missed += int((spoilt & ~flagged).sum())
+            wrong += int((flagged & ~spoilt).sum())
         most = 100 * np.mean(np.array(within) >= 0.95)
         print(
             f"{name}: {count} robots, {len(wanted)} combinations; {100 * np.mean(within):.2f} % of the estimates are "
@@ -118,16 +118,16 @@ def main(count: int) -> None:
             f"{spent / count:.2f} CPU s each"
         )
         print(f"  5 % outliers: {missed} of {spoilt_ones} missed, {wrong} good readings left out")
-        for text, one in (
+        for text, off in (
             ("against the same readings left out", best),
             ("against all readings as they were", moved),
             ("  of which by their loss alone", lost),
         ):
-            below = np.array([(x <= 1.0).all() for x in one])
+            below = np.array([(x <= 1.0).all() for x in off])
             print(
-                f"  {text:<36} {100 * np.mean(np.concatenate(one) <= 1.0):.2f} % of the combinations change by 1 sigma "
+                f"  {text:<36} {100 * np.mean(np.concatenate(off) <= 1.0):.2f} % of the combinations change by 1 sigma "
                 f"at most, in {100 * below.mean():.1f} % of the robots all do; largest change "
-                f"{np.concatenate(one).max():.2g} sigma",
+                f"{np.concatenate(off).max():.2g} sigma",
                 flush=True,
             )
 

@@ -122,8 +122,8 @@ def description(mechanism: cinegen.Mechanism, ticks: int) -> dict[str, object]:
     for i in range(1, model.njoints):
         model.joints[i].calc(home[i], mechanism.q_home)
     loops = [
-        [carried(mechanism, one.first, one.first_placement), carried(mechanism, one.second, one.second_placement)]
-        for one in mechanism.loops
+        [carried(mechanism, loop.first, loop.first_placement), carried(mechanism, loop.second, loop.second_placement)]
+        for loop in mechanism.loops
     ]
     return {
         "joints": [
@@ -151,18 +151,18 @@ def main() -> None:
         command = ["npm", "install", "--no-audit", "--no-fund", "--loglevel=error", PACKAGE]
         subprocess.run(command, cwd=folder, check=True, stdout=subprocess.DEVNULL)
         subprocess.run(["node", "--no-warnings", "run.mjs"], cwd=folder, check=True)
-        found = json.loads((Path(folder) / "found.json").read_text())
+        results = json.loads((Path(folder) / "found.json").read_text())
     print(f"{'':30}{'us a tick':>10}{'ratio':>8}{'loops open':>12}{'distance to target, m':>24}")
-    for name, one in found.items():
+    for name, result in results.items():
         offset = 0.0 if name == "cinegen" else mechanism.q_home
         closure = distance = 0.0
-        for state in one["found"]:
+        for state in result["found"]:
             q = np.array(state["q"]) + offset
             closure = max(closure, mechanism.closure(q))
             reached = mechanism.placement(q, mechanism.end).translation
             distance = max(distance, float(np.linalg.norm(reached - state["target"])))
-        ratio = one["us"] / found["cinegen"]["us"]
-        print(f"{name:30}{one['us']:10.1f}{ratio:8.1f}{closure:12.1e}{distance:24.1e}")
+        ratio = result["us"] / results["cinegen"]["us"]
+        print(f"{name:30}{result['us']:10.1f}{ratio:8.1f}{closure:12.1e}{distance:24.1e}")
 
 
 if __name__ == "__main__":

@@ -43,10 +43,10 @@ def watchers(url: str, count: int, seconds: float, answers: Any) -> None:
 
     async def run() -> list[list[int]]:
         sizes: list[list[int]] = [[] for _ in range(count)]
-        looking = [asyncio.ensure_future(look(url, one)) for one in sizes]
+        looking = [asyncio.ensure_future(look(url, received)) for received in sizes]
         await asyncio.sleep(2.0)
-        for one in sizes:
-            one.clear()
+        for received in sizes:
+            received.clear()
         answers.send(None)
         await asyncio.sleep(seconds)
         for task in looking:
@@ -80,12 +80,12 @@ def cost(cockpit: Cockpit, count: int, seconds: float) -> Cost:
     processes = [server, *server.children(recursive=True)]
     pages.start()
     receiver.recv()
-    spent, begin = sum(sum(one.cpu_times()[:2]) for one in processes), time.perf_counter()
+    spent, begin = sum(sum(process.cpu_times()[:2]) for process in processes), time.perf_counter()
     sizes = receiver.recv()
     passed = time.perf_counter() - begin
-    core = sum(sum(one.cpu_times()[:2]) for one in processes) - spent
+    core = sum(sum(process.cpu_times()[:2]) for process in processes) - spent
     pages.join()
-    every = [size for one in sizes for size in one]
+    every = [size for received in sizes for size in received]
     rates = (amount / count / passed for amount in (len(every), sum(every) / 1e3))
     return Cost(count, *rates, statistics.median(every or [0]), core / passed)
 
@@ -97,7 +97,7 @@ def compare(cockpit: Cockpit, seconds: float, rounds: int) -> None:
         for count, measured in costs.items():
             measured.append(cost(cockpit, count, seconds))
             print(f"in motion, {measured[-1]}", flush=True)
-    few, many = (statistics.median(one.core / one.messages for one in measured) for measured in costs.values())
+    few, many = (statistics.median(sample.core / sample.messages for sample in measured) for measured in costs.values())
     print(f"{CLIENTS} pages cost {many / few:.2f} of one for a state, {rounds} rounds")
 
 

@@ -137,9 +137,9 @@ class Yardstick:
         metres, radians = np.zeros(len(qs)), np.zeros(len(qs))
         for k, values in enumerate(qs):
             target = self.targets[k % len(self.targets)]
-            there = self.mechanism.placement(self._whole(values), self.scene["node"])
-            metres[k] = np.linalg.norm(target.translation - there.translation)
-            radians[k] = np.linalg.norm(pin.log3(target.rotation.T @ there.rotation))
+            pose = self.mechanism.placement(self._whole(values), self.scene["node"])
+            metres[k] = np.linalg.norm(target.translation - pose.translation)
+            radians[k] = np.linalg.norm(pin.log3(target.rotation.T @ pose.rotation))
         return metres, radians
 
     def open(self, qs: Sequence[Sequence[float]]) -> float:
@@ -162,8 +162,8 @@ def bench_python() -> Path:
 
 def alone() -> dict[str, str]:
     """Return the environment of a library: one thread, only its own packages."""
-    one = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "BLIS", "NUMBA", "VECLIB")}
-    return {name: value for name, value in os.environ.items() if name != "PYTHONPATH"} | one
+    one_thread = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "BLIS", "NUMBA", "VECLIB")}
+    return {name: value for name, value in os.environ.items() if name != "PYTHONPATH"} | one_thread
 
 
 def contenders(names: Sequence[str], scene: Path, yardstick: Yardstick) -> list[Library]:
@@ -171,9 +171,9 @@ def contenders(names: Sequence[str], scene: Path, yardstick: Yardstick) -> list[
     libraries = [Library("cinegen", scene)]
     for name in names:
         try:
-            found = Library(name, scene)
-            solves = _solves(found, yardstick)
-            libraries += [found] if solves == 1 else [found, Library(name, scene, solves)]
+            peer = Library(name, scene)
+            solves = _solves(peer, yardstick)
+            libraries += [peer] if solves == 1 else [peer, Library(name, scene, solves)]
         except FailedError as error:
             print(f"  {error}: left out")
     for library in libraries:

@@ -28,11 +28,11 @@ def row(name: str) -> list[float]:
     """Return the figures of one robot."""
     parameters = Parameters(name)
     design = Design(parameters)
-    here, node = design.evaluate(), design.mechanism.end
-    sizes = np.where([parameters.all[parameters.find(one)].unit == "m" for one in design.names], 5e-5, 1e-4)
-    sizes[[design.names.index(one) for one in here.opening]] = 0.0
+    evaluation, node = design.evaluate(), design.mechanism.end
+    sizes = np.where([parameters.all[parameters.find(parameter)].unit == "m" for parameter in design.names], 5e-5, 1e-4)
+    sizes[[design.names.index(parameter) for parameter in evaluation.opening]] = 0.0
     errors = np.random.default_rng(0).normal(size=(COUNT, len(sizes))) * sizes
-    values, starts = design.values + errors, here.q[0] + errors @ here.joint_derivative[0].T
+    values, starts = design.values + errors, evaluation.q[0] + errors @ evaluation.joint_derivative[0].T
     loaded = cpu_time(lambda: parameters.mechanism_with(values[0]), ROUNDS)
     closed = cpu_time(lambda: design.evaluate(values, starts, derivatives=False, near=True), ROUNDS) / COUNT
     moved = cpu_time(lambda: design.evaluate(values[:200], starts[:200]).pose_derivative(node), ROUNDS) / 200

@@ -27,15 +27,15 @@ def closed_exactly(mechanism: Mechanism, q: np.ndarray) -> mpmath.matrix:
     """Return the configuration near q at which loops are closed, the actuated joints where they are in q; all joints
     are revolute or prismatic about or along z."""
     with mpmath.workdps(DIGITS):
-        found, columns = mpmath.matrix(q.tolist()), mechanism.structure.passive_columns
+        solution, columns = mpmath.matrix(q.tolist()), mechanism.structure.passive_columns
         jacobian = mechanism.structure.system.evaluate(q)[1][:, columns]
         inverse = mpmath.matrix(np.linalg.pinv(jacobian, rcond=RANK).tolist())
         for _ in range(_STEPS):
-            step = inverse * _residual(mechanism, found)
+            step = inverse * _residual(mechanism, solution)
             for value, column in zip(step, columns, strict=True):
-                found[int(column)] -= value * mpmath.mpf(float(mechanism.scale[column]))
+                solution[int(column)] -= value * mpmath.mpf(float(mechanism.scale[column]))
             if max(abs(value) for value in step) < _LAST_STEP:
-                return found
+                return solution
     raise RuntimeError(f"{mechanism.name} can't be closed exactly")
 
 
@@ -47,26 +47,26 @@ def distance(q: np.ndarray, exact: mpmath.matrix) -> float:
 
 def _residual(mechanism: Mechanism, q: mpmath.matrix) -> mpmath.matrix:
     """Return residuals that are, near 0, those of `mechanism.structure.system`."""
-    frames, found, length = _frames(mechanism, q), list[mpmath.mpf](), mpmath.mpf(mechanism.length)
-    for loop, (one, on_one, other, on_other) in zip(mechanism.loops, mechanism.structure.system.anchors, strict=True):
-        first, second = _product(frames[one], _exact(on_one)), _product(frames[other], _exact(on_other))
+    frames, residuals, length = _frames(mechanism, q), list[mpmath.mpf](), mpmath.mpf(mechanism.length)
+    for loop, (body, on_body, other, on_other) in zip(mechanism.loops, mechanism.structure.system.anchors, strict=True):
+        first, second = _product(frames[body], _exact(on_body)), _product(frames[other], _exact(on_other))
         seen, offset = first[0].T * second[0], first[0].T * (second[1] - first[1]) / length
-        found += list(offset)[: 2 if loop.kind is LoopKind.PRISMATIC else 3]
+        residuals += list(offset)[: 2 if loop.kind is LoopKind.PRISMATIC else 3]
         if loop.kind is LoopKind.REVOLUTE:
-            found += [-seen[1, 2], seen[0, 2]]
+            residuals += [-seen[1, 2], seen[0, 2]]
         elif loop.kind is not LoopKind.BALL:
-            found += [(seen[2, 1] - seen[1, 2]) / 2, (seen[0, 2] - seen[2, 0]) / 2, (seen[1, 0] - seen[0, 1]) / 2]
+            residuals += [(seen[2, 1] - seen[1, 2]) / 2, (seen[0, 2] - seen[2, 0]) / 2, (seen[1, 0] - seen[0, 1]) / 2]
     for coupling, size in zip(mechanism.couplings, mechanism.structure.system.coupling_sizes, strict=True):
         value = -mpmath.mpf(coupling.constant)
         for name, coefficients in coupling.terms.items():
             variable = q[int(mechanism.q_index(name))]
-            value += sum(mpmath.mpf(one) * variable ** (k + 1) for k, one in enumerate(coefficients))
-        found.append(value / mpmath.mpf(float(size)))
-    return mpmath.matrix(found)
+            value += sum(mpmath.mpf(coefficient) * variable ** (k + 1) for k, coefficient in enumerate(coefficients))
+        residuals.append(value / mpmath.mpf(float(size)))
+    return mpmath.matrix(residuals)
 
 
 def _frames(mechanism: Mechanism, q: mpmath.matrix) -> list[Frame]:
-    model, found = mechanism.model, [(mpmath.eye(3), mpmath.zeros(3, 1))]
+    model, frames = mechanism.model, [(mpmath.eye(3), mpmath.zeros(3, 1))]
     for joint in range(1, model.njoints):
         value, moved = q[int(model.joints[joint].idx_q)], (mpmath.eye(3), mpmath.zeros(3, 1))
         if model.joints[joint].shortname() == "JointModelRZ":
@@ -75,8 +75,8 @@ def _frames(mechanism: Mechanism, q: mpmath.matrix) -> list[Frame]:
         else:
             assert model.joints[joint].shortname() == "JointModelPZ"
             moved = moved[0], mpmath.matrix([0, 0, value])
-        found.append(_product(_product(found[model.parents[joint]], _exact(model.jointPlacements[joint])), moved))
-    return found
+        frames.append(_product(_product(frames[model.parents[joint]], _exact(model.jointPlacements[joint])), moved))
+    return frames
 
 
 def _exact(placement: pin.SE3) -> Frame:

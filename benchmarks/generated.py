@@ -83,9 +83,9 @@ def in_python(mechanism: cinegen.Mechanism, values: np.ndarray) -> tuple[np.ndar
     """Return configurations (n, nq), and frames of the last node (n, 12); NaN where values can't be reached."""
     motion, node = ForwardKinematics(mechanism), mechanism.nodes[-1]
     q, frames = np.full((len(values), mechanism.model.nq), np.nan), np.full((len(values), 12), np.nan)
-    for i, given in enumerate(values.tolist()):
+    for i, joint_values in enumerate(values.tolist()):
         try:
-            q[i] = motion.move(dict(zip(mechanism.actuated, given, strict=True)))
+            q[i] = motion.move(dict(zip(mechanism.actuated, joint_values, strict=True)))
         except cinegen.ClosureError:
             continue
         frames[i] = frame_of(mechanism.placement(q[i], node)).ravel()
@@ -123,8 +123,8 @@ def in_node(folder: Path, mechanism: cinegen.Mechanism, values: np.ndarray) -> t
     (folder / "run.mjs").write_text(NODE)
     command = ["node", "run.mjs", str(len(values)), str(values.shape[1])]
     said = subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True).stdout
-    found = np.fromfile(folder / "found.bin").reshape(len(values), -1)
-    return found[:, :-12], found[:, -12:], float(said)
+    rows = np.fromfile(folder / "found.bin").reshape(len(values), -1)
+    return rows[:, :-12], rows[:, -12:], float(said)
 
 
 def tick_in_python(mechanism: cinegen.Mechanism) -> float:
@@ -144,7 +144,7 @@ def conditioning(mechanism: cinegen.Mechanism, q: np.ndarray) -> np.ndarray:
     columns, rank = mechanism.structure.passive_columns, mechanism.structure.passive_rank
     if rank == 0:
         return np.ones(len(q))
-    jacobians = np.array([mechanism.structure.system.evaluate(one)[1][:, columns] for one in q])
+    jacobians = np.array([mechanism.structure.system.evaluate(q_row)[1][:, columns] for q_row in q])
     return np.asarray(np.linalg.svd(jacobians, compute_uv=False)[:, rank - 1])
 
 
@@ -155,7 +155,7 @@ def main() -> None:
     print(f"{count} values. Largest differences of configurations and frames from Python, with a singular value of at")
     print(f"least {REGULAR}; of configurations by epsilon / singular value; largest errors by the same; us of a tick\n")
     titles = ("reached", "sigma", "C", "node", "C/(e/s)", "node/(e/s)", *("Python", "C", "node") * 2)
-    print(f"{'robot':20}" + "".join(f"{one:>11}" for one in titles))
+    print(f"{'robot':20}" + "".join(f"{title:>11}" for title in titles))
     for name in names:
         print(row(name, count), flush=True)
 
@@ -174,25 +174,25 @@ def row(name: str, count: int) -> str:
     with tempfile.TemporaryDirectory() as folder:
         *c, c_time = in_c(Path(folder), mechanism, values)
         *node, node_time = in_node(Path(folder), mechanism, values)
-    known = [np.isfinite(one[0]).all(axis=1) for one in (wanted, c, node)]
+    known = [np.isfinite(result[0]).all(axis=1) for result in (wanted, c, node)]
     same = (known[0] == known[1]).all() and (known[0] == known[2]).all()
-    q = [one[0][known[0]] for one in (wanted, c, node)]
+    q = [result[0][known[0]] for result in (wanted, c, node)]
     sigma = conditioning(mechanism, q[0])
     apart = [
-        np.max([np.abs(a - b)[known[0]].max(axis=1) for a, b in zip(wanted, one, strict=True)], axis=0)
-        for one in (c, node)
+        np.max([np.abs(a - b)[known[0]].max(axis=1) for a, b in zip(wanted, result, strict=True)], axis=0)
+        for result in (c, node)
     ]
-    in_q = [np.abs(one - q[0]).max(axis=1) for one in q[1:]]
+    in_q = [np.abs(other - q[0]).max(axis=1) for other in q[1:]]
     expected = EPSILON / sigma
     cells = [f"{reaches:11}", f"{sigma.min():11.1e}"]
-    cells += [f"{one[sigma >= REGULAR].max():11.1e}" for one in apart]
-    cells += [f"{(one / expected).max():11.1f}" for one in in_q]
+    cells += [f"{gap[sigma >= REGULAR].max():11.1e}" for gap in apart]
+    cells += [f"{(gap / expected).max():11.1f}" for gap in in_q]
     errors = np.zeros(3)
     if mechanism.is_constrained:
-        for i in {int(i) for one in (*in_q, *(one / expected for one in in_q)) for i in np.argsort(-one)[:WORST]}:
+        for i in {int(i) for gap in (*in_q, *(gap / expected for gap in in_q)) for i in np.argsort(-gap)[:WORST]}:
             exact = closed_exactly(mechanism, q[0][i])
-            errors = np.maximum(errors, [distance(one[i], exact) / expected[i] for one in q])
-    cells += [f"{one:11.1f}" for one in (*errors, tick_in_python(mechanism), c_time, node_time)]
+            errors = np.maximum(errors, [distance(solutions[i], exact) / expected[i] for solutions in q])
+    cells += [f"{number:11.1f}" for number in (*errors, tick_in_python(mechanism), c_time, node_time)]
     return f"{name:20}{''.join(cells)}" + ("" if same else "  not the same are reached")
 
 

@@ -60,14 +60,14 @@ def measure(family: str, count: int) -> None:
         began = time.perf_counter()
         hexapod = Hexapod(base, platform)
         ready = time.perf_counter()
-        found = hexapod.modes(lengths)
+        solutions = hexapod.modes(lengths)
         ended = time.perf_counter()
         begin.append(1e3 * (ready - began))
         modes.append(1e3 * (ended - ready))
         paths.append(hexapod.degree)
         steps.append(hexapod.steps / 40)
-        real.append(len(found.placements))
-        complete += found.complete
+        real.append(len(solutions.placements))
+        complete += solutions.complete
     worst = max(a + b for a, b in zip(begin, modes, strict=True))
     print(
         f"{family:<12}{median(begin):>7.1f}{median(modes):>7.1f}{worst:>7.1f}{mean(paths):>7.1f}{mean(steps):>7.1f}"

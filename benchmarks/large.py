@@ -71,7 +71,7 @@ def girder(joints: int) -> str:
     return _cranks(joints // 3, 2)
 
 
-FAMILIES: dict[str, Callable[[int], str]] = {one.__name__: one for one in (chain, snake, star, train, girder)}
+FAMILIES: dict[str, Callable[[int], str]] = {family.__name__: family for family in (chain, snake, star, train, girder)}
 MOBILITY: dict[str, Callable[[int], int]] = {
     "chain": lambda joints: joints,
     "snake": lambda joints: 8 * (joints // 10),
@@ -103,12 +103,12 @@ def _segment(first: int, below: int, at: float) -> list[str]:
 def _cranks(loops: int, bars: int) -> str:
     lines, lean = [_link(1, 0, theta=80)], math.degrees(math.acos(50 / 60))
     for i in range(loops):
-        crank, one, two, end, after, other_end = (10 * i + k for k in (1, 2, 3, 4, 11, 5))
+        crank, bar, two, end, after, other_end = (10 * i + k for k in (1, 2, 3, 4, 11, 5))
         lines += [_link(after, 0, theta=80, d=100.0 * (i + 1)), _frame(other_end, after, d=100)]
         if bars == 1:
-            lines += [_link(one, crank, theta=-80, d=100), _frame(end, one, d=100)]
+            lines += [_link(bar, crank, theta=-80, d=100), _frame(end, bar, d=100)]
         else:
-            lines += [_link(one, crank, theta=lean - 80, d=100), _link(two, one, theta=-2 * lean, d=60)]
+            lines += [_link(bar, crank, theta=lean - 80, d=100), _link(two, bar, theta=-2 * lean, d=60)]
             lines.append(_frame(end, two, d=60))
         lines.append(_loop(end, other_end))
     return _robot(lines)

@@ -31,9 +31,9 @@ def rate(mechanism: cinegen.Mechanism, quantity: str) -> float:
     home = {name: float(mechanism.q_home[mechanism.q_index(name)]) for name in mechanism.actuated}
     side = round(CELLS ** (1.0 / min(3, len(home))))
     axes = tuple(GridAxis(name, at - 0.05, at + 0.05, side) for name, at in list(home.items())[:3])
-    given = {"reaction": mechanism.joints[1]} if quantity == "reaction_force" else {}
+    options = {"reaction": mechanism.joints[1]} if quantity == "reaction_force" else {}
     springs = dict.fromkeys(home, 1e5) if quantity in ("stiffness", "frequency") else {}
-    spec = MapSpecification(mechanism, Region(axes), (quantity,), limits=False, stiffness=springs, **given)
+    spec = MapSpecification(mechanism, Region(axes), (quantity,), limits=False, stiffness=springs, **options)
     evaluator, whole = ChunkEvaluator(spec), tuple(slice(0, axis.count) for axis in axes)
     evaluator.values(tuple(slice(0, 2) for _ in axes))
     return spec.region.size / cpu_time(lambda: evaluator.values(whole), ROUNDS)

@@ -56,17 +56,17 @@ def whole(spec: MapSpecification) -> float:
 def steady(spec: MapSpecification, scheduler: str | None, skipped: int = 4) -> float:
     """Cells a second of a map, once it is under way."""
     with tempfile.TemporaryDirectory() as folder:
-        told: list[tuple[float, int]] = []
+        progress: list[tuple[float, int]] = []
         make_map(spec, Path(folder) / "map.zarr", workers=1, scheduler=scheduler,
-                 report=lambda done, _: told.append((time.perf_counter(), done)))  # fmt: skip
-        (first, before), (last, after) = told[skipped], told[-1]
+                 report=lambda done, _: progress.append((time.perf_counter(), done)))  # fmt: skip
+        (first, before), (last, after) = progress[skipped], progress[-1]
         return (after - before) / (last - first)
 
 
-def turns(rounds: int, *ways: Callable[[], float]) -> list[float]:
-    """Medians of ways that take turns."""
-    found = [[way() for way in ways] for _ in range(rounds)]
-    return [median(values) for values in zip(*found, strict=True)]
+def turns(rounds: int, *measures: Callable[[], float]) -> list[float]:
+    """Medians of measures that take turns."""
+    rates = [[way() for way in measures] for _ in range(rounds)]
+    return [median(values) for values in zip(*rates, strict=True)]
 
 
 def row(what: str, first: float, second: float, unit: str, mark: str = "") -> None:
@@ -87,18 +87,18 @@ def main() -> None:
     }
     marks = {"panda": ">= 300,000 /s", "delta4": ">= 50,000 /s"}
     print(f"{'':<62}{'first':>10}{'second':>10}{'ratio':>11}  mark")
-    with connected(None, 1) as one, connected(None, 2) as two:
-        addresses = [str(client.scheduler.address) for client in (one, two)]  # type: ignore[union-attr]
+    with connected(None, 1) as single, connected(None, 2) as two:
+        addresses = [str(client.scheduler.address) for client in (single, two)]  # type: ignore[union-attr]
         for name, spec in specifications.items():
             whole(spec)
-            found = turns(rounds, lambda s=spec: alone(s), lambda s=spec: whole(s))
-            row(f"{name}: evaluate alone; a map, from the call to the file", *found, "/s", marks[name])
-            ways = [lambda s=spec, at=at: steady(s, at) for at in (None, *addresses)]
-            inside, shared, both = turns(rounds, *ways)
+            rates = turns(rounds, lambda s=spec: alone(s), lambda s=spec: whole(s))
+            row(f"{name}: evaluate alone; a map, from the call to the file", *rates, "/s", marks[name])
+            measures = [lambda s=spec, at=at: steady(s, at) for at in (None, *addresses)]
+            inside, shared, both = turns(rounds, *measures)
             row(f"{name}: this process; one process by Dask", inside, shared, "/s", ">= 0.95")
             row(f"{name}: one process by Dask; two", shared, both, "/s", ">= 1.8")
         begin = time.perf_counter()
-        for _ in each(one, abs, range(TASKS)):
+        for _ in each(single, abs, range(TASKS)):
             pass
         print(f"a task that does nothing: {1e3 * (time.perf_counter() - begin) / TASKS:.2f} ms")
 

@@ -22,7 +22,7 @@ TABLE = re.compile(r"(<!-- measured: (?P<command>[^|]+) \| (?P<columns>[^>]+) --
 
 def rows(printed: str, columns: list[str]) -> list[list[str]]:
     """Return cells of the rows of a printed table, whose columns end where their headings do."""
-    group, ends, found = "", dict[str, int](), list[list[str]]()
+    group, ends, table_rows = "", dict[str, int](), list[list[str]]()
     for line in printed.splitlines():
         if {*columns} - {"group", "name"} <= {*line.split()}:
             ends = {match[0]: match.end() for match in re.finditer(r"\S+", line)}
@@ -34,8 +34,8 @@ def rows(printed: str, columns: list[str]) -> list[list[str]]:
             cells = {name: line[:end].split()[-1] if line[end - 1 : end].strip() else "" for name, end in ends.items()}
             first = next(cells[name] for name in ends if name in columns)
             cells |= {"group": group, "name": line[: line.index(f" {first}")].strip()}
-            found.append([cells[name] for name in columns])
-    return found
+            table_rows.append([cells[name] for name in columns])
+    return table_rows
 
 
 def main() -> int:
@@ -49,11 +49,11 @@ def main() -> int:
         words = [sys.executable if word == "python" else word for word in shlex.split(command)]
         done = subprocess.run(words, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=False)
         print(done.stdout, flush=True)
-        found = rows(done.stdout, columns)
-        if done.returncode or not found:
+        table_rows = rows(done.stdout, columns)
+        if done.returncode or not table_rows:
             failed.append(command)
             return table[0]
-        return table[1] + "".join(f"| {' | '.join(cells)} |\n" for cells in found)
+        return table[1] + "".join(f"| {' | '.join(cells)} |\n" for cells in table_rows)
 
     PAGE.write_text(TABLE.sub(measured, PAGE.read_text(encoding="utf-8")), encoding="utf-8")
     for command in failed:

@@ -101,8 +101,8 @@ class Judge:
         geometry = pin.buildGeomFromUrdf(self._model, str(URDF), pin.GeometryType.COLLISION, package_dirs=[folder])
         matrix = world["allowed_collision_matrix"]
         allowed = {
-            frozenset((one, other))
-            for one, row in zip(matrix["entry_names"], matrix["entry_values"], strict=True)
+            frozenset((name, other))
+            for name, row in zip(matrix["entry_names"], matrix["entry_values"], strict=True)
             for other, free in zip(matrix["entry_names"], row, strict=True)
             if free
         }
@@ -189,7 +189,7 @@ def main() -> None:
     parser.add_argument("--safety", type=float, default=1e-3, help="safety distance, m")
     options = parser.parse_args()
     time.monotonic = CpuClock()  # for the limits of plan
-    found = {"plan": Results(), "ompl": Results()}
+    results = {"plan": Results(), "ompl": Results()}
     searches = dict[str, float]()
     requests = [
         request
@@ -203,30 +203,30 @@ def main() -> None:
         clearance_of(with_joints_locked(scene)), MeshCheck(scene)  # bodies and pairs are found once for the mechanism
         begin = time.process_time()
         made = plan(scene, seconds=options.seconds)
-        found["plan"].add(problem, made.path if made else None, time.process_time() - begin, judge)
+        results["plan"].add(problem, made.path if made else None, time.process_time() - begin, judge)
         begin = time.process_time()
         path, searches[problem] = ompl_path(scene, options.seconds)
-        found["ompl"].add(problem, path, time.process_time() - begin, judge)
+        results["ompl"].add(problem, path, time.process_time() - begin, judge)
         lengths = "  ".join(
-            f"{name} {one.times[problem]:6.2f} s, {one.lengths.get(problem, np.nan):6.2f} rad"
-            for name, one in found.items()
+            f"{name} {run.times[problem]:6.2f} s, {run.lengths.get(problem, np.nan):6.2f} rad"
+            for name, run in results.items()
         )
         last = made.attempts[-1].strategy if made.attempts else made.reason
         print(f"{problem}  {lengths}  {made.status.value}: {last}", flush=True)
-    for name, one in found.items():
+    for name, run in results.items():
         print(
-            f"{name}: {rate(len(one.lengths), len(requests))} solved, {len(one.touching)} in contact {one.touching}, "
-            f"median {median(one.times.values()):.2f} s, length {median(one.lengths.values() or [np.nan]):.2f} rad"
+            f"{name}: {rate(len(run.lengths), len(requests))} solved, {len(run.touching)} in contact {run.touching}, "
+            f"median {median(run.times.values()):.2f} s, length {median(run.lengths.values() or [np.nan]):.2f} rad"
         )
-    times, ompl = (np.array([*found[name].times.values()]) for name in ("plan", "ompl"))
+    times, ompl = (np.array([*results[name].times.values()]) for name in ("plan", "ompl"))
     search = np.array([*searches.values()])
     print(
         f"CPU time, plan by ompl: {median(times) / median(ompl):.2f} of medians, median {median(times / ompl):.2f}; by "
         f"ompl without simplifying: {median(times) / median(search):.2f}, {median(times / search):.2f}"
     )
-    both = found["plan"].lengths.keys() & found["ompl"].lengths.keys()
+    both = results["plan"].lengths.keys() & results["ompl"].lengths.keys()
     if both:
-        ratios = [found["plan"].lengths[name] / found["ompl"].lengths[name] for name in both]
+        ratios = [results["plan"].lengths[name] / results["ompl"].lengths[name] for name in both]
         print(f"length, plan by ompl: median {median(ratios):.3f}, mean {np.mean(ratios):.3f} of {len(both)}")
 
 

@@ -44,23 +44,23 @@ def clearance(name: str) -> tuple[Clearance, Array]:
     ball = {"name": "ball", "kind": "sphere", "radius": RADIUS, "point": [9.0, 9.0, 0.0]}
     mechanism = robot(name)
     start = {"joints": dict(zip(mechanism.actuated, READY, strict=True))} if name == "panda" else {}
-    given = {"safety": 0.01, "start": start, "goal": {"point": [0.0, 0.0, 0.0]}, "obstacle": [ball]}
-    scene = scene_of(given, mechanism=mechanism)
+    document = {"safety": 0.01, "start": start, "goal": {"point": [0.0, 0.0, 0.0]}, "obstacle": [ball]}
+    scene = scene_of(document, mechanism=mechanism)
     return clearance_of(scene), scene.start
 
 
 def distance(near: Clearance, data: pin.Data, q: Array, ball: Array) -> float:
     """The least distance of all moving links from the ball."""
     pin.forwardKinematics(near.mechanism.model, data, q)
-    there, found = coal.Transform3s(np.eye(3), ball), math.inf
+    at_ball, least = coal.Transform3s(np.eye(3), ball), math.inf
     for body in near.links:
         if body.joint:
             pose = data.oMi[body.joint] * body.placement
-            if np.linalg.norm(pose.act(body.placement.actInv(body.centre)) - ball) - body.radius - RADIUS < found:
-                here = coal.Transform3s(pose.rotation, pose.translation)
-                asked, given = coal.DistanceRequest(), coal.DistanceResult()
-                found = min(found, coal.distance(body.shape, here, coal.Sphere(RADIUS), there, asked, given))
-    return found
+            if np.linalg.norm(pose.act(body.placement.actInv(body.centre)) - ball) - body.radius - RADIUS < least:
+                at_body = coal.Transform3s(pose.rotation, pose.translation)
+                asked, result = coal.DistanceRequest(), coal.DistanceResult()
+                least = min(least, coal.distance(body.shape, at_body, coal.Sphere(RADIUS), at_ball, asked, result))
+    return least
 
 
 def is_avoidable(near: Clearance, home: Array, begin: Array, velocity: Array, rng: np.random.Generator) -> bool:
@@ -69,7 +69,7 @@ def is_avoidable(near: Clearance, home: Array, begin: Array, velocity: Array, rn
     columns = [mechanism.v_index(joint) for joint in mechanism.actuated]
     most, fastest = limits.acceleration[columns], limits.velocity[columns]
     times = np.linspace(0.0, TICKS * DT, INSTANTS + 1)
-    own = near.distances(home)[near.groups > 0]  # of links from each other
+    between = near.distances(home)[near.groups > 0]  # of links from each other
     for number in range(MOTIONS):
         part = rng.uniform(-1.0, 1.0, len(columns)) if number else np.zeros(len(columns))
         if number % 2:
@@ -97,7 +97,7 @@ def is_avoidable(near: Clearance, home: Array, begin: Array, velocity: Array, rn
             if not mechanism.limits.within(q) or distance(near, data, q, begin + velocity * t) <= 0.0:
                 hit = True
                 break
-        if not hit and (near.distances(q)[near.groups > 0] >= np.minimum(own, 0.0) - 1e-9).all():
+        if not hit and (near.distances(q)[near.groups > 0] >= np.minimum(between, 0.0) - 1e-9).all():
             return True
     return False
 
@@ -146,7 +146,7 @@ def main() -> None:
         for number in range(count):
             rng = np.random.default_rng(number)
             pin.forwardKinematics(mechanism.model, data, start)
-            moving = [one for one in near.links if one.joint]
+            moving = [link for link in near.links if link.joint]
             body = moving[rng.integers(len(moving))]
             direction = rng.normal(size=3) * (1.0, 1.0, 0.0 if name == "planar_3r" else 1.0)
             velocity = rng.uniform(0.5, 2.0) * direction / np.linalg.norm(direction)

@@ -218,8 +218,8 @@ def draw(tree: Path, count: int, seed: int, kernels: bool) -> list[Mutant]:
     mutants = []
     for file in sizes:
         share = min(len(places[file]), shares[file] + (file in left))
-        for (_, start, stop), ways in generator.sample(places[file], share):
-            name, old, new = generator.choice(ways)
+        for (_, start, stop), choices in generator.sample(places[file], share):
+            name, old, new = generator.choice(choices)
             text, low = replaced(sources[file], old, new), start[0] - 1
             change = (source.split("\n")[low].strip() for source in (sources[file], text))
             mutants.append(Mutant(file, name, start, stop, *change, text))
@@ -326,14 +326,14 @@ class Selection:
     @functools.cache  # noqa: B019
     def contexts(self, file: str) -> dict[int, set[str]]:
         """Return the tests by line of a file."""
-        found = self.data.contexts_by_lineno(str(self.tree / file))
-        return {line: {name.rpartition("|")[0] for name in names if name} for line, names in found.items()}
+        by_line = self.data.contexts_by_lineno(str(self.tree / file))
+        return {line: {name.rpartition("|")[0] for name in names if name} for line, names in by_line.items()}
 
     @functools.cache  # noqa: B019
     def statements(self, file: str) -> list[tuple[range, str | None, bool]]:
         """Return each statement's lines (of a compound one: its head), the name that it binds, and whether it is in
         a function."""
-        found: list[tuple[range, str | None, bool]] = []
+        spans: list[tuple[range, str | None, bool]] = []
 
         def visit(body: Iterable[ast.stmt], inside: bool) -> None:
             for node in body:
@@ -348,15 +348,15 @@ class Selection:
                     name = getattr(target, "id", None)
                 function = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
                 if function:
-                    found.append((range(node.lineno, node.body[0].lineno), f"def {node.lineno}", inside))
+                    spans.append((range(node.lineno, node.body[0].lineno), f"def {node.lineno}", inside))
                 elif not isinstance(node, ast.excepthandler):
-                    found.append((head, name, inside))
+                    spans.append((head, name, inside))
                 else:
-                    found.append((range(node.lineno, node.lineno + 1), None, inside))
+                    spans.append((range(node.lineno, node.lineno + 1), None, inside))
                 visit([part for part in inner if isinstance(part, ast.stmt | ast.excepthandler)], inside or function)
 
         visit(ast.parse((self.tree / file).read_text(encoding="utf-8")).body, False)
-        return found
+        return spans
 
     def of(self, mutant: Mutant) -> list[str]:
         """Return the tests that run a mutant's line, or use what it binds: first those of the folder that mirrors the
@@ -364,13 +364,13 @@ class Selection:
         contexts = self.contexts(mutant.file)
         spans = [x for x in self.statements(mutant.file) if mutant.line in x[0]]
         lines, name, inside = min(spans, key=lambda x: len(x[0]), default=(range(0), None, False))
-        found: set[str] = set()
+        tests: set[str] = set()
         if name and name.startswith("def "):  # a default: whoever runs the function
             source = ast.parse((self.tree / mutant.file).read_text(encoding="utf-8"))
             node = next(n for n in ast.walk(source) if isinstance(n, ast.FunctionDef) and n.lineno == lines.start)
             lines, inside = range(node.body[0].lineno, (node.end_lineno or 0) + 1), True
         if inside:
-            found = set().union(*(contexts.get(line, set()) for line in lines))
+            tests = set().union(*(contexts.get(line, set()) for line in lines))
         elif name:
             for path in [*(self.tree / "cinegen").rglob("*.py"), *(self.tree / "raff2urdf").rglob("*.py")]:
                 file = str(path.relative_to(self.tree))
@@ -378,11 +378,11 @@ class Selection:
                 if file == mutant.file or (name.strip("_") and not name.startswith("_") and name in text):
                     for number, line in enumerate(text.splitlines(), 1):
                         if re.search(rf"\b{name}\b", line):
-                            found |= self.contexts(file).get(number, set())
+                            tests |= self.contexts(file).get(number, set())
         else:
-            found = set().union(*contexts.values()) if contexts else set()
+            tests = set().union(*contexts.values()) if contexts else set()
         near = _mirror(mutant)
-        return sorted(found & self.seconds.keys(), key=lambda name: (not name.startswith(near), self.seconds[name]))
+        return sorted(tests & self.seconds.keys(), key=lambda name: (not name.startswith(near), self.seconds[name]))
 
     def neighbours(self, mutant: Mutant) -> list[str]:
         """Return the tests of the folder that mirrors the package, fastest first."""
@@ -553,7 +553,7 @@ def run(work: Path, results: Path, mutants: list[Mutant]) -> None:
     def judge(which: list[Mutant], most: float) -> None:
         for mutant in which:
             runner.judge(mutant, selections[mutant.mode], most)
-            results.write_text(json.dumps([asdict(one) for one in mutants]), encoding="utf-8")
+            results.write_text(json.dumps([asdict(entry) for entry in mutants]), encoding="utf-8")
             where = f"{mutant.file}:{mutant.line}"
             print(
                 f"{mutants.index(mutant):4} {mutant.status:11} {mutant.seconds:6.1f} s {where} {mutant.by}", flush=True
@@ -565,7 +565,7 @@ def run(work: Path, results: Path, mutants: list[Mutant]) -> None:
         for mutant in again:
             mutant.tests, mutant.by = 0, ""
         judge(again, MOST)
-    results.write_text(json.dumps([asdict(one) for one in mutants]), encoding="utf-8")
+    results.write_text(json.dumps([asdict(entry) for entry in mutants]), encoding="utf-8")
 
 
 def main() -> None:

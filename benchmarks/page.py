@@ -32,14 +32,14 @@ def main(drags: int = 100_000, *names: str) -> None:
         mechanism = cinegen.load(ROOT / "robots" / f"{name}.raff")
         content = content_of(Setup({name: mechanism}, rate=RATE), "")
         with tempfile.TemporaryDirectory() as folder:
-            kernels, given = Path(folder, "kernels.mjs"), Path(folder, "given.json")
+            kernels, settings = Path(folder, "kernels.mjs"), Path(folder, "given.json")
             kernels.write_text(module())
-            given.write_text(json.dumps({"content": content, "module": str(kernels), "drags": drags, "seed": 1}))
-            command = [node, "--no-warnings", ROOT / "benchmarks" / "page_session.mjs", given]
-            found = json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout)
-        frames = f"{found['frames']} frames of {found['mean']:.3f} ms (longest {found['longest']:.1f} ms)"
-        print(f"{name}: {drags} drags, {frames}; loops open by {found['worst']:.1e} at most; {found['statuses']}")
+            settings.write_text(json.dumps({"content": content, "module": str(kernels), "drags": drags, "seed": 1}))
+            command = [node, "--no-warnings", ROOT / "benchmarks" / "page_session.mjs", settings]
+            result = json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout)
+        frames = f"{result['frames']} frames of {result['mean']:.3f} ms (longest {result['longest']:.1f} ms)"
+        print(f"{name}: {drags} drags, {frames}; loops open by {result['worst']:.1e} at most; {result['statuses']}")
 
 
 if __name__ == "__main__":
-    main(*(int(one) if one.isdigit() else one for one in sys.argv[1:]))
+    main(*(int(word) if word.isdigit() else word for word in sys.argv[1:]))

@@ -64,7 +64,7 @@ def main(seconds: float = 10.0, *names: str) -> None:
 
 def traced(browser: Browser, page: Page, robot: str, nodes: list[str], seconds: float) -> list[float]:
     """Return the processor time of each frame's scripts, ms, while the last node that is seen is dragged."""
-    x, y = next(found for node in reversed(nodes) if (found := page.evaluate(WHERE, [robot, node])))
+    x, y = next(position for node in reversed(nodes) if (position := page.evaluate(WHERE, [robot, node])))
     page.mouse.move(x, y)
     page.mouse.down()
     drag(page, x, y, 3.0)  # until its code is optimized
@@ -85,18 +85,18 @@ def drag(page: Page, x: float, y: float, seconds: float) -> None:
 
 def frame_times(events: list[dict[str, Any]]) -> list[float]:
     """Return the processor time of all scripts from one frame to the next, ms."""
-    threads = Counter((one["pid"], one["tid"]) for one in events if one["name"] == "FireAnimationFrame")
+    threads = Counter((event["pid"], event["tid"]) for event in events if event["name"] == "FireAnimationFrame")
     thread = threads.most_common(1)[0][0]
-    timed = [one for one in events if (one["pid"], one["tid"]) == thread and "tdur" in one]
+    timed = [event for event in events if (event["pid"], event["tid"]) == thread and "tdur" in event]
     times, end = list[float](), 0.0
-    for one in sorted(timed, key=lambda one: one["ts"]):
-        if one["name"] == "FireAnimationFrame":
+    for event in sorted(timed, key=lambda event: event["ts"]):
+        if event["name"] == "FireAnimationFrame":
             times.append(0.0)
-        if one["name"] in SCRIPTS and one["ts"] >= end and times:  # what is inside another one is counted there
-            times[-1] += one["tdur"] / 1000.0
-            end = one["ts"] + one["dur"]
+        if event["name"] in SCRIPTS and event["ts"] >= end and times:  # what is inside another one is counted there
+            times[-1] += event["tdur"] / 1000.0
+            end = event["ts"] + event["dur"]
     return times
 
 
 if __name__ == "__main__":
-    main(*(float(one) if one.replace(".", "").isdigit() else one for one in sys.argv[1:]))
+    main(*(float(word) if word.replace(".", "").isdigit() else word for word in sys.argv[1:]))

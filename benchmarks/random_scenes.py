@@ -103,13 +103,15 @@ def shape(rng: np.random.Generator) -> Array:
             return corners[hull.vertices]
 
 
-def apart(one: Array, other: Array) -> float:
+def apart(points: Array, other: Array) -> float:
     """Between two convex polygons, or a point and one: 0 where they overlap."""
-    if len(one) > 2 and any(inside(corner, other) for corner in one):
+    if len(points) > 2 and any(inside(corner, other) for corner in points):
         return 0.0
-    if any(inside(corner, other) for corner in one) or (len(one) > 2 and any(inside(corner, one) for corner in other)):
+    if any(inside(corner, other) for corner in points) or (
+        len(points) > 2 and any(inside(corner, points) for corner in other)
+    ):
         return 0.0
-    edges = [(a, b) for a, b in ((other, one), (one, other))]
+    edges = [(a, b) for a, b in ((other, points), (points, other))]
     return min(to_edge(corner, first, second) for corners, outline in edges for corner in corners
                for first, second in zip(outline, np.roll(outline, -1, axis=0), strict=True))  # fmt: skip
 

@@ -84,11 +84,11 @@ class Judge:
 
     def is_missed(self, q: np.ndarray, margin: float = 0.0) -> bool:
         """Whether other meshes than those in constant contact are nearer than a margin; their names are kept."""
-        found = {self.names(pair) for pair in self.meshes.touching(q, margin)} - self.constant
-        for names in found:
-            why = "/".join(sorted(one.name.lower() for one in self.reasons.get(names, set())))
+        missed = {self.names(pair) for pair in self.meshes.touching(q, margin)} - self.constant
+        for names in missed:
+            why = "/".join(sorted(reason.name.lower() for reason in self.reasons.get(names, set())))
             self.told.add(f"{'-'.join(sorted(names))} ({why})")
-        return bool(found)
+        return bool(missed)
 
     def sample(self, count: int, seconds: float, margin: float) -> str:
         """The columns of random configurations."""
@@ -117,8 +117,8 @@ class Judge:
 
     def seek(self, seconds: float) -> str:
         """Contacts found, those told clear, and the pairs of shapes that came to contact, of those judged."""
-        sought = told = 0
-        found, end = set[tuple[int, int]](), time.process_time() + seconds
+        sought = told_clear = 0
+        contacts, end = set[tuple[int, int]](), time.process_time() + seconds
         rng, pairs = np.random.default_rng(3), self.meshes.pairs
         pin.seed(3)
         order: list[int] = []
@@ -135,7 +135,7 @@ class Judge:
                 before, q = q, self.confined(pin.integrate(self.model, q, step))
             if distance > 0.0:
                 continue
-            found.add(pair)
+            contacts.add(pair)
             touch = [q]
             for _ in range(HALVINGS if before is not q else 0):
                 half = pin.interpolate(self.model, before, q, 0.5)
@@ -144,10 +144,10 @@ class Judge:
                     touch.append(half)
                 else:
                     before = half
-            for one in touch:
+            for at_contact in touch:
                 sought += 1
-                told += self.is_clear(one, TOUCH) and self.is_missed(one)
-        return f"{sought:7} {told:10} {len(found):5}/{len(pairs):<5}"
+                told_clear += self.is_clear(at_contact, TOUCH) and self.is_missed(at_contact)
+        return f"{sought:7} {told_clear:10} {len(contacts):5}/{len(pairs):<5}"
 
     def confined(self, q: np.ndarray) -> np.ndarray:
         """A configuration within the limits; floating bases stay as they are."""
@@ -165,22 +165,22 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=20.0, help="of CPU time for random configurations of a robot")
     parser.add_argument("--seek", type=float, default=5.0, help="the same for contacts that are sought")
     parser.add_argument("--margin", type=float, default=1e-3, help="m")
-    given = parser.parse_args()
+    options = parser.parse_args()
     print(
         f"{'robot':<32}{'count':>6} {'touching':>8} {'missed':>6} {'':7} {'free':>6} {'refused':>7} {'':7} {'us':>7}"
         f" {'sought':>7} {'told clear':>10} {'of pairs':>11} constant"
     )
     paths = sorted(EXAMPLES.rglob("*.urdf"))
-    behind = max((i + 1 for i, path in enumerate(paths) if path.stem == given.after), default=0)
+    behind = max((i + 1 for i, path in enumerate(paths) if path.stem == options.after), default=0)
     for path in paths[behind:]:
-        if given.names and not any(name in path.name for name in given.names):
+        if options.names and not any(name in path.name for name in options.names):
             continue
         try:
             judge = Judge(path)
             if not judge.meshes.drawn or not judge.model.nv:
                 text = "no shapes, or no joints"
             else:
-                text = f"{judge.sample(given.count, given.seconds, given.margin)} {judge.seek(given.seek)} "
+                text = f"{judge.sample(options.count, options.seconds, options.margin)} {judge.seek(options.seek)} "
                 text += f"{len(judge.constant)}"
                 text += f"  told clear: {', '.join(sorted(judge.told))}" if judge.told else ""
         except cinegen.CinegenError as error:

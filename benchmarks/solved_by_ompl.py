@@ -108,8 +108,8 @@ def among(mechanism: Mechanism, node: str, obstacles: list[Entry]) -> Clearance:
 
 def is_clear(near: Clearance, q: Array) -> bool:
     """Whether obstacles are twice as far as the safety distance, and links as far from each other as they must be."""
-    own = near.pairs[:, 1] < len(near.links)
-    return bool((near.distances(q) > np.where(own, SAFETY, 2.0 * SAFETY)).all())
+    of_links = near.pairs[:, 1] < len(near.links)
+    return bool((near.distances(q) > np.where(of_links, SAFETY, 2.0 * SAFETY)).all())
 
 
 def posture(mechanism: Mechanism, node: str, point: Array, near: Clearance, rng: np.random.Generator) -> Array | None:
@@ -178,8 +178,8 @@ def columns(name: str, number: int) -> Scene:
         near, ends = among(mechanism, node, obstacles), list[Array]()
         for turn in rng.uniform(-np.pi, np.pi) + np.array([0.0, np.pi]):
             move = far * np.array([np.cos(turn), np.sin(turn), rng.uniform(-0.4, -0.1)])
-            there = pin.SE3(home.rotation, home.translation + move)
-            reached = cinegen.inverse_kinematics(mechanism, [FrameTask(node, there, 3, 0)], mechanism.q_home)
+            target = pin.SE3(home.rotation, home.translation + move)
+            reached = cinegen.inverse_kinematics(mechanism, [FrameTask(node, target, 3, 0)], mechanism.q_home)
             if reached and mechanism.limits.within(reached.q) and is_clear(near, reached.q):
                 ends.append(reached.q)
         if len(ends) == 2:
@@ -219,11 +219,11 @@ def grasps(
     obstacles: list[Entry], ends: list[Callable[[], tuple[Array, Array]]], rng: np.random.Generator
 ) -> Scene | None:
     """A panda from one grasp to another, each at a random point and along a random direction; None without them."""
-    near, found = among(arm("panda"), ARMS["panda"][1], obstacles), list[Array]()
+    near, grasped = among(arm("panda"), ARMS["panda"][1], obstacles), list[Array]()
     for sample in ends:
         tries = (grasp(*sample(), near, rng) for _ in range(20))
-        found += [q for q in (next((q for q in tries if q is not None), None),) if q is not None]
-    return task(arm("panda"), ARMS["panda"][1], obstacles, *found) if len(found) == 2 else None
+        grasped += [q for q in (next((q for q in tries if q is not None), None),) if q is not None]
+    return task(arm("panda"), ARMS["panda"][1], obstacles, *grasped) if len(grasped) == 2 else None
 
 
 def over_table(rng: np.random.Generator) -> tuple[Array, Array]:
@@ -404,9 +404,9 @@ FAMILIES: Mapping[str, Callable[[int], Scene]] = {
 # --- OMPL --------------------------------------------------------------------------------------------------------
 
 
-def is_solved_by_ompl(given: Scene, seconds: float, simplify: bool = False) -> bool:
+def is_solved_by_ompl(unlocked: Scene, seconds: float, simplify: bool = False) -> bool:
     """Whether OMPL finds a path within CPU seconds."""
-    scene = with_joints_locked(given)
+    scene = with_joints_locked(unlocked)
     mechanism, clearance = scene.mechanism, clearance_of(scene)
     space = SamplingSpace(scene, clearance)
     if mechanism.loop_rank:
@@ -474,20 +474,20 @@ def main() -> None:
         for number in range(options.first, options.first + options.count):
             scene = FAMILIES[family](number)
             begin = time.process_time()
-            found = plan(scene, seconds=options.seconds)
+            planned = plan(scene, seconds=options.seconds)
             times["plan"].append(time.process_time() - begin)
-            if found and times["plan"][-1] <= options.seconds:
+            if planned and times["plan"][-1] <= options.seconds:
                 solved["plan"].append(number)
             begin = time.process_time()
             is_solved = is_solved_by_ompl(scene, options.seconds, options.simplify)
             times["ompl"].append(time.process_time() - begin)
             if is_solved and times["ompl"][-1] <= options.seconds:
                 solved["ompl"].append(number)
-            last = found.attempts[-1].strategy if found.attempts else found.reason
+            last = planned.attempts[-1].strategy if planned.attempts else planned.reason
             spent = ", ".join(f"{name} {times[name][-1]:.2f} s" for name in times)
-            print(f"{family} {number}: {found.status.value} ({last}); {spent}", flush=True)
+            print(f"{family} {number}: {planned.status.value} ({last}); {spent}", flush=True)
         plan_, ompl = (set(solved[name]) for name in ("plan", "ompl"))
-        spent = ", ".join(f"{name} {median(one):.2f} s" for name, one in times.items())
+        spent = ", ".join(f"{name} {median(seconds):.2f} s" for name, seconds in times.items())
         print(
             f"{family}: plan solved {rate(len(plan_), options.count)}, ompl {rate(len(ompl), options.count)}; "
             f"only plan: {len(plan_ - ompl)}, only ompl: {sorted(ompl - plan_)}; median CPU time {spent}",

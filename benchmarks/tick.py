@@ -154,7 +154,7 @@ def measure(name: str, mechanism: cinegen.Mechanism) -> None:
         all_of_it, target - nothing_at_all, python, calling, reading, evaluations * joints, closing,
         kernel - calling - known,
     )  # fmt: skip
-    rows = sum(one.rows for one in mechanism.loops)
+    rows = sum(closure.rows for closure in mechanism.loops)
     print(
         f"{name:<16}{len(mechanism.joints):>7}{rows:>6}{evaluations:>7.2f}"
         + "".join(f"{value:>{max(len(column) + 2, 8)}.2f}" for column, value in zip(COLUMNS, row, strict=True))

@@ -16,10 +16,10 @@ print("and back:", *(f"{name} {value:.4f}" for name, value in parameters(T)._asd
 
 # A link whose place is known otherwise, from CAD say: which six numbers does RAFF want? (degrees, millimetres)
 placement = np.array([[0, 0, 1, 0.25], [1, 0, 0, 0.0], [0, 1, 0, 0.3], [0, 0, 0, 1]])
-found = parameters(placement)
-angles = {"gamma": found.gamma, "alpha": found.alpha, "theta": found.theta}
-lengths = {"epsilon": found.epsilon, "d": found.d, "r": found.r}
+numbers = parameters(placement)
+angles = {"gamma": numbers.gamma, "alpha": numbers.alpha, "theta": numbers.theta}
+lengths = {"epsilon": numbers.epsilon, "d": numbers.d, "r": numbers.r}
 words = [f"{name} {round(math.degrees(value), 6):zg}" for name, value in angles.items()]
 words += [f"{name} {round(1000 * value, 6):zg}" for name, value in lengths.items()]
 print("parameters {", *words, "}")
-print(f"same placement: {np.allclose(transform(found), placement)}")
+print(f"same placement: {np.allclose(transform(numbers), placement)}")

@@ -22,5 +22,5 @@ q = delta.configuration({joint: data.joint(joint).qpos[0] for joint in delta.joi
 print(f"after {data.time:.1f} s of MuJoCo its loops stand open by {1000 * delta.length * delta.closure(q):.2f} mm")
 print(back)
 away = delta.random_closed(1)[0]
-there = back.configuration({joint: away[delta.q_index(joint)] for joint in delta.joints})
-print("closed here and there:", delta.closure(away) < 1e-12, back.closure(there) < 1e-12)
+q_back = back.configuration({joint: away[delta.q_index(joint)] for joint in delta.joints})
+print("closed here and there:", delta.closure(away) < 1e-12, back.closure(q_back) < 1e-12)

@@ -18,14 +18,14 @@ with MissionRecorder(path, {"tssm": robot}) as recorder:
     for second in range(7):
         pose.rotation = pin.utils.rotate("z", np.radians(20 * second))
         q = cinegen.inverse_kinematics(robot, {"platform": pose}, q).q
-        here = cinegen.singularity(robot, q)
-        print(f"rotated by {20 * second} degrees: {here.kind.value}, singular value of type 2 {here.sigma[1]:.3f}")
+        result = cinegen.singularity(robot, q)
+        print(f"rotated by {20 * second} degrees: {result.kind.value}, singular value of type 2 {result.sigma[1]:.3f}")
         recorder.write(float(second), {"tssm": RobotSample(q, "", ())})
 
 # Between two samples that are regular, the singular value has changed its sign.
 for finding in check(resampled(Recording.load(path))):
     if finding.sigma is not None:
-        there = cinegen.singularity(robot, finding.q)
+        singularity = cinegen.singularity(robot, finding.q)
         angle = np.degrees(pin.rpy.matrixToRpy(robot.placement(finding.q, "platform").rotation)[2])
         print(f"at {angle:.2f} degrees, after {finding.recorded:.2f} s, {finding.message}")
-        print("because", there.dependence.text(unit="m"))
+        print("because", singularity.dependence.text(unit="m"))

@@ -34,6 +34,6 @@ while (error := tolerances(made).accuracy(poses, "platform").max()) > WANTED:
     print(f"{1e3 * error:.2f} mm: {min(gain, key=gain.__getitem__)} twice as accurate")
 
 # %% The decision, confirmed by the worst case, and with loops closed.
-found = tolerances(made).at(poses[0], "platform", samples=20_000)
-print(f"{1e3 * found.position:.2f} mm (1 sigma) there, at most {1e3 * found.worst[:3].max():.1f} mm along an axis")
-print(found.agreement)
+report = tolerances(made).at(poses[0], "platform", samples=20_000)
+print(f"{1e3 * report.position:.2f} mm (1 sigma) there, at most {1e3 * report.worst[:3].max():.1f} mm along an axis")
+print(report.agreement)

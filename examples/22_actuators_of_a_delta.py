@@ -25,7 +25,7 @@ with MissionRecorder(folder / "cycle.jsonl", {"delta4": delta}) as recorder:
 # %% The fastest timing within 180 degrees/s and 12 rad/s^2, not jerky, and what the joint that works hardest takes.
 timed = resampled(Recording.load(recorder.path), rate=250.0, speed=np.inf, acceleration=12.0, jerk=150.0)
 need = torques_along(cinegen.InverseDynamics(delta, [load]), timed.times, timed.q)
-peak, rms, fast, power = (float(np.abs(one).max()) for one in (need.peak, need.rms, need.speeds, need.peak_power))
+peak, rms, fast, power = (float(np.abs(values).max()) for values in (need.peak, need.rms, need.speeds, need.peak_power))
 print(f"{timed.seconds:.2f} s: {peak:.0f} N m peak, {rms:.0f} N m RMS, {fast:.2f} rad/s, {power / 1000:.1f} kW")
 
 # %% Actuators with their gears, at the output: rated and peak torque (N m), speed (rad/s).

@@ -23,12 +23,12 @@ for i, roll in enumerate(rolls):
             continue
         axes = ankle.placement(q, "link1").rotation[:, 2], ankle.placement(q, "link2").rotation[:, 2]
         ground = [cinegen.Payload("platform", wrench=(0.0, 0.0, 0.0, *-axis)) for axis in axes]
-        columns = [cinegen.InverseDynamics(ankle, [one], gravity=(0.0, 0.0, 0.0)).torques(q) for one in ground]
+        columns = [cinegen.InverseDynamics(ankle, [payload], gravity=(0.0, 0.0, 0.0)).torques(q) for payload in ground]
         forces[pitch, roll] = np.column_stack(columns)
         largest[i, j] = (np.abs(forces[pitch, roll]) @ [PITCH, ROLL]).max()
 
 print(f"{len(forces)} of {largest.size} poses are within the limits of all joints")
-print("at home 1 N m takes", " and ".join(f"{one:.2f} N" for one in forces[0, 0][0]), "on the left: pitch, roll")
+print("at home 1 N m takes", " and ".join(f"{force:.2f} N" for force in forces[0, 0][0]), "on the left: pitch, roll")
 i, j = np.unravel_index(np.nanargmax(largest), largest.shape)
 most, limit = np.nanmax(largest), ankle.limits["joint5"].effort
 print(f"at most {most:.0f} N, at pitch {pitches[j]} and roll {rolls[i]} degrees; at home {largest[4, 6]:.0f} N")

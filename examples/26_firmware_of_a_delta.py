@@ -35,6 +35,6 @@ for name, text in {**files, "firmware.c": FIRMWARE}.items():
 subprocess.run(["gcc", "-std=c99", "-Os", "delta4.c", "firmware.c", "-o", "firmware", "-lm"], cwd=folder, check=True)
 run = subprocess.run([folder / "firmware"], check=True, capture_output=True, text=True).stdout
 q = np.array(run.split(), dtype=float).reshape(4000, -1)
-radii = [np.hypot(*delta.placement(one, "platform").translation[:2]) for one in q[2000:]]
+radii = [np.hypot(*delta.placement(row, "platform").translation[:2]) for row in q[2000:]]
 print(f"4000 ticks: loops are open by {max(map(delta.closure, q)):.0e} at most,")
 print(f"the platform is {1e9 * np.abs(np.array(radii) - 0.2).max():.1g} nm off the circle at most")

@@ -34,7 +34,7 @@ files = generate(delta, Language.C, functions=[Function.TICK], dt=1e-3, name="de
 for name, text in files.items():
     (folder / name).write_text(text)
 subprocess.run(["gcc", "-std=c99", "-O2", "delta4.c", "planner.c", "-o", "planner", "-lm"], cwd=folder, check=True)
-motors, ways, times = np.loadtxt(subprocess.check_output([folder / "planner"], text=True).splitlines()).T
-ends = {name: 2 * np.pi / 32000 * ways[motors == i].sum() for i, name in enumerate(delta.actuated)}
+motors, signs, times = np.loadtxt(subprocess.check_output([folder / "planner"], text=True).splitlines()).T
+ends = {name: 2 * np.pi / 32000 * signs[motors == i].sum() for i, name in enumerate(delta.actuated)}
 end = delta.placement(delta.close(delta.configuration(ends), locked=tuple(ends)), "platform").translation
 print(f"{len(times)} steps; they end {1e3 * np.hypot(end[0] - 0.6, end[1]):.2f} mm from the end of the line")

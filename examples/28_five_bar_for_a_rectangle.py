@@ -20,20 +20,20 @@ task = {
 bars = {"link2.d": "150..500mm", "link5.d": "200..600mm"}
 near = {**bars, "link3.d": "40..200mm"}
 size = {"of": ["link2.d", "link4.d", "link5.d", "tool.d"], "most": "1.3m"}
-found = {
+designs = {
     "other bars": synthesize("five_bar", {**task, "parameters": bars}),
     "near joints": synthesize("five_bar", {**task, "parameters": near}),
     "near, same length": synthesize("five_bar", {**task, "parameters": near, "constraints": {"size": size}}),
 }
 
 # %% The comparison, at points that no optimiser saw: 1 would be the same speed in all directions.
-print(f"as it is: condition number {found['other bars'].before[0]:.2f}")
-for name, one in found.items():
-    sizes = (one.parameters.text(p, x, 4) for p, x in zip(one.parameters.names, one.p, strict=True))
-    print(f"{name}: condition number {one.check.condition:.2f}, {', '.join(sizes)}; all holds: {one.holds}")
-robots = {"as it is": found["other bars"].parameters.mechanism}
-robots |= {name: one.parameters.mechanism_with(one.p) for name, one in found.items()}
-draw_designs(robots, found["other bars"].task.reach).savefig(folder / "alternatives.png", dpi=150)
+print(f"as it is: condition number {designs['other bars'].before[0]:.2f}")
+for name, design in designs.items():
+    sizes = (design.parameters.text(p, x, 4) for p, x in zip(design.parameters.names, design.p, strict=True))
+    print(f"{name}: condition number {design.check.condition:.2f}, {', '.join(sizes)}; all holds: {design.holds}")
+robots = {"as it is": designs["other bars"].parameters.mechanism}
+robots |= {name: design.parameters.mechanism_with(design.p) for name, design in designs.items()}
+draw_designs(robots, designs["other bars"].task.reach).savefig(folder / "alternatives.png", dpi=150)
 
 # %% The decision: without longer bars the condition number falls by a third, which is enough: that robot is built.
-(folder / "five_bar.raff").write_text(found["near, same length"].raff)
+(folder / "five_bar.raff").write_text(designs["near, same length"].raff)

@@ -27,7 +27,7 @@ _CONSISTENT = 1e-8  # dimensionless: the loops that the fixed joints' motions le
 
 
 def holding_torques(
-    found: DesignEvaluation,
+    evaluation: DesignEvaluation,
     wrenches: Mapping[str, ArrayLike] | None = None,
     gravity: ArrayLike = GRAVITY,
     massless: bool = False,
@@ -36,7 +36,7 @@ def holding_torques(
     """Return the torques and forces of the fixed joints that hold a mechanism at rest, and their derivatives.
 
     Args:
-        found: of a design whose fixed joints are the actuated ones.
+        evaluation: of a design whose fixed joints are the actuated ones.
         wrenches: force (N) and moment (N m), (6,), on nodes, in the world's axes at their origins.
         gravity: acceleration in the world, m/s2.
         massless: whether links without mass count as having none.
@@ -51,18 +51,18 @@ def holding_torques(
         DesignError: there are more fixed joints than degrees of freedom, so that torques are not determined.
         UnknownNameError: no such node.
     """
-    design, mechanism = found.design, found.design.mechanism
+    design, mechanism = evaluation.design, evaluation.design.mechanism
     fixed = [mechanism.v_index(name) for name in design.fixed]
-    left = found.loop_joints @ found.follow + found.loop_joints[:, :, fixed]
-    if np.abs(left).max(initial=0.0) > _CONSISTENT * np.abs(found.loop_joints[:, :, fixed]).max(initial=1.0):
+    left = evaluation.loop_joints @ evaluation.follow + evaluation.loop_joints[:, :, fixed]
+    if np.abs(left).max(initial=0.0) > _CONSISTENT * np.abs(evaluation.loop_joints[:, :, fixed]).max(initial=1.0):
         raise DesignError(
             f"{mechanism.name} has more fixed joints than degrees of freedom: loads do not determine their torques"
         )
-    acceleration, bodies = np.asarray(gravity, dtype=float), _bodies(found, masses)
+    acceleration, bodies = np.asarray(gravity, dtype=float), _bodies(evaluation, masses)
     if mechanism.massless and acceleration.any() and not massless:
         names = ", ".join(f"'{name}'" for name in mechanism.massless[:6])
         raise MassError(f"{mechanism.name}: these links have no mass: {names}: give them, or pass massless=True")
-    count, columns, nv = len(found), len(design.names), mechanism.model.nv
+    count, columns, nv = len(evaluation), len(design.names), mechanism.model.nv
     still, at_rest = np.zeros(columns), np.zeros((3, columns))
     loads = [
         (node, link, np.append(link.mass * acceleration, np.zeros(3)), acceleration)
@@ -74,22 +74,22 @@ def holding_torques(
         for node, wrench in (wrenches or {}).items()
     ]
     tree, changed = np.zeros((count, nv)), np.zeros((count, columns, nv))
-    screws, bends = found.all_screws, found.screw_derivative
+    screws, bends = evaluation.all_screws, evaluation.screw_derivative
     for node, body, wrench, weight in loads:
-        placed, twists = found.placements(node), found.node_twists(node)
+        placed, twists = evaluation.placements(node), evaluation.node_twists(node)
         point = placed[:, :3, :3] @ body.centre + placed[:, :3, 3]
         moved = twists[..., :3] + np.cross(twists[..., 3:], point[:, None])
         moved += np.swapaxes(placed[:, :3, :3] @ body.centre_by, 1, 2)
-        supports, force, moment = found.supports(node), wrench[:3], wrench[3:]
+        supports, force, moment = evaluation.supports(node), wrench[:3], wrench[3:]
         by_joint = screws[..., :3] + np.cross(screws[..., 3:], point[:, None])
         tree -= (by_joint @ force + screws[..., 3:] @ moment) * supports
         bent = bends[..., :3] + np.cross(bends[..., 3:], point[:, None, None])
         bent += np.cross(screws[:, None, :, 3:], moved[:, :, None])
         changed -= (bent @ force + bends[..., 3:] @ moment) * supports
         changed -= body.mass_by[:, None] * ((by_joint @ weight) * supports)[:, None]
-    torques = tree[:, fixed] + np.einsum("cvf,cv->cf", found.follow, tree)
-    by_parameters = changed[..., fixed] + np.einsum("cvf,ckv->ckf", found.follow, changed, optimize=True)
-    by_parameters += np.einsum("ckvf,cv->ckf", found.follow_derivative, tree, optimize=True)
+    torques = tree[:, fixed] + np.einsum("cvf,cv->cf", evaluation.follow, tree)
+    by_parameters = changed[..., fixed] + np.einsum("cvf,ckv->ckf", evaluation.follow, changed, optimize=True)
+    by_parameters += np.einsum("ckvf,cv->ckf", evaluation.follow_derivative, tree, optimize=True)
     return torques, np.swapaxes(by_parameters, 1, 2)
 
 

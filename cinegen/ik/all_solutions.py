@@ -120,8 +120,8 @@ class _Assembly:
         groups = []
         for number, part in enumerate(parts.parts, 1):
             said = f"part {number} of {len(parts.parts)}: " if len(parts.parts) > 1 else ""
-            told = None if report is None else (lambda text, said=said: report(said + text))
-            groups.append(part.solver.modes(part.mechanism, pose.values, told, effort))
+            progress = None if report is None else (lambda text, said=said: report(said + text))
+            groups.append(part.solver.modes(part.mechanism, pose.values, progress, effort))
         counts = _product(groups)
         if counts.real > _MOST and min(map(len, groups)):
             raise IKError(f"{self._mechanism.name}: {counts.real} solutions; lock some joints")

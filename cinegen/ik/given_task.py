@@ -148,11 +148,11 @@ class GivenTask:
         """Compare the Jacobian with a difference of errors: the opposite sign is a mistake that no tick can mend."""
         mechanism, error = state.mechanism, self.memory.given_error
         direction = np.cos(np.arange(1.0, state.model.nv + 1.0))
-        before, told = error.copy(), self.memory.given_rows @ direction
+        before, by_jacobian = error.copy(), self.memory.given_rows @ direction
         ahead = mechanism.structure.system.integrate(state.q, _STEP * direction)
         self.evaluate_error(State(mechanism, ahead, state.dt))
-        slope, size = (before - error) / _STEP, float(np.linalg.norm(told))
-        if size > 1e-3 and np.linalg.norm(slope + told) < 1e-2 * size:
+        slope, size = (before - error) / _STEP, float(np.linalg.norm(by_jacobian))
+        if size > 1e-3 and np.linalg.norm(slope + by_jacobian) < 1e-2 * size:
             raise CinegenError(f"{self.task!r}: jacobian(state) has the wrong sign: return the derivative of the error")
 
 

@@ -66,15 +66,15 @@ def clock(left):
     left["task"].target.translation = left["home"]
     for _ in range(2000):
         left["solver"].step()
-    given, reached = [], []
+    commanded, reached = [], []
     for tick in range(100):
         frame = 60 * tick // 1000
         command = left["home"] + np.array([0.002 * frame, 0.0, -0.001 * frame])
-        given.append(command[0])
+        commanded.append(command[0])
         reached.append(left["follow"](SimpleNamespace(command=command)).translation[0])
     figure, body = sheet(6.0, 3.4, "A control loop at 1 kHz", "commands come at 60 Hz; the robot moves on in each tick")
     axes = body.subplots()
-    axes.step(np.arange(100), 1e3 * np.array(given), color=ORANGE, where="post", label="command")
+    axes.step(np.arange(100), 1e3 * np.array(commanded), color=ORANGE, where="post", label="command")
     axes.plot(np.arange(1, 101), 1e3 * np.array(reached), color=BLUE, label="platform")
     label(axes, "time (ms)", "x (mm)")
     finish(figure)

@@ -54,9 +54,9 @@ def shot(tab):
 
 def exif(text):
     """Return Exif with a description."""
-    found = Image.Exif()
-    found[_DESCRIPTION] = text
-    return found
+    tags = Image.Exif()
+    tags[_DESCRIPTION] = text
+    return tags
 
 
 def save(name, figure, description=""):

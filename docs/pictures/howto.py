@@ -148,20 +148,20 @@ def own_task():
     solver, task = left["solver"], left["task"]
     elbow = solver.add_task("link5", rotation=0, priority=1)
     elbow.target.translation[2] += 0.1
-    wanted, found, second = [], [], []
+    wanted, reached, second = [], [], []
     for distance in (0.45, 0.5, 0.4):
         task.distance = distance
         for _ in range(60):
             step = solver.step()
             wanted.append(distance)
-            found.append(distance + task.error(solver.state)[0])
+            reached.append(distance + task.error(solver.state)[0])
             second.append(step.errors[1][0])
     figure, body = sheet(
         6.0, 3.4, "A distance first, a place of the elbow second", "a task in Python, and one of priority 1"
     )
     axes, time = body.subplots(), 0.01 * np.arange(len(wanted))
     axes.plot(time, 1e3 * np.array(wanted), "--", color=FAINT, label="wanted")
-    axes.plot(time, 1e3 * np.array(found), color=BLUE, label="distance")
+    axes.plot(time, 1e3 * np.array(reached), color=BLUE, label="distance")
     axes.plot(time, 1e3 * np.array(second), color=ORANGE, label="error of the elbow")
     label(axes, "time (s)", "mm")
     finish(figure)

@@ -44,9 +44,9 @@ def _space(robot, high=(250.0, 200.0), low=(-50.0, -50.0), eye=(-62.0, 28.0), fr
 
 
 def _joint(sketch, robot, number):
-    part, found = robot.parts[number], robot.dimensions(number)
+    part, dims = robot.parts[number], robot.dimensions(number)
     origin, axes = robot.pose(number)
-    z, colour = found.z_end, INK
+    z, colour = dims.z_end, INK
     if part.compound is CompoundKind.BALL:
         sketch.ball(origin, 14.0, colour, 20.0)
     elif part.compound is CompoundKind.UNIVERSAL:
@@ -60,20 +60,20 @@ def _joint(sketch, robot, number):
     elif part.type is JointType.PRISMATIC:
         sides = 2.0 * np.array([1.0, 1.0, 1.5]) * _SIZE
         sketch.box(origin, axes, sides, robot.colour(number), 10.0)
-        sketch.box(found.ends[2], axes, 0.9 * sides, colour, -5.0)
+        sketch.box(dims.ends[2], axes, 0.9 * sides, colour, -5.0)
 
 
 def _axis(sketch, robot, number, length=95.0, text=""):
     """Draw the axis of a joint as a dash-dotted line through both sides of it."""
-    found = robot.dimensions(number)
-    middle = 0.5 * (found.ends[2] + found.ends[3])
-    half = length + 0.5 * np.linalg.norm(found.ends[3] - found.ends[2])
-    ends = middle - half * found.z_end, middle + half * found.z_end
-    if abs(found.z_end[2]) > 0.99:
+    dims = robot.dimensions(number)
+    middle = 0.5 * (dims.ends[2] + dims.ends[3])
+    half = length + 0.5 * np.linalg.norm(dims.ends[3] - dims.ends[2])
+    ends = middle - half * dims.z_end, middle + half * dims.z_end
+    if abs(dims.z_end[2]) > 0.99:
         ends = np.array([*middle[:2], 0.0]), ends[1]
     sketch.line(ends, VERMILION, 1.5, "12 4 2 4", lift=-1.0)
     if text:
-        sketch.text(ends[1], text, found.z_end, VERMILION, "i")
+        sketch.text(ends[1], text, dims.z_end, VERMILION, "i")
 
 
 def _tool(sketch, robot, number):
@@ -83,26 +83,26 @@ def _tool(sketch, robot, number):
 
 def dimension_all(sketch, robot, number, radius=_ARC, tilt=1.3, aside=26.0):
     """Dimension all parameters of a part that are not 0."""
-    part, found = robot.parts[number], robot.dimensions(number)
-    p, (origin, first, second, end) = part.parameters, found.ends
+    part, dims = robot.parts[number], robot.dimensions(number)
+    p, (origin, first, second, end) = part.parameters, dims.ends
     if p.gamma:
-        _turn(sketch, origin, found.z, found.x, p.gamma, 1.5 * radius, "γ")
+        _turn(sketch, origin, dims.z, dims.x, p.gamma, 1.5 * radius, "γ")
     if p.epsilon:
-        sketch.dimension(origin, first, f"ε = {p.epsilon:g}", -aside * _across(sketch, found.z))
+        sketch.dimension(origin, first, f"ε = {p.epsilon:g}", -aside * _across(sketch, dims.z))
     if p.alpha:
-        _turn(sketch, second, found.u, found.z, p.alpha, tilt * radius, "α")
+        _turn(sketch, second, dims.u, dims.z, p.alpha, tilt * radius, "α")
     if p.d:
-        sketch.dimension(first, second, f"d = {p.d:g}", -aside * found.z, -found.z)
+        sketch.dimension(first, second, f"d = {p.d:g}", -aside * dims.z, -dims.z)
     if p.r:
-        sketch.dimension(second, end, f"r = {p.r:g}", aside * _across(sketch, found.z_end))
+        sketch.dimension(second, end, f"r = {p.r:g}", aside * _across(sketch, dims.z_end))
     if p.theta:
-        _turn(sketch, end, found.z_end, found.u, p.theta, radius, "θ")
+        _turn(sketch, end, dims.z_end, dims.u, p.theta, radius, "θ")
 
 
 def _across(sketch, direction):
     """Return the direction (3,) at right angles to one and to the eye, to the right in the picture."""
-    found = unit(np.cross(sketch.eye, direction))
-    return found if found @ sketch.right > 0.0 else -found
+    across = unit(np.cross(sketch.eye, direction))
+    return across if across @ sketch.right > 0.0 else -across
 
 
 def _turn(sketch, centre, axis, begin, degrees, radius, letter):
@@ -127,8 +127,8 @@ def any_axis(robot, _):
     """All six parameters."""
     space = {"high": (200.0, 250.0), "eye": (-22.0, 24.0)}
     sketch = _arm(robot, _, [1], 2, [(1, 130.0, "axis of joint1")], [1], space)
-    found = robot.dimensions(1)
-    sketch.line([found.origin, found.origin + 150.0 * found.z], FAINT, 1.2, "2 4")
+    dims = robot.dimensions(1)
+    sketch.line([dims.origin, dims.origin + 150.0 * dims.z], FAINT, 1.2, "2 4")
     return sketch
 
 
@@ -164,10 +164,10 @@ def _wheel(sketch, pose, radius, teeth, phase, colour):
     heights = np.where(np.isin(np.arange(4 * teeth) % 4, (1, 2)), 4.0, -4.0)
     arms = [rotated(axes[:, 0], axes[:, 2], angle) for angle in angles]
     ring = [origin + (radius + tall) * arm for tall, arm in zip(heights, arms, strict=True)]
-    for one, other, arm in zip(ring, [*ring[1:], ring[0]], arms, strict=True):
+    for corner, other, arm in zip(ring, [*ring[1:], ring[0]], arms, strict=True):
         if arm @ sketch.eye > 0.0:
             low = 14.0 * axes[:, 2]
-            sketch.polygon([one, other, other - low, one - low], shade(colour, 0.7))
+            sketch.polygon([corner, other, other - low, corner - low], shade(colour, 0.7))
     sketch.polygon(ring, colour, shade(colour, 0.7), 40.0)
     sketch.line([origin, origin + 0.8 * radius * axes[:, 0]], INK, 2.0, lift=60.0)
 
@@ -176,10 +176,10 @@ def loop(robot, _):
     """A linkage of four bars; also a parallelogram."""
     sketch = _space(robot, (300.0, 200.0), (-100.0, -50.0), (-75.0, 48.0))
     for number in (2, 3, 4, 5):
-        p, found = robot.parts[number].parameters, robot.dimensions(number)
+        p, dims = robot.parts[number].parameters, robot.dimensions(number)
         if number != 3:
-            aside = 30.0 * np.cross(found.z, found.u) * (-1.0 if number > 3 else 1.0)
-            sketch.dimension(*found.ends[1:3], f"d = {p.d:g}", aside)
+            aside = 30.0 * np.cross(dims.z, dims.u) * (-1.0 if number > 3 else 1.0)
+            sketch.dimension(*dims.ends[1:3], f"d = {p.d:g}", aside)
     origin, _ = robot.pose(4)
     sketch.text(origin, "the pin that closes the loop", (0.0, 0.0, 1.0), LOOP, "b", gap=40.0)
     return sketch
@@ -189,8 +189,8 @@ def slider(robot, _):
     """A crank, a rod and a slider."""
     sketch = _space(robot, (350.0, 150.0), (-100.0, -50.0), (-75.0, 42.0))
     for number in (2, 4):
-        p, found = robot.parts[number].parameters, robot.dimensions(number)
-        sketch.dimension(*found.ends[1:3], f"d = {p.d:g}", 30.0 * np.cross(found.z, found.u))
+        p, dims = robot.parts[number].parameters, robot.dimensions(number)
+        sketch.dimension(*dims.ends[1:3], f"d = {p.d:g}", 30.0 * np.cross(dims.z, dims.u))
     _axis(sketch, robot, 3, 75.0, "axis 3")
     robot.frame(sketch, 5, _FRAME)
     return sketch

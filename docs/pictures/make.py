@@ -89,9 +89,9 @@ def scaling(page):
     """Return the matrix (4, 4) by which the page scales and moves all robots."""
     messages = (umsgpack.unpackb(message) for message in page.scene().values())
     return next(
-        np.array(one["matrix"]).reshape(4, 4).T
-        for one in messages
-        if (one["path"], one["type"]) == (_ALL, "set_transform")
+        np.array(message["matrix"]).reshape(4, 4).T
+        for message in messages
+        if (message["path"], message["type"]) == (_ALL, "set_transform")
     )
 
 

@@ -42,7 +42,7 @@ def tssm():
 def cusp():
     """A change of assembly mode with the first leg locked: in joint space, and among the configurations."""
     task = load_scene(ROBOTS / "scenes" / "cusp.toml")
-    found = change_mode(task, locked=["joint2"], seconds=600.0)
+    change = change_mode(task, locked=["joint2"], seconds=600.0)
     mechanism, home = task.mechanism, task.mechanism.q_home
     base = [mechanism.placement(home, link).translation[:2] for link in ("link1", "link4", "link6")]
     platform = mechanism.placement(home, "platform")
@@ -60,7 +60,7 @@ def cusp():
             lengths.append(np.hypot(*along))
         return np.linalg.det(np.moveaxis(np.array(rows), (0, 1), (-2, -1))), lengths[1:]
 
-    figure, body = sheet(9.0, 4.0, "cusp_3rpr", str(found))
+    figure, body = sheet(9.0, 4.0, "cusp_3rpr", str(change))
     joints, configurations = body.subplots(1, 2)
     grid = np.linspace(-np.pi, np.pi, 1201)
     leg, angle = np.meshgrid(grid, grid)
@@ -68,14 +68,14 @@ def cusp():
     for curve in curves.allsegs[0]:
         joints.plot(*(1e3 * length for length in lines(*curve.T)[1]), color=VERMILION, linewidth=1.2)
     joints.plot([], [], color=VERMILION, label="singular, type 2")
-    path = found.plan.path
+    path = change.plan.path
     joints.plot(1e3 * path[:, 4], 1e3 * path[:, 6], color=BLUE, label="path")
     poses = np.array([[q[0], q[0] + q[2] + np.pi / 2.0] for q in path])
     wrapped = np.remainder(poses + np.pi, 2.0 * np.pi) - np.pi
     wrapped[1:][np.abs(np.diff(wrapped, axis=0)).max(axis=1) > np.pi] = np.nan
     configurations.plot(*wrapped.T, color=BLUE)
     joints.plot(1e3 * path[0, 4], 1e3 * path[0, 6], "o", color=INK, label="start, and other assembly modes")
-    for q in found.modes:
+    for q in change.modes:
         at = np.remainder(np.array([q[0], q[0] + q[2] + np.pi / 2.0]) + np.pi, 2.0 * np.pi) - np.pi
         configurations.plot(*at, "o", color=INK)
     joints.set(xlim=(0, 320), ylim=(0, 320))

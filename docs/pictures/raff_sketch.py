@@ -67,12 +67,12 @@ class RaffSketch:
         """Return where the parameters of a part are."""
         pose = pose or self.pose
         part = self.parts[number]
-        (origin, parent), (end, own) = pose(part.pred), pose(number)
+        (origin, parent), (end, child) = pose(part.pred), pose(number)
         p = part.parameters
         u = rotated(parent[:, 0], parent[:, 2], math.radians(p.gamma))
         first = origin + p.epsilon * parent[:, 2]
         second = first + p.d * u
-        return Dimensions(origin, parent[:, 0], parent[:, 2], u, (origin, first, second, end), own[:, 2], own[:, 0])
+        return Dimensions(origin, parent[:, 0], parent[:, 2], u, (origin, first, second, end), child[:, 2], child[:, 0])
 
     def bars(self, number, pose=None):
         """Return the ends of the bars along a part's parameters, each longer than nothing."""
@@ -111,17 +111,17 @@ class RaffSketch:
 
     def dimension_d(self, sketch, number, offset, pose=None):
         """Dimension d of a part, aside by an offset (mm) to the left of its direction."""
-        found = self.dimensions(number, pose)
-        first, second = found.ends[1:3]
-        aside = offset * np.cross(found.z, found.u)
+        dims = self.dimensions(number, pose)
+        first, second = dims.ends[1:3]
+        aside = offset * np.cross(dims.z, dims.u)
         sketch.dimension(first, second, f"d = {self.parts[number].parameters.d:g}".replace("-", "−"), aside)
 
     def dimension_theta(self, sketch, number, radius, pose=None, value=None):
         """Dimension theta of a part at its joint."""
-        found = self.dimensions(number, pose)
+        dims = self.dimensions(number, pose)
         value = self.parts[number].parameters.theta if value is None else value
         text = f"θ = {value:.4g}°".replace("-", "−")
-        sketch.angle(found.ends[-1], found.z_end, found.u, math.radians(value), radius, text)
+        sketch.angle(dims.ends[-1], dims.z_end, dims.u, math.radians(value), radius, text)
 
     def frame(self, sketch, number, size, name=None, pose=None, **style):
         """Draw the axes of a node."""

@@ -219,7 +219,7 @@ class Sketch:
 
     def dimension(self, start, end, text, offset=(0.0, 0.0, 0.0), side=None):
         """Draw a length between two points, moved aside by an offset (3,) mm; the text is on a `side` of it."""
-        start, end, offset = (np.asarray(one, dtype=float) for one in (start, end, offset))
+        start, end, offset = (np.asarray(vector, dtype=float) for vector in (start, end, offset))
         if np.linalg.norm(offset) > 0.0:
             for point in (start, end):
                 self.line([point, point + 1.12 * offset], FAINT, 1.0, lift=1e4)

@@ -63,15 +63,15 @@ def howto_blocks(picture):
 
 def sources(text):
     """Return the sources of the pictures of a page that stand below a RAFF text, in order."""
-    found, raff, python = [], None, []
+    page_sources, raff, python = [], None, []
     for part in _PART.finditer(text):
         if part["picture"] and raff is not None:
-            found.append(Source(part["picture"], raff, tuple(python)))
+            page_sources.append(Source(part["picture"], raff, tuple(python)))
         elif part["language"] == "raff" and not {"wrong", "excerpt"} & set(part["words"].split()):
             raff, python = part["text"], []
         elif part["language"] == "python":
             python.append(part["text"])
-    return found
+    return page_sources
 
 
 def all_sources():
@@ -81,5 +81,5 @@ def all_sources():
 
 def mark_in(picture):
     """Return the hash that the bytes of a picture hold, as `Source.mark` writes it; None if there is none."""
-    found = _HASH.search(picture)
-    return found and found[0].decode()
+    match = _HASH.search(picture)
+    return match and match[0].decode()

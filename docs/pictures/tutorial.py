@@ -81,15 +81,15 @@ def limits(robot, _):
         bounds = getattr(part, "limits", None)
         if bounds is None or part.pred:
             continue
-        found = robot.dimensions(number)
+        dims = robot.dimensions(number)
         low, high = (math.radians(bound) for bound in bounds)
-        x, y = found.u, np.cross(found.z_end, found.u)
-        arc = [found.ends[-1] + 60.0 * (math.cos(t) * x + math.sin(t) * y) for t in np.linspace(low, high, 60)]
-        sketch.polygon([found.ends[-1], *arc], BLUE, lift=-50.0, opacity=0.12)
+        x, y = dims.u, np.cross(dims.z_end, dims.u)
+        arc = [dims.ends[-1] + 60.0 * (math.cos(t) * x + math.sin(t) * y) for t in np.linspace(low, high, 60)]
+        sketch.polygon([dims.ends[-1], *arc], BLUE, lift=-50.0, opacity=0.12)
         sketch.line(arc, BLUE, 1.6, lift=-40.0)
         for bound, end in zip(bounds, (arc[0], arc[-1]), strict=True):
-            sketch.text(end, f"{bound:g}°", end - found.ends[-1], BLUE, gap=6.0)
-        sketch.text(found.ends[-1], part.joint, (0.0, -1.0, 0.0), BLUE, "b", gap=36.0)
+            sketch.text(end, f"{bound:g}°", end - dims.ends[-1], BLUE, gap=6.0)
+        sketch.text(dims.ends[-1], part.joint, (0.0, -1.0, 0.0), BLUE, "b", gap=36.0)
     robot.draw_plane(sketch)
     sketch.text(robot.pose(6)[0], "pen", (0.0, 1.0, 0.0), style="b", gap=14.0)
     for number in (2, 4):
@@ -164,6 +164,6 @@ def forward(robot, page):
 
 
 DRAWINGS = {
-    f"tutorial_{one.__name__}": one for one in (joint, arm, tree, loop, limits, page, move, figure, limit, forward)
+    f"tutorial_{draw.__name__}": draw for draw in (joint, arm, tree, loop, limits, page, move, figure, limit, forward)
 }
 """What draws each of them: a sketch, or an image."""

@@ -85,12 +85,12 @@ class Site:
         if not (ROOT / path).exists():
             raise SystemExit(f"{file}: no file {target}")
         is_picture = path.startswith("docs/pictures/")
-        there = path.removeprefix("docs/") if is_picture else self._page_of(path) + ".md"
-        return f"]({posixpath.relpath(there, posixpath.dirname(page) or '.')}{anchor})"
+        destination = path.removeprefix("docs/") if is_picture else self._page_of(path) + ".md"
+        return f"]({posixpath.relpath(destination, posixpath.dirname(page) or '.')}{anchor})"
 
     def _page_of(self, path: str) -> str:
         """Return the page that shows a file or a folder of the repository; it is written if it is the first one."""
-        here = ROOT / path
+        source = ROOT / path
         if path in PAGES or path in GENERATED:
             return {**PAGES, **GENERATED}[path]
         if path.startswith("docs/") and path.endswith(".md"):
@@ -100,16 +100,16 @@ class Site:
         page = f"source/{path}"
         if path not in self._shown:
             self._shown.add(path)
-            if here.is_dir():
-                files = [one.relative_to(ROOT).as_posix() for one in sorted(here.glob("*.py"))]
+            if source.is_dir():
+                files = [file.relative_to(ROOT).as_posix() for file in sorted(source.glob("*.py"))]
                 above = posixpath.dirname(page)
                 body = "\n".join(
-                    f"- [{Path(one).name}]({posixpath.relpath(self._page_of(one), above)}.md)" for one in files
+                    f"- [{Path(file).name}]({posixpath.relpath(self._page_of(file), above)}.md)" for file in files
                 )
             else:
-                language = LANGUAGES.get(here.suffix, "none")
+                language = LANGUAGES.get(source.suffix, "none")
                 fence = "`" * 5
-                body = f"{fence}{language}\n{here.read_text(encoding='utf-8').rstrip()}\n{fence}"
+                body = f"{fence}{language}\n{source.read_text(encoding='utf-8').rstrip()}\n{fence}"
             self.write(page, f"---\norphan: true\n---\n\n# {path}\n\n{body}\n")
         return page
 
@@ -117,7 +117,7 @@ class Site:
         """Write the gallery, each picture with a link to a page in which the robot can be dragged."""
         text = (self._folder / "gallery.md").read_text(encoding="utf-8")
         link = '<p><a href="live/{name}.html">Drag {name} in the browser</a></p>'
-        self.write("gallery", PICTURE.sub(lambda found: f"{found[0]}\n\n{link.format(name=found[1])}", text))
+        self.write("gallery", PICTURE.sub(lambda match: f"{match[0]}\n\n{link.format(name=match[1])}", text))
 
     def protocol(self) -> None:
         """Write the tables of messages and files, from their schemas."""
@@ -137,14 +137,14 @@ class Site:
 
     def parameters(self) -> None:
         """Write the page with sliders; without a script it shows the picture."""
-        folder, there = HERE / "parameters", self._folder / "extra/live/six_parameters.html"
+        folder, output = HERE / "parameters", self._folder / "extra/live/six_parameters.html"
         code = "\n".join((folder / f"{name}.js").read_text(encoding="utf-8") for name in ("frames", "picture", "page"))
         code = re.sub(r"^import .*;\n|^export ", "", code, flags=re.MULTILINE)
         page = (folder / "page.html").read_text(encoding="utf-8")
         picture = (ROOT / "docs/pictures/joints_any.svg").read_text(encoding="utf-8")
-        there.parent.mkdir(parents=True, exist_ok=True)
+        output.parent.mkdir(parents=True, exist_ok=True)
         page = page.replace("{{picture}}", picture).replace("{{script}}", f"(() => {{\n{code}}})();")
-        there.write_text(page, encoding="utf-8")
+        output.write_text(page, encoding="utf-8")
 
     def robots(self) -> None:
         """Write the pages in which the robots of the gallery can be dragged."""
@@ -165,13 +165,13 @@ class Site:
         for group, cards in groups.items():
             lines += [f"## {group}", "", ":::{container} cards"]
             for name, card in cards.items():
-                told = (ast.get_docstring(ast.parse(paths[name].read_text(encoding="utf-8"))) or "").partition("\n\n")[
+                text = (ast.get_docstring(ast.parse(paths[name].read_text(encoding="utf-8"))) or "").partition("\n\n")[
                     0
                 ]
                 page = self._page_of(paths[name].relative_to(ROOT).as_posix())
                 title = card.get("title") or name[3:].replace("_", " ").capitalize()
                 lines.append(
-                    f"- ![{card['alt']}](pictures/{card['picture']}) [{title}]({page}.md) {' '.join(told.split())}"
+                    f"- ![{card['alt']}](pictures/{card['picture']}) [{title}]({page}.md) {' '.join(text.split())}"
                 )
             lines += [":::", ""]
         papers = self._page_of("examples/papers")
@@ -185,13 +185,13 @@ class Site:
             if command.hidden:
                 continue
             lines += [f"## cinegen {name}", "", (command.help or "").strip(), "", "| option | does |", "| --- | --- |"]
-            for one in command.params:
-                if getattr(one, "hidden", False):
+            for parameter in command.params:
+                if getattr(parameter, "hidden", False):
                     continue
-                named = one.opts if one.param_type_name == "option" else [str(one.name).upper()]
+                named = parameter.opts if parameter.param_type_name == "option" else [str(parameter.name).upper()]
                 names = ", ".join(f"`{option}`" for option in named)
-                told = " ".join((getattr(one, "help", "") or "").split()).replace("|", "\\|")
-                lines.append(f"| {names} | {told} |")
+                help_text = " ".join((getattr(parameter, "help", "") or "").split()).replace("|", "\\|")
+                lines.append(f"| {names} | {help_text} |")
             lines.append("")
         self.write("reference/commands", "\n".join(lines))
 
@@ -208,13 +208,13 @@ class Site:
         uses = Counter(word for path in texts for word in re.findall(r"\w+", path.read_text(encoding="utf-8")))
         for package in PACKAGES:
             module = import_module(package)
-            told = (module.__doc__ or "").strip().partition("\n\n")[0]
+            summary = (module.__doc__ or "").strip().partition("\n\n")[0]
             names = sorted(module.__all__, key=lambda name: (-uses[name], name.lower()))
             above = cinegen.__all__ if package.startswith("cinegen.") else ()
             shown = ", ".join(f"**{name}**" if name in above else name for name in names)
             page = f"api/{package.removeprefix('cinegen.')}"
             pages.append(page)
-            lines += [f"- [{package}]({page}.md): {' '.join(told.split())} {shown}"]
+            lines += [f"- [{package}]({page}.md): {' '.join(summary.split())} {shown}"]
             things = {name: thing for name in names if callable(thing := getattr(module, name))}
             entries = [f".. auto{_kind_of(thing)}:: {package}.{name}\n" for name, thing in things.items()]
             body = "\n".join([f".. automodule:: {package}\n   :no-members:\n", *entries])

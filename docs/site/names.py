@@ -22,13 +22,13 @@ _PACKAGES = ("cinegen", "raff2urdf")
 def _thing(path: str) -> Any:
     """Return what a path such as cinegen.ik.Solver leads to; a new object if there is nothing."""
     first, *parts = path.split(".")
-    found: Any = import_module(first)
+    named: Any = import_module(first)
     for count, part in enumerate(parts, 1):
         try:
-            found = getattr(found, part) if hasattr(found, part) else import_module(".".join([first, *parts[:count]]))
+            named = getattr(named, part) if hasattr(named, part) else import_module(".".join([first, *parts[:count]]))
         except ImportError:
             return object()
-    return found
+    return named
 
 
 def entry_of(text: str, kinds: Mapping[str, str]) -> str | None:
@@ -38,16 +38,16 @@ def entry_of(text: str, kinds: Mapping[str, str]) -> str | None:
         text: what is in code font.
         kinds: kind (class, function, method, ...) of each entry of the reference, by its path.
     """
-    found = _NAME.fullmatch(text)
-    if found is None:
+    match = _NAME.fullmatch(text)
+    if match is None:
         return None
-    name = found[1]
+    name = match[1]
     *holders, last = name.split(".")
     if holders and holders[0] in _PACKAGES:
         entries = [path for path in kinds if path.endswith(f".{last}") and _thing(path) is _thing(name)]
     elif holders:
         entries = [path for path in kinds if path.endswith(f".{name}") and path.split(".")[-2][0].isupper()]
-    elif last[0].isupper() or "_" in last or found[2]:
+    elif last[0].isupper() or "_" in last or match[2]:
         entries = [path for path, kind in kinds.items() if path.endswith(f".{last}") and kind in _ALONE]
     else:
         return None

@@ -8,7 +8,7 @@ from pygments.token import Comment, Keyword, Name, Number, Punctuation, String, 
 from raff2urdf.raff.syntax import STATEMENTS
 from raff2urdf.raff.tokens import TOKENS
 
-_BLOCKS = {word for some in STATEMENTS.values() for word, one in some.items() if one.follows.endswith("{")}
+_BLOCKS = {word for some in STATEMENTS.values() for word, statement in some.items() if statement.follows.endswith("{")}
 _WORDS = {word for some in STATEMENTS.values() for word in some} | {"RAFF"}
 
 

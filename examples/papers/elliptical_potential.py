@@ -28,11 +28,11 @@ _SAME = 1e-14  # of K
 
 def finite_vector(name: str, value: ArrayLike) -> Array:
     """Return a read-only copy (3,); raise FieldError unless it is three finite numbers."""
-    given = np.array(value, dtype=float)
-    if given.shape != (3,) or not np.isfinite(given).all():
+    vector = np.array(value, dtype=float)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
         raise FieldError(f"{name} is {value!r}; give three finite numbers")
-    given.setflags(write=False)
-    return given
+    vector.setflags(write=False)
+    return vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,19 +167,19 @@ def find_contours(logs: Array, shares: Array, rounding: float, k: Array) -> None
             continue
         low = 0.0
         high = math.sqrt(all_shares) * math.exp(largest) - 1.0  # a bound for every n: the largest term times all shares
-        here = high
+        estimate = high
         for _ in range(_ROUNDS):
-            excess, slope = _excess(logs[i], largest, shares, rounding, here)
+            excess, slope = _excess(logs[i], largest, shares, rounding, estimate)
             if excess > 0.0:
-                low = here
+                low = estimate
             else:
-                high = here
-            before, here = here, here - excess / slope
-            if not low < here < high:
-                here = 0.5 * (low + high)
-            if abs(here - before) <= _SAME * here:
+                high = estimate
+            before, estimate = estimate, estimate - excess / slope
+            if not low < estimate < high:
+                estimate = 0.5 * (low + high)
+            if abs(estimate - before) <= _SAME * estimate:
                 break
-        k[i] = here
+        k[i] = estimate
 
 
 @compiled

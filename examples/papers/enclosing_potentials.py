@@ -153,10 +153,10 @@ class SphericalPotential(Potential):
 
     def repulsion_gradient(self, q: Array) -> Array:
         """Return the gradient (nv,) of that sum by rad and characteristic lengths; NaN at contact."""
-        found = super().repulsion_gradient(q)
+        gradient = super().repulsion_gradient(q)
         for near in self._points.near(q):
-            found += self._points.torques(near, self.spherical.gradient(near.distances, near.normals))
-        return found
+            gradient += self._points.torques(near, self.spherical.gradient(near.distances, near.normals))
+        return gradient
 
 
 class EllipticalPotential(Potential):
@@ -222,13 +222,13 @@ class LinkCapsules:
     def gradient(self, q: Array) -> Array:
         """Return the gradient (nv,) by rad and characteristic lengths; NaN at contact."""
         pin.computeJointJacobians(self._model, self._data, q)
-        columns, found = np.asarray(self._data.J), np.zeros(self._model.nv)
+        columns, gradient = np.asarray(self._data.J), np.zeros(self._model.nv)
         for field in self._fields:
             axis, points, derivatives, which = self._greatest(field)
             forces = np.einsum("mji,mj->mi", derivatives, field.gradient(points))
             torques = forces @ columns[:3] + np.cross(axis, forces) @ columns[3:]
-            found += (torques * self._moves[which]).sum(axis=0)
-        return found * self._mechanism.scale
+            gradient += (torques * self._moves[which]).sum(axis=0)
+        return gradient * self._mechanism.scale
 
     def _greatest(self, field: Elliptical) -> tuple[Array, Array, Array, list[int]]:
         """Return for each link the point of its axis (m, 3), L_i (m, 3), the derivative (m, 3, 3) of L_i by that point,
@@ -246,8 +246,8 @@ class LinkCapsules:
         distances = field.pseudo_distance(_towards(field, axis, radii[:, None])[0])
         every, at = np.arange(len(begin)), distances.argmin(axis=1)
         inner = at.clip(1, _ALONG - 2)
-        before, here, after = distances[every, inner - 1], distances[every, inner], distances[every, inner + 1]
-        curvature = before - 2.0 * here + after
+        before, middle, after = distances[every, inner - 1], distances[every, inner], distances[every, inner + 1]
+        curvature = before - 2.0 * middle + after
         convex = curvature > 0.0
         aside = np.where(convex, 0.5 * (before - after) / np.where(convex, curvature, 1.0), 0.0).clip(-1.0, 1.0)
         best = axis[every, at]
@@ -313,8 +313,8 @@ def _towards(field: Elliptical, axis: Array, radii: Array) -> tuple[Array, Array
 def _contains(body: Body, point: Array) -> bool:
     """Return whether a body in the world contains a point (3,)."""
     pose, request = body.placement, coal.DistanceRequest()
-    own, at = coal.Transform3s(pose.rotation, pose.translation), coal.Transform3s(np.eye(3), point)
-    return bool(coal.distance(body.shape, own, coal.Sphere(0.0), at, request, coal.DistanceResult()) <= 0.0)
+    placement, at = coal.Transform3s(pose.rotation, pose.translation), coal.Transform3s(np.eye(3), point)
+    return bool(coal.distance(body.shape, placement, coal.Sphere(0.0), at, request, coal.DistanceResult()) <= 0.0)
 
 
 def main() -> None:
@@ -326,14 +326,14 @@ def main() -> None:
     parser.add_argument("--plot", metavar="FILE", help="draw the path of the last scene (.png, .svg, .pdf)")
     options = parser.parse_args()
     for path in options.scenes:
-        found = plan(load_scene(path), field=FIELDS[options.field])
-        print(f"{path}: {found}")
-        print(f"  {len(found.path) - 1} steps, path of the node {1e3 * found.length:.0f} mm, ", end="")
-        print(f"clearance {1e3 * found.clearance:.3g} mm ({1e3 * found.scene.safety:.3g} mm required)")
+        planned = plan(load_scene(path), field=FIELDS[options.field])
+        print(f"{path}: {planned}")
+        print(f"  {len(planned.path) - 1} steps, path of the node {1e3 * planned.length:.0f} mm, ", end="")
+        print(f"clearance {1e3 * planned.clearance:.3g} mm ({1e3 * planned.scene.safety:.3g} mm required)")
     if options.plot:
         from cinegen.plotting import draw_plan
 
-        draw_plan(found).savefig(options.plot)
+        draw_plan(planned).savefig(options.plot)
 
 
 if __name__ == "__main__":

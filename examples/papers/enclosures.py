@@ -73,15 +73,15 @@ class Enclosure:
     def box(self) -> BoundingBox:
         """Box: in space the smaller of the one along the body's axes and the one along its principal axes; in the plane
         the smallest rectangle, which is along a side of the convex hull (H. Freeman and R. Shapira, 1975)."""
-        found = []
+        boxes = []
         for axes in self._frames():
             local = self._points @ axes
             low, high = local.min(axis=0) - self._radius, local.max(axis=0) + self._radius
             half = np.maximum((high - low) / 2.0, _THIN)
             if self._plane is not None:
                 half[2] = np.inf
-            found.append((float(half[np.isfinite(half)].prod()), axes @ (low + high) / 2.0, half, axes))
-        _, middle, half, axes = min(found, key=lambda one: one[0])
+            boxes.append((float(half[np.isfinite(half)].prod()), axes @ (low + high) / 2.0, half, axes))
+        _, middle, half, axes = min(boxes, key=lambda box: box[0])
         return BoundingBox(middle, half, axes)
 
     @cached_property

@@ -46,13 +46,13 @@ def find(seed: int = _SEED) -> StartSystem:
     for _ in range(_LOOPS):
         if len(x) == SOLUTIONS:
             break
-        found = x
+        tracked = x
         corners = [s, s + _FAR * random(6), s + _FAR * random(6), s]
-        for here, there in pairwise(corners):
-            path = family(coefficients(base, platform, here), coefficients(base, platform, there))
-            paths = follow(path, found, TOLERANCE)
-            found = paths.x[paths.end == PathEnd.REGULAR]
-        for y in found:
+        for start, end in pairwise(corners):
+            path = family(coefficients(base, platform, start), coefficients(base, platform, end))
+            paths = follow(path, tracked, TOLERANCE)
+            tracked = paths.x[paths.end == PathEnd.REGULAR]
+        for y in tracked:
             if distances(y[None], x).min() > _NEW:
                 x = np.vstack([x, y])
     return StartSystem(base, platform, s, x)

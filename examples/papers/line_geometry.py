@@ -133,7 +133,7 @@ def transversals(lines: Sequence[PlueckerLine], length: float, tolerance: float 
     spanned = span(frame.coordinates(lines), 4)
     if spanned.values[-1] <= tolerance:
         return Transversals((), infinitely_many=True)
-    found, known = spanned.directors(tolerance), spanned.known(tolerance)
-    if found is None:
+    directors, known = spanned.directors(tolerance), spanned.known(tolerance)
+    if directors is None:
         return Transversals((), infinitely_many=True)
-    return Transversals(tuple(frame.line(np.asarray(vector), known) for vector in found), infinitely_many=False)
+    return Transversals(tuple(frame.line(np.asarray(vector), known) for vector in directors), infinitely_many=False)

@@ -154,5 +154,5 @@ class SpinSurface:
         """Return the coefficients of cos p, sin p and 1 in the distance of B to a circle's point (equations 10, 11)."""
         t, square = self._triangle, self.unit**2
         r, away = t.radius[k], t.centre[k] - points
-        one = ((away**2).sum(axis=-1) + r * r - t.sides[k + 1] ** 2) / square
-        return 2.0 * r * (away @ t.e[k]) / square, 2.0 * r * (away @ _UP) / square, one
+        constant = ((away**2).sum(axis=-1) + r * r - t.sides[k + 1] ** 2) / square
+        return 2.0 * r * (away @ t.e[k]) / square, 2.0 * r * (away @ _UP) / square, constant

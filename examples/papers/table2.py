@@ -156,9 +156,9 @@ def _complete_plane(tssm: Geometry, pose: Array) -> Array:
         turned = _with(pose, psi=psi)
         rotation = _rotation(turned)
         b1, b3, b5 = tssm.platform
-        ways = np.column_stack([rotation @ (b1 - b3), -rotation @ (b1 - b5)])
-        s = np.linalg.lstsq(ways, tssm.base[4] - tssm.base[2], rcond=None)[0][0]
-        poses.append(_placed(turned, tssm.base[2] + s * ways[:, 0] - rotation @ b1))
+        directions = np.column_stack([rotation @ (b1 - b3), -rotation @ (b1 - b5)])
+        s = np.linalg.lstsq(directions, tssm.base[4] - tssm.base[2], rcond=None)[0][0]
+        poses.append(_placed(turned, tssm.base[2] + s * directions[:, 0] - rotation @ b1))
     return np.array(poses)
 
 
@@ -376,8 +376,8 @@ def _slid(tssm: Geometry, pose: Array) -> Array:
     start = np.array([0.0, 0.0, pose[2]])
     start[:2] = slope * (normal @ (tssm.base[4] - start)) / (slope @ slope)
     way = np.array([-slope[1], slope[0], 0.0]) * tssm.length / np.linalg.norm(slope)
-    here, there = (_ceva(tssm, tssm.corners(_placed(pose, start + shift * way))) for shift in (0.0, 1.0))
-    return _placed(pose, start + here / (here - there) * way)
+    f0, f1 = (_ceva(tssm, tssm.corners(_placed(pose, start + shift * way))) for shift in (0.0, 1.0))
+    return _placed(pose, start + f0 / (f0 - f1) * way)
 
 
 def _ceva(tssm: Geometry, corners: Array) -> float:
@@ -394,10 +394,10 @@ def _factors(normals: Array, sides: Array) -> tuple[Array, Array]:
 def _by_height(tssm: Geometry, pose: Array) -> Polynomial:
     """F as a cubic in z0 / length: each factor is linear in it."""
     at = [tssm.corners(_with(pose, z0=height * tssm.length)) for height in (0.0, 1.0)]
-    zero, one = (np.array(_factors(_normals(tssm, corners), _sides(corners))) for corners in at)
+    zero, unit = (np.array(_factors(_normals(tssm, corners), _sides(corners))) for corners in at)
     before, after = (
         Polynomial([a[0], b[0]]) * Polynomial([a[1], b[1]]) * Polynomial([a[2], b[2]])
-        for a, b in zip(zero, one - zero, strict=True)
+        for a, b in zip(zero, unit - zero, strict=True)
     )
     size = max(np.abs(before.coef).max(), np.abs(after.coef).max())
     return Polynomial((before - after).coef).trim(_ROUNDING * size)

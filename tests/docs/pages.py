@@ -24,7 +24,7 @@ class Block:
 
 def blocks(page: Path) -> list[Block]:
     """The fenced blocks of a page, in order."""
-    found: list[Block] = []
+    page_blocks: list[Block] = []
     opened: tuple[str, int] | None = None
     lines: list[str] = []
     for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), 1):
@@ -34,12 +34,12 @@ def blocks(page: Path) -> list[Block]:
                 assert opened[0], f"{page.name}:{number}: a block without a language"
             else:
                 language, _, word = opened[0].partition(" ")
-                found.append(Block(language, word, "\n".join(lines) + "\n", opened[1]))
+                page_blocks.append(Block(language, word, "\n".join(lines) + "\n", opened[1]))
                 opened = None
         elif opened is not None:
             lines.append(line)
     assert opened is None, f"{page.name}: the block of line {opened[1]} is not closed"
-    return found
+    return page_blocks
 
 
 def prose(page: Path) -> str:
@@ -62,6 +62,6 @@ def anchors(page: Path) -> set[str]:
 def table(page: Path, first: str) -> list[list[str]]:
     """The cells of the table whose first heading is `first`, below its headings."""
     text = prose(page)
-    found = re.search(rf"^\| {re.escape(first)} \|.*\n\|[-| :]+\|\n((?:\|.*\n)+)", text, flags=re.MULTILINE)
-    assert found, f"{page.name} has no table '{first}'"
-    return [[cell.strip() for cell in row.strip("|").split("|")] for row in found[1].splitlines()]
+    match = re.search(rf"^\| {re.escape(first)} \|.*\n\|[-| :]+\|\n((?:\|.*\n)+)", text, flags=re.MULTILINE)
+    assert match, f"{page.name} has no table '{first}'"
+    return [[cell.strip() for cell in row.strip("|").split("|")] for row in match[1].splitlines()]

@@ -77,20 +77,20 @@ class Term:
                 yield match
 
 
-TERMS = [Term.read(one) for one in tomllib.loads((Path(__file__).parent / "vocabulary.toml").read_text())["term"]]
+TERMS = [Term.read(entry) for entry in tomllib.loads((Path(__file__).parent / "vocabulary.toml").read_text())["term"]]
 
 
 def words_of(text: str, where: str, line: int = 1, file: str = "") -> list[str]:
     """Return a line for each word of a text that has a standard term; code in it does not count."""
     bare = _CODE.sub(lambda code: re.sub(r"[^\n]", " ", code.group()), text)
-    found = []
+    findings = []
     for term in TERMS:
         if file in term.skip:
             continue
         for match in term.hits(bare):
             number = line + bare.count("\n", 0, match.start())
-            found.append(f"{where}:{number}: '{' '.join(match.group().split())}': {term.use}")
-    return found
+            findings.append(f"{where}:{number}: '{' '.join(match.group().split())}': {term.use}")
+    return findings
 
 
 def pages() -> list[Path]:
@@ -109,24 +109,24 @@ def strings(package: str) -> Iterator[tuple[str, int, str]]:
 
 def code_findings_of(*packages: str) -> list[str]:
     """Return a line for each docstring that opens with a clause, and for each public class whose name is taken."""
-    found, places = [], dict[str, str]()
+    findings, places = [], dict[str, str]()
     for path in (path for package in packages for path in sorted((ROOT / package).rglob("*.py"))):
         name, tree = str(path.relative_to(ROOT)), ast.parse(path.read_text(encoding="utf-8"))
         for node in ast.walk(tree):
             if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
                 text = ast.get_docstring(node) or ""
                 if _OPENINGS.match(text):
-                    found.append(f"{name}:{getattr(node, 'lineno', 1)}: opens with a clause: {text.splitlines()[0]}")
-        for one in tree.body:
-            public = isinstance(one, ast.ClassDef) and not one.name.startswith("_")
-            if public and (other := places.setdefault(one.name, name)) != name:
-                found.append(f"{name}:{one.lineno}: class {one.name} is also in {other}")
-    return found
+                    findings.append(f"{name}:{getattr(node, 'lineno', 1)}: opens with a clause: {text.splitlines()[0]}")
+        for statement in tree.body:
+            public = isinstance(statement, ast.ClassDef) and not statement.name.startswith("_")
+            if public and (other := places.setdefault(statement.name, name)) != name:
+                findings.append(f"{name}:{statement.lineno}: class {statement.name} is also in {other}")
+    return findings
 
 
 def shown(folder: str) -> Iterator[tuple[str, int, str]]:
     """Yield file, line and text of what the pages of a folder show."""
-    for path in sorted(one for kind in _SHOWN for one in (ROOT / folder).rglob(f"*{kind}")):
+    for path in sorted(file for kind in _SHOWN for file in (ROOT / folder).rglob(f"*{kind}")):
         text = path.read_text(encoding="utf-8")
         bare = _COMMENT.sub(lambda comment: re.sub(r"[^\n]", " ", comment.group()), text)
         for match in _SHOWN[path.suffix].finditer(bare):
@@ -164,43 +164,43 @@ def sentences(paragraph: str) -> list[str]:
     text = re.sub(r"\$`[^`]*`\$|`[^`]*`", "Code", text).replace("*", "")
     text = re.sub(r"\\ (?=Source)", "\n", _CITED.sub("", text))
     text = _ABBREVIATED.sub(lambda match: match.group().replace(".", ""), text)
-    return [one for one in _END.split(text) if one]
+    return [sentence for sentence in _END.split(text) if sentence]
 
 
 def style_of(path: Path) -> tuple[list[tuple[int, int, str]], float]:
     """Return line, words and text of a page's long sentences, and the part of its sentences that is passive."""
     parts = paragraphs(path.read_text(encoding="utf-8"))
-    all_sentences = [(line, one) for line, part in parts for one in sentences(part)]
-    counted = [(line, len(re.findall(r"[\w'’-]+", one)), one) for line, one in all_sentences]
-    passive = sum(bool(_PASSIVE.search(one)) for _, one in all_sentences)
+    all_sentences = [(line, sentence) for line, part in parts for sentence in sentences(part)]
+    counted = [(line, len(re.findall(r"[\w'’-]+", sentence)), sentence) for line, sentence in all_sentences]
+    passive = sum(bool(_PASSIVE.search(sentence)) for _, sentence in all_sentences)
     few = len(all_sentences) < FEWEST
-    return [one for one in counted if one[1] > LONGEST], 0.0 if few else passive / len(all_sentences)
+    return [row for row in counted if row[1] > LONGEST], 0.0 if few else passive / len(all_sentences)
 
 
 def findings_of(path: Path) -> list[str]:
     """Return a line for each finding in a page."""
     name = path.relative_to(ROOT).as_posix()
-    found = words_of(path.read_text(encoding="utf-8"), name, file=name)
+    findings = words_of(path.read_text(encoding="utf-8"), name, file=name)
     long, passive = style_of(path)
-    found += [f"{name}:{line}: a sentence of {count} words: {text[:60]} ..." for line, count, text in long]
+    findings += [f"{name}:{line}: a sentence of {count} words: {text[:60]} ..." for line, count, text in long]
     if passive > PASSIVE:
-        found.append(f"{name}: {passive:.0%} of the sentences are passive: let who acts be the subject")
-    return found
+        findings.append(f"{name}: {passive:.0%} of the sentences are passive: let who acts be the subject")
+    return findings
 
 
 def main() -> int:
     """Print all findings."""
-    found = [one for path in pages() for one in findings_of(path)] + code_findings_of("cinegen", "raff2urdf")
+    findings = [finding for path in pages() for finding in findings_of(path)] + code_findings_of("cinegen", "raff2urdf")
     for package in PACKAGES:
         for file, line, text in strings(package):
-            found += words_of(text, file, line, file)
+            findings += words_of(text, file, line, file)
     for folder in SCREENS:
         for file, line, text in shown(folder):
-            found += words_of(text, file, line, file) + code_names_of(text, file, line)
-    print(*found, sep="\n", end="\n" if found else "")
+            findings += words_of(text, file, line, file) + code_names_of(text, file, line)
+    print(*findings, sep="\n", end="\n" if findings else "")
     where = f"{len(pages())} pages and the texts of {len(PACKAGES) + len(SCREENS)} folders"
-    print(f"prose: {len(found)} findings in {where}", file=sys.stderr)
-    return bool(found)
+    print(f"prose: {len(findings)} findings in {where}", file=sys.stderr)
+    return bool(findings)
 
 
 if __name__ == "__main__":

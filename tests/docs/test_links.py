@@ -17,11 +17,11 @@ def test_links_lead_somewhere(name: str):
         if link.startswith(("https://", "http://")):
             continue
         path, _, anchor = link.partition("#")
-        there = (page.parent / path).resolve() if path else page
-        assert there.exists(), f"{name}: {link}"
-        assert there.is_relative_to(ROOT), f"{name}: {link}"
+        target = (page.parent / path).resolve() if path else page
+        assert target.exists(), f"{name}: {link}"
+        assert target.is_relative_to(ROOT), f"{name}: {link}"
         if anchor:
-            assert anchor in anchors(there), f"{name}: {link}"
+            assert anchor in anchors(target), f"{name}: {link}"
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -110,16 +110,16 @@ def _completed(part: str) -> str:
     """A part of a file as a whole one, with the fathers that it does not show."""
     if re.match(r"\s*(units|gravity|sensor|robot)\b", part):
         return f"RAFF part\n{part}"
-    there = set(re.findall(r"\b(?:link|frame) (\d+)\s*\{", part)) | {"0"}
-    fathers = "".join(f"link {n} {{ type 2 pred 0 }}\n" for n in sorted(set(re.findall(r"pred (\d+)", part)) - there))
+    shown = set(re.findall(r"\b(?:link|frame) (\d+)\s*\{", part)) | {"0"}
+    fathers = "".join(f"link {n} {{ type 2 pred 0 }}\n" for n in sorted(set(re.findall(r"pred (\d+)", part)) - shown))
     return f"RAFF part\nrobot part {{\n{fathers}{part}}}\n"
 
 
 def _console(block: Block, folder: Path, where: str) -> None:
     for command, said in re.findall(r"^\$ (.*)\n((?:(?!\$ ).*\n)*)", block.text, flags=re.MULTILINE):
-        words, given = shlex.split(command), ""
+        words, stdin = shlex.split(command), ""
         if words[0] == "echo" and words[2] == "|":
-            given, words = f"{words[1]}\n", words[3:]
+            stdin, words = f"{words[1]}\n", words[3:]
         if words[0] == "cat":
             printed = Path(folder, words[1]).read_text(encoding="utf-8")
         elif words[:2] == ["cinegen", "drive"]:
@@ -130,7 +130,7 @@ def _console(block: Block, folder: Path, where: str) -> None:
             printed = _in_a_process(words)
         else:
             assert words[0] in COMMANDS, f"{where}: '{words[0]}' is not run"
-            printed, code = _in_this_process(words, given)
+            printed, code = _in_this_process(words, stdin)
             assert code == 0 or said != "...\n", f"{where}: {command} fails:\n{printed}"
         assert _same(said, printed, folder), f"{where}: {command} prints:\n{printed}"
 
@@ -142,11 +142,11 @@ def _in_a_process(command: list[str]) -> str:
     ).stdout  # fmt: skip
 
 
-def _in_this_process(words: list[str], given: str) -> tuple[str, int]:
+def _in_this_process(words: list[str], stdin: str) -> tuple[str, int]:
     """The same, without a second for all imports."""
     said = io.StringIO()
     monkey = pytest.MonkeyPatch()
-    monkey.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(given.encode())))
+    monkey.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(stdin.encode())))
     with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said), warnings.catch_warnings():
         warnings.simplefilter("default")
         warnings.simplefilter("ignore", DeprecationWarning)  # as Python does, in modules of others

@@ -21,7 +21,7 @@ def test_the_citation_is_of_this_version_and_licence():
     assert citation["title"] == PROJECT["name"]
     assert str(citation["version"]) == PROJECT["version"]
     assert citation["license"] == PROJECT["license"]
-    assert [author["name"].lower() for author in citation["authors"]] == [one["name"] for one in PROJECT["authors"]]
+    assert [author["name"].lower() for author in citation["authors"]] == [entry["name"] for entry in PROJECT["authors"]]
 
 
 def test_the_citation_names_the_papers_of_the_sources():
@@ -37,8 +37,8 @@ def test_make_help_lists_every_target():
     text = (ROOT / "Makefile").read_text(encoding="utf-8")
     phony = set(re.search(r"^\.PHONY: (.*)$", text, flags=re.MULTILINE)[1].split()) - {"FORCE"}
     free = {name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))}
-    told = subprocess.run(["make", "help"], cwd=ROOT, env=free, capture_output=True, text=True, check=True).stdout
-    assert {line.split()[1] for line in told.splitlines()} == phony
+    output = subprocess.run(["make", "help"], cwd=ROOT, env=free, capture_output=True, text=True, check=True).stdout
+    assert {line.split()[1] for line in output.splitlines()} == phony
 
 
 def test_hooks_are_local_and_call_the_tools_of_the_environment():

@@ -33,6 +33,6 @@ def test_every_field_is_documented(protocols):
     for module in (file_format, reading_json, commands, messages, report, state):
         for name, struct in vars(module).items():
             if isinstance(struct, type) and issubclass(struct, msgspec.Struct) and re.match("[A-Z]", name):
-                known = {field for one in struct.__mro__[:-2] for field in protocols.meanings(one)}
+                known = {field for base in struct.__mro__[:-2] for field in protocols.meanings(base)}
                 fields = {field.name for field in msgspec.inspect.type_info(struct).fields}
                 assert fields <= known | typing.get_type_hints(object).keys(), name

@@ -58,8 +58,8 @@ def test_every_robot_of_the_gallery_can_be_dragged(builder, source, root):
 def test_the_home_page_shows_the_commands_of_the_readme(root):
     pages = [root / "docs/site/index.md", root / "README.md"]
     texts = [next(block.text for block in blocks(page) if block.language == "sh") for page in pages]
-    here, there = ([line.partition("#")[0].strip() for line in text.splitlines()] for text in texts)
-    assert here == there
+    on_site, in_readme = ([line.partition("#")[0].strip() for line in text.splitlines()] for text in texts)
+    assert on_site == in_readme
 
 
 def test_the_program_of_the_home_page_prints_what_it_says(root, capsys):

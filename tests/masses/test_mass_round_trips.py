@@ -58,13 +58,13 @@ def robots(draw: st.DrawFn) -> Document:
     written = st.builds(RaffParameters, angles, lengths, lengths, angles, angles, lengths)
     parts: list[RaffLink | RaffFrame] = []
     for number in range(1, draw(st.integers(2, 6))):
-        own, pred = draw(written), draw(st.integers(0, number - 1))
+        parameters, pred = draw(written), draw(st.integers(0, number - 1))
         mass = inertial(draw(inertias()))
         if number > 1 and draw(st.integers(0, 3)) == 0:
-            parts.append(RaffFrame(number, own, pred, inertial=mass))
+            parts.append(RaffFrame(number, parameters, pred, inertial=mass))
         else:
             kind = JointType.REVOLUTE if number == 1 else draw(st.sampled_from(JointType))
-            parts.append(RaffLink(number, own, kind, pred, inertial=mass))
+            parts.append(RaffLink(number, parameters, kind, pred, inertial=mass))
     return Document("Random", (RaffRobot("robot", RaffBase(inertial=inertial(draw(inertias()))), tuple(parts)),))
 
 
@@ -73,8 +73,8 @@ def crba(model: pin.Model, q: Array) -> Array:
     return np.asarray(upper + np.triu(upper, 1).T)
 
 
-def assert_near(found: Array, expected: Array, exact: float = EXACT) -> None:
-    np.testing.assert_allclose(found, expected, atol=exact * np.abs(expected).max(), rtol=0.0)
+def assert_near(computed: Array, expected: Array, exact: float = EXACT) -> None:
+    np.testing.assert_allclose(computed, expected, atol=exact * np.abs(expected).max(), rtol=0.0)
 
 
 def of_mujoco(path: Path, mechanism: cinegen.Mechanism, values: dict[str, float]) -> tuple[Array, Array]:
@@ -87,9 +87,9 @@ def of_mujoco(path: Path, mechanism: cinegen.Mechanism, values: dict[str, float]
     mujoco.mj_forward(model, data)
     dense = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, dense)
-    found = np.zeros_like(dense)
-    found[np.ix_(order, order)] = dense
-    return found, np.asarray(model.body_mass)
+    ordered = np.zeros_like(dense)
+    ordered[np.ix_(order, order)] = dense
+    return ordered, np.asarray(model.body_mass)
 
 
 @given(robots(), st.integers(0, 2**32 - 1))
@@ -110,12 +110,12 @@ def test_a_tree_has_the_same_inertia_in_every_format(document: Document, seed: i
         # Pinocchio's own reader of the URDF, with fixed joints merged as it merges them; continuous joints are two
         # numbers there
         model = pin.buildModelFromUrdf(str(paths["urdf"]))
-        there = pin.neutral(model)
+        q_urdf = pin.neutral(model)
         for joint in mechanism.joints:
-            own = model.joints[model.getJointId(joint)]
+            jmodel = model.joints[model.getJointId(joint)]
             turn = [np.cos(values[joint]), np.sin(values[joint])]
-            there[own.idx_q : own.idx_q + own.nq] = [values[joint]] if own.nq == 1 else turn
-        assert_near(crba(model, there), expected)
+            q_urdf[jmodel.idx_q : jmodel.idx_q + jmodel.nq] = [values[joint]] if jmodel.nq == 1 else turn
+        assert_near(crba(model, q_urdf), expected)
 
         dense, masses = of_mujoco(paths["mjcf"], mechanism, values)
         assert_near(dense, expected)
@@ -139,26 +139,26 @@ def test_a_tree_has_the_same_inertia_in_every_format(document: Document, seed: i
 
 @given(inertias(), inertias())
 @settings(max_examples=40)
-def test_sums_of_bodies_are_pinocchios(one: Inertia, other: Inertia) -> None:
-    both = pin.Inertia(one.mass, one.centre, one.matrix) + pin.Inertia(other.mass, other.centre, other.matrix)
-    found = one + other
-    assert found.mass == both.mass
-    assert_near(found.centre, both.lever)
-    assert_near(found.matrix, both.inertia)
-    assert found.why_unphysical() is None
-    assert_near(Inertia.from_second(one.mass, one.centre, one.second).matrix, one.matrix)
+def test_sums_of_bodies_are_pinocchios(body: Inertia, other: Inertia) -> None:
+    both = pin.Inertia(body.mass, body.centre, body.matrix) + pin.Inertia(other.mass, other.centre, other.matrix)
+    total = body + other
+    assert total.mass == both.mass
+    assert_near(total.centre, both.lever)
+    assert_near(total.matrix, both.inertia)
+    assert total.why_unphysical() is None
+    assert_near(Inertia.from_second(body.mass, body.centre, body.second).matrix, body.matrix)
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.1, 10.0), st.floats(0.1, 10.0))
 @settings(max_examples=200)
-def test_mujoco_accepts_plates_in_any_orientation(seed: int, one: float, other: float) -> None:
+def test_mujoco_accepts_plates_in_any_orientation(seed: int, moment: float, other: float) -> None:
     """Without a margin it refuses a third of them: rounding violates the triangle inequality of their moments."""
     rotation = Rotation.random(random_state=seed).as_matrix()
-    plate = Inertia(1.0, np.zeros(3), rotation @ np.diag([one, other, one + other]) @ rotation.T)
+    plate = Inertia(1.0, np.zeros(3), rotation @ np.diag([moment, other, moment + other]) @ rotation.T)
     root = etree.fromstring("<mujoco><worldbody><body><joint/></body></worldbody></mujoco>")
     add_inertial(root[0][0], plate)
     model = mujoco.MjModel.from_xml_string(etree.tostring(root, encoding="unicode"))
-    np.testing.assert_allclose(np.sort(model.body_inertia[1]), np.sort([one, other, one + other]), rtol=1e-10)
+    np.testing.assert_allclose(np.sort(model.body_inertia[1]), np.sort([moment, other, moment + other]), rtol=1e-10)
 
 
 def test_simulators_get_estimates_only_of_what_is_not_stated(tmp_path: Path) -> None:

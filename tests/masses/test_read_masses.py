@@ -72,9 +72,9 @@ def test_masses_are_those_that_mujoco_computes(tmp_path: Path, settings: str) ->
     ball = mechanism.v_index("jb")
     order = [mechanism.v_index("ja"), ball, ball + 1, ball + 2, mechanism.v_index("jc")]
     upper = np.triu(pin.crba(mechanism.model, mechanism.model.createData(), mechanism.q_home))
-    found = (upper + np.triu(upper, 1).T)[np.ix_(order, order)]
-    np.testing.assert_allclose(found, expected, atol=1e-12 * expected.max(), rtol=0.0)
-    assert sum(one.mass for one in mechanism.model.inertias) == pytest.approx(float(model.body_mass.sum()), rel=1e-14)
+    computed = (upper + np.triu(upper, 1).T)[np.ix_(order, order)]
+    np.testing.assert_allclose(computed, expected, atol=1e-12 * expected.max(), rtol=0.0)
+    assert sum(link.mass for link in mechanism.model.inertias) == pytest.approx(float(model.body_mass.sum()), rel=1e-14)
 
 
 @pytest.mark.parametrize(("settings", "content", "massless", "why"), [
@@ -124,18 +124,18 @@ SDF = """<sdf version="1.9"><model name="m"><link name="base"/>
 def test_an_inertial_of_an_sdf_is_in_its_own_axes() -> None:
     moments = "<ixx>1</ixx><ixy>0.1</ixy><ixz>0.2</ixz><iyy>2</iyy><iyz>-0.3</iyz><izz>2.5</izz>"
     text = f"<mass>3</mass><pose>0.1 0.2 0.3 0.4 -0.5 0.6</pose><inertia>{moments}</inertia>"
-    (_, found) = cinegen.load(SDF.format(text)).model.inertias
+    (_, link) = cinegen.load(SDF.format(text)).model.inertias
     rotation = pin.rpy.rpyToMatrix(0.4, -0.5, 0.6)
     matrix = np.array([[1.0, 0.1, 0.2], [0.1, 2.0, -0.3], [0.2, -0.3, 2.5]])
-    assert found.mass == 3.0
-    np.testing.assert_allclose(found.lever, [0.1, 0.2, 0.3], rtol=1e-14)
-    np.testing.assert_allclose(found.inertia, rotation @ matrix @ rotation.T, atol=1e-14)
+    assert link.mass == 3.0
+    np.testing.assert_allclose(link.lever, [0.1, 0.2, 0.3], rtol=1e-14)
+    np.testing.assert_allclose(link.inertia, rotation @ matrix @ rotation.T, atol=1e-14)
 
 
 def test_what_an_inertial_of_an_sdf_leaves_out_is_1() -> None:
-    (_, found) = cinegen.load(SDF.format("<inertia><ixx>1.5</ixx></inertia>")).model.inertias
-    assert found.mass == 1.0
-    np.testing.assert_array_equal(found.inertia, np.diag([1.5, 1.0, 1.0]))
+    (_, link) = cinegen.load(SDF.format("<inertia><ixx>1.5</ixx></inertia>")).model.inertias
+    assert link.mass == 1.0
+    np.testing.assert_array_equal(link.inertia, np.diag([1.5, 1.0, 1.0]))
 
 
 def test_an_inertial_that_simulators_compute_is_unknown() -> None:
@@ -191,9 +191,9 @@ def test_a_stated_mass_of_0_is_known() -> None:
 
 def test_a_body_that_a_rigid_loop_cut_has_the_mass_of_either_half() -> None:
     """The platform of a delta robot is link 5, and the last bodies of the two other arms."""
-    given = cinegen.load("delta4")
-    urdf = re.sub("<inertial>.*?</inertial>", "", given.source.urdf, flags=re.DOTALL)
-    before = build(urdf, given.source.constraints)
+    delta = cinegen.load("delta4")
+    urdf = re.sub("<inertial>.*?</inertial>", "", delta.source.urdf, flags=re.DOTALL)
+    before = build(urdf, delta.source.constraints)
     text = urdf.replace('<link name="link5">', f'<link name="link5">{inertial(1.5)}')
     assert text != urdf
     mechanism = build(text, before.source.constraints)
@@ -235,11 +235,11 @@ IN_M = "inertial { mass 2 centre { 0.01 0.02 0.03 } moments { 4e-3 5e-3 6e-3 } p
 
 @pytest.mark.parametrize(("text", "head"), [(IN_MM, ""), (IN_M, "units m")])
 def test_moments_are_in_kg_and_the_files_unit_of_length(text: str, head: str) -> None:
-    found = body(cinegen.load(robot(text, head=head)))
-    assert found.mass == 2.0
-    np.testing.assert_allclose(found.lever, [0.01, 0.02, 0.03], rtol=1e-15)
+    link = body(cinegen.load(robot(text, head=head)))
+    assert link.mass == 2.0
+    np.testing.assert_allclose(link.lever, [0.01, 0.02, 0.03], rtol=1e-15)
     expected = [[4e-3, 1e-4, -2e-4], [1e-4, 5e-3, 3e-4], [-2e-4, 3e-4, 6e-3]]
-    np.testing.assert_allclose(found.inertia, expected, rtol=1e-14)
+    np.testing.assert_allclose(link.inertia, expected, rtol=1e-14)
 
 
 @pytest.mark.parametrize("text", [IN_MM, "inertial { mass 0 }", "inertial { density 2700 radius 5 }"])
@@ -265,37 +265,37 @@ def test_a_joint_of_several_variables_moves_the_mass_by_all_of_them(kind: str) -
 
 def test_bars_run_along_epsilon_d_and_r_of_the_children() -> None:
     more = "link 2 { type 2 pred 1 parameters { epsilon 30 d 200 r 100 alpha 90 } }"
-    found = body(cinegen.load(robot("inertial { density 7850 radius 6 }", more)))
+    link = body(cinegen.load(robot("inertial { density 7850 radius 6 }", more)))
     per_length = 7850.0 * math.pi * 0.006**2
     lengths = np.array([0.03, 0.2, 0.1])
     middles = np.array([[0.0, 0.0, 0.015], [0.1, 0.0, 0.03], [0.2, -0.05, 0.03]])
-    assert found.mass == pytest.approx(per_length * 0.33, rel=1e-8)
-    np.testing.assert_allclose(found.lever, lengths @ middles / 0.33, atol=1e-9)
+    assert link.mass == pytest.approx(per_length * 0.33, rel=1e-8)
+    np.testing.assert_allclose(link.lever, lengths @ middles / 0.33, atol=1e-9)
     corners = [(0, 0, 0), (0, 0, 0.03), (0.2, 0, 0.03), (0.2, -0.1, 0.03)]
     bars = [trimesh.creation.cylinder(0.006, segment=s, sections=400) for s in pairwise(corners)]
     whole = trimesh.util.concatenate(bars)
     whole.density = 7850.0
-    np.testing.assert_allclose(found.inertia, whole.moment_inertia, rtol=2e-3, atol=1e-8)
+    np.testing.assert_allclose(link.inertia, whole.moment_inertia, rtol=2e-3, atol=1e-8)
 
 
 @pytest.mark.parametrize("ending", ["stl", "obj", "glb", "ply"])
 def test_a_density_counts_for_the_volume_of_the_graphics(tmp_path: Path, ending: str) -> None:
     box = trimesh.creation.box((100.0, 60.0, 20.0), transform=trimesh.transformations.translation_matrix((50, 0, 0)))
     box.export(tmp_path / f"box.{ending}")
-    found = body(loaded(tmp_path, robot(f'inertial {{ density 2700 }} filename {{ "box.{ending}" }}')))
+    link = body(loaded(tmp_path, robot(f'inertial {{ density 2700 }} filename {{ "box.{ending}" }}')))
     mass = 2700.0 * 0.1 * 0.06 * 0.02
-    assert found.mass == pytest.approx(mass, rel=1e-6)
-    np.testing.assert_allclose(found.lever, [0.05, 0.0, 0.0], atol=1e-9)
+    assert link.mass == pytest.approx(mass, rel=1e-6)
+    np.testing.assert_allclose(link.lever, [0.05, 0.0, 0.0], atol=1e-9)
     expected = mass / 12.0 * np.array([0.06**2 + 0.02**2, 0.1**2 + 0.02**2, 0.1**2 + 0.06**2])
-    np.testing.assert_allclose(found.inertia, np.diag(expected), rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(link.inertia, np.diag(expected), rtol=1e-6, atol=1e-12)
 
 
 def test_of_an_open_surface_the_hull_counts_and_a_warning_names_the_file(tmp_path: Path) -> None:
     box = trimesh.creation.box((100.0, 60.0, 20.0))
     trimesh.Trimesh(box.vertices, box.faces[2:]).export(tmp_path / "open.stl")
     with pytest.warns(RaffWarning, match=r"a.raff:4:45: the graphics 'open.stl' of link 1 enclose no volume: .* hull"):
-        found = body(loaded(tmp_path, robot('inertial { density 1000 } filename { "open.stl" }')))
-    assert found.mass == pytest.approx(0.12, rel=1e-6)
+        link = body(loaded(tmp_path, robot('inertial { density 1000 } filename { "open.stl" }')))
+    assert link.mass == pytest.approx(0.12, rel=1e-6)
 
 
 def test_a_density_without_a_volume_is_refused(tmp_path: Path) -> None:

@@ -89,15 +89,15 @@ def test_spherical_has_the_gradient_of_its_total_potential_for_an_arm(step, reac
     scene = figure("rod")
     q = moved(scene, scene.start, step)
     assume(min(apart(scene, q, circle_around(scene.obstacles[0].bodies[0]))) > 0.02)
-    found = SphericalPotential(scene, bodies(scene), reach)
+    potential = SphericalPotential(scene, bodies(scene), reach)
     task = Gains().strength
-    assert len(found.balls) == 1
+    assert len(potential.balls) == 1
     by_hand = spherical_value(scene, q, reach, task)
-    assert found.value(q) == pytest.approx(by_hand, rel=1e-3)  # its ball is nearly the least
-    wanted = slopes(scene, found.value, q, 1e-5)
-    assert found.gradient(q) == pytest.approx(wanted, abs=2e-4 * (1.0 + np.abs(wanted).max()))
+    assert potential.value(q) == pytest.approx(by_hand, rel=1e-3)  # its ball is nearly the least
+    wanted = slopes(scene, potential.value, q, 1e-5)
+    assert potential.gradient(q) == pytest.approx(wanted, abs=2e-4 * (1.0 + np.abs(wanted).max()))
     by_formula = slopes(scene, lambda q: spherical_value(scene, q, reach, task), q, 1e-5)
-    assert found.gradient(q) == pytest.approx(by_formula, abs=5e-3 * (1.0 + np.abs(wanted).max()))
+    assert potential.gradient(q) == pytest.approx(by_formula, abs=5e-3 * (1.0 + np.abs(wanted).max()))
 
 
 @settings(max_examples=8)
@@ -105,19 +105,19 @@ def test_spherical_has_the_gradient_of_its_total_potential_for_an_arm(step, reac
 def test_elliptical_has_the_gradient_of_its_total_potential_for_an_arm(step):
     scene = figure("rod")
     q = moved(scene, scene.start, step)
-    found = EllipticalPotential(scene, bodies(scene), 0.2)
-    (field,) = found.boxes
-    assert found.value(q) == pytest.approx(elliptical_value(scene, q, field), rel=1e-3)
+    potential = EllipticalPotential(scene, bodies(scene), 0.2)
+    (field,) = potential.boxes
+    assert potential.value(q) == pytest.approx(elliptical_value(scene, q, field), rel=1e-3)
     wanted = slopes(scene, lambda q: elliptical_value(scene, q, field), q, 1e-4)
-    assert found.gradient(q) == pytest.approx(wanted, abs=0.02 * (1.0 + np.abs(wanted).max()))
+    assert potential.gradient(q) == pytest.approx(wanted, abs=0.02 * (1.0 + np.abs(wanted).max()))
 
 
 @pytest.mark.parametrize("name", ["rod", "discs"])
 def test_nothing_comes_nearer_than_the_safety_distance_whatever_leads(name):
     scene = figure(name)
-    found = plan(scene, field=spherical, seconds=600.0)
-    assert len(found.path) > 10
-    assert found.clearance >= scene.safety
+    planned = plan(scene, field=spherical, seconds=600.0)
+    assert len(planned.path) > 10
+    assert planned.clearance >= scene.safety
 
 
 @pytest.mark.usefixtures("unhurried")
@@ -149,7 +149,7 @@ shapes = st.one_of(
 def sampled(body):
     """Points of its surface: the furthest along many directions."""
     rng = np.random.default_rng(0)
-    shape, found = body.shape, []
+    shape, furthest = body.shape, []
     for way in rng.normal(size=(300, 3)):
         way = way / np.linalg.norm(way)
         match shape:
@@ -162,8 +162,8 @@ def sampled(body):
                 at = side + math.copysign(shape.halfLength, way[2]) * Z
             case coal.Box():
                 at = np.copysign(np.array(shape.halfSide), way)
-        found.append(body.placement.act(np.asarray(at)))
-    return np.array(found)
+        furthest.append(body.placement.act(np.asarray(at)))
+    return np.array(furthest)
 
 
 @given(shapes, turns, st.sampled_from([None, "plane"]))

@@ -35,10 +35,10 @@ around_start = st.lists(st.floats(-0.25, 0.25), min_size=3, max_size=3)
 def test_firas_has_the_gradient_of_its_total_potential_for_an_arm(step, reach):
     scene = figure("rod")
     q = moved(scene, scene.start, step)
-    found = potential(scene, reach)
-    assert found.value(q) == pytest.approx(by_formula(scene, q, reach, STRENGTH), rel=1e-6)
+    field = potential(scene, reach)
+    assert field.value(q) == pytest.approx(by_formula(scene, q, reach, STRENGTH), rel=1e-6)
     wanted = slopes(scene, lambda q: by_formula(scene, q, reach, STRENGTH), q, 1e-5)
-    assert found.gradient(q) == pytest.approx(wanted, abs=2e-4 * (1.0 + np.abs(wanted).max()))
+    assert field.gradient(q) == pytest.approx(wanted, abs=2e-4 * (1.0 + np.abs(wanted).max()))
 
 
 def test_the_attraction_counts_rotation_too():
@@ -48,9 +48,9 @@ def test_the_attraction_counts_rotation_too():
     turn = pin.rpy.matrixToRpy(target.rotation).tolist()
     scene = scene_of({**document, "node": start.node, "goal": {"point": target.translation.tolist(), "rpy": turn}})
     goal, q = GoalPotential(scene), scene.start
-    here = scene.mechanism.placement(q, scene.node)
-    way = (target.translation - here.translation) / scene.mechanism.length
-    turned = Rotation.from_matrix(target.rotation @ here.rotation.T).magnitude()
+    at_start = scene.mechanism.placement(q, scene.node)
+    way = (target.translation - at_start.translation) / scene.mechanism.length
+    turned = Rotation.from_matrix(target.rotation @ at_start.rotation.T).magnitude()
     assert turned > 0.1
     assert goal.value(q) == pytest.approx(0.5 * (way @ way + turned**2), rel=1e-9)
     assert goal.gradient(q) == pytest.approx(slopes(scene, goal.value, q, 1e-5), abs=1e-6)
@@ -59,28 +59,28 @@ def test_the_attraction_counts_rotation_too():
 # --- minima ----------------------------------------------------------------------------------------------------------
 
 
-def is_lowest(scene, found, q, away):
+def is_lowest(scene, field, q, away):
     """Whether nothing around q is lower."""
     rng = np.random.default_rng(1)
-    ways = rng.normal(size=(200, scene.mechanism.model.nv))
-    here = found.value(q)
-    return all(found.value(moved(scene, q, away * way / np.linalg.norm(way))) >= here - 1e-9 for way in ways)
+    directions = rng.normal(size=(200, scene.mechanism.model.nv))
+    lowest = field.value(q)
+    return all(field.value(moved(scene, q, away * way / np.linalg.norm(way))) >= lowest - 1e-9 for way in directions)
 
 
 @pytest.mark.parametrize("which", ["rod", "disc"])
 def test_firas_stops_in_a_minimum_of_the_field_in_figures_5_and_7(which):
     scene = figure(which)
-    found = plan(scene, field=firas)
-    assert found.status is PlanStatus.STUCK
-    assert found.field == "firas"
-    assert len(found.attempts) == 1
-    end = found.path[-1]
+    planned = plan(scene, field=firas)
+    assert planned.status is PlanStatus.STUCK
+    assert planned.field == "firas"
+    assert len(planned.attempts) == 1
+    end = planned.path[-1]
     total = potential(scene, 0.5 * scene.mechanism.length)
     assert np.abs(total.gradient(end)).max() < 2e-3
     assert np.linalg.norm(total.goal.gradient(end)) > 0.1  # attraction and repulsion are in balance
     assert is_lowest(scene, total, end, 0.01)
-    assert not found.attempts[0].blocked_by  # it is not the barrier that stops it
-    assert found.clearances[-1] > 3.0 * scene.safety
+    assert not planned.attempts[0].blocked_by  # it is not the barrier that stops it
+    assert planned.clearances[-1] > 3.0 * scene.safety
 
 
 def test_descent_only_goes_down():

@@ -54,14 +54,14 @@ def test_the_mutual_moment_is_distance_times_sine(seed):
     (varieties.elliptic, 0),
 ])  # fmt: skip
 def test_four_lines_of_a_congruence_are_met_by_its_directors(maker, count, seed):
-    found = varieties.placed(maker, np.random.default_rng(seed), others=0)
-    across = transversals(found.lines[:4], found.length)
+    variety = varieties.placed(maker, np.random.default_rng(seed), others=0)
+    across = transversals(variety.lines[:4], variety.length)
     assert not across.infinitely_many
     assert len(across.lines) == count
     for line in across.lines:
         if isinstance(line, LineAtInfinity):
-            assert abs(line.normal @ found.turn @ found.built.normals[0]) == pytest.approx(1.0)
+            assert abs(line.normal @ variety.turn @ variety.built.normals[0]) == pytest.approx(1.0)
         else:
-            slack = (1e-8 if count == 2 else 1e-6) * found.length  # a double root is half as accurate
-            assert min(_apart(line, found.line(ends)) for ends in found.built.directors) < slack
-            assert all(_apart(line, other) < slack for other in found.lines[:4])
+            slack = (1e-8 if count == 2 else 1e-6) * variety.length  # a double root is half as accurate
+            assert min(_apart(line, variety.line(ends)) for ends in variety.built.directors) < slack
+            assert all(_apart(line, other) < slack for other in variety.lines[:4])

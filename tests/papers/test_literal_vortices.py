@@ -42,9 +42,9 @@ def test_in_the_plane_both_weights_are_one(n, alpha, sense, size):
 @pytest.mark.parametrize("name", ["rod", "discs"])
 def test_nothing_comes_nearer_than_the_safety_distance(root, name):
     scene = load_scene(root / "robots" / "scenes" / f"{name}.toml")
-    found = plan_literally(scene)
-    assert len(found.path) > 10
-    assert found.clearance >= scene.safety
+    planned = plan_literally(scene)
+    assert len(planned.path) > 10
+    assert planned.clearance >= scene.safety
 
 
 # --- vortex axis ------------------------------------------------------------------------------------------------------

@@ -53,10 +53,10 @@ def test_its_order_is_16_and_its_highest_terms_are_those_of_equation_18(rng):
     for _ in range(3):
         way = rng.normal(size=3)
         way *= 5.0 / np.linalg.norm(way)
-        found = along(surface, rng.normal(size=3), surface.unit * way)
+        coefficients = along(surface, rng.normal(size=3), surface.unit * way)
         expected = factor * (way @ way) ** 8
-        assert np.abs(found[17:]).max() <= ROUNDING * np.abs(found).max()
-        assert abs(found[16] - expected) <= 1e-9 * abs(expected) + ROUNDING * np.abs(found).max()
+        assert np.abs(coefficients[17:]).max() <= ROUNDING * np.abs(coefficients).max()
+        assert abs(coefficients[16] - expected) <= 1e-9 * abs(expected) + ROUNDING * np.abs(coefficients).max()
 
 
 @given(seeds)
@@ -64,24 +64,24 @@ def test_its_circularity_is_8(rng):
     surface = SpinSurface(drawn(rng)[-1])
     for _ in range(3):
         q = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-        found = np.abs(along(surface, rng.normal(size=3), 3.0 * surface.unit * (q[0] + 1j * q[1])))
-        assert found[9:].max() <= ROUNDING * found.max()
-        assert found[8] > 1e3 * found[9:].max()
+        sizes = np.abs(along(surface, rng.normal(size=3), 3.0 * surface.unit * (q[0] + 1j * q[1])))
+        assert sizes[9:].max() <= ROUNDING * sizes.max()
+        assert sizes[8] > 1e3 * sizes[9:].max()
 
 
 @settings(max_examples=50)
 @given(seeds)
 def test_the_polynomial_vanishes_at_every_mode_and_at_no_other_place(rng):
     *robot, triangle = drawn(rng)
-    found = polynomial(triangle)
-    assert len(found.coef) == 17
-    assert not found.coef[1::2].any()
+    poly = polynomial(triangle)
+    assert len(poly.coef) == 17
+    assert not poly.coef[1::2].any()
     away = (modes(*robot)[:, 1] - triangle.centre[1]) / triangle.radius[1]  # of the platform point on circle 34
     cosine, sine = away @ triangle.e[1], away[:, 2]
     x = sine / (1.0 + cosine)
     assert len(x) > 0
-    assert (np.abs(found(x)) <= 1e-10 * (1.0 + x * x) ** 8).all()
-    roots = found.roots()
+    assert (np.abs(poly(x)) <= 1e-10 * (1.0 + x * x) ** 8).all()
+    roots = poly.roots()
     real = roots[np.abs(roots.imag) <= 1e-9 * (1.0 + np.abs(roots))].real
     near = np.abs(real[:, None] - x).min(axis=1) / (1.0 + np.abs(real))
     assert np.median(near) <= 1e-4  # its coefficients do not hold them better

@@ -49,9 +49,9 @@ def _within_reach(row, tssm, rng):
 def _matrix(tssm, pose):
     """(6, 6) of the legs' unit vectors and moments, from the points."""
     ends = np.repeat(pose[:3] + Rotation.from_euler("ZXZ", pose[3:]).apply(tssm.platform), 2, axis=0)
-    ways = ends - tssm.base
-    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-    return np.hstack([ways, np.cross(tssm.base, ways)])
+    directions = ends - tssm.base
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return np.hstack([directions, np.cross(tssm.base, directions)])
 
 
 def _lengths(tssm, position, turn):
@@ -74,9 +74,9 @@ def test_poses_of_a_row_are_singular_for_its_reason(row, seed):
             assert pose[kept].tolist() == asked[kept].tolist()
             assert row.residual(tssm, pose) < 1e-9
             assert np.linalg.svd(_matrix(tssm, pose))[1][-1] < 1e-10
-            found = classify(tssm.lines(pose), tssm.length)
-            assert found.grassmann_class is row.grassmann_class
-            assert [tuple(i + 1 for i in some.lines) for some in found.sets] == [row.legs]
+            dependence = classify(tssm.lines(pose), tssm.length)
+            assert dependence.grassmann_class is row.grassmann_class
+            assert [tuple(i + 1 for i in some.lines) for some in dependence.sets] == [row.legs]
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
@@ -89,8 +89,8 @@ def test_a_pose_beside_a_row_is_not_in_it(row):
             beside[COORDINATES.index(name)] += 1e-3 * (tssm.length if name in COORDINATES[:3] else 1.0)
             if name != "phi" or row is not FICHTER:
                 assert row.residual(tssm, beside) > 1e-8
-            found = classify(tssm.lines(beside), tssm.length)
-            assert found is None or (found.grassmann_class, found.lines) != (
+            dependence = classify(tssm.lines(beside), tssm.length)
+            assert dependence is None or (dependence.grassmann_class, dependence.lines) != (
                 row.grassmann_class,
                 tuple(i - 1 for i in row.legs),
             )
@@ -143,14 +143,14 @@ def test_heights_are_all_those_at_which_the_determinant_changes_its_sign():
     rng = np.random.default_rng(0)
     for tssm in _robots(rng):
         asked = _any_pose(rng)
-        found = np.sort(CUBIC.complete(tssm, asked)[:, 2])
+        roots = np.sort(CUBIC.complete(tssm, asked)[:, 2])
         heights = np.linspace(-120.0, 120.0, 2401)
         signs = []
         for z in heights:
             asked[2] = z
             signs.append(concurrency(tssm, asked) > 0.0)
         crossed = np.flatnonzero(np.diff(signs))
-        inside = found[np.abs(found) < 120.0]
+        inside = roots[np.abs(roots) < 120.0]
         assert len(crossed) == len(inside)
         assert all(heights[i] <= z <= heights[i + 1] for i, z in zip(crossed, inside, strict=True))
 

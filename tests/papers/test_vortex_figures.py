@@ -45,12 +45,12 @@ def test_figure_3_has_none_before_the_goal():
     points = np.stack([x, y, np.zeros_like(x)], axis=-1)
     potential = drawn.VORTEX.value(points)
     potential[:, -1] = drawn.VORTEX.strength * turn[0, -1]
-    found = minima(drawn.ATTRACTION.value(points) + potential, x, y)
+    lowest = minima(drawn.ATTRACTION.value(points) + potential, x, y)
     # Where k (p - G) = -V, the attraction is across p: on the circle over OG. The larger root is the minimum.
     length, ratio = np.linalg.norm(drawn.GOAL), drawn.SLOPE / drawn.ATTRACTION.stiffness
     away = np.sqrt((length**2 + np.sqrt(length**4 - 4.0 * ratio**2)) / 2.0)
-    assert np.linalg.norm(found, axis=1) == pytest.approx([away], abs=5e-3)
-    assert np.linalg.norm(found[0] - drawn.GOAL[:2]) == pytest.approx(np.sqrt(length**2 - away**2), abs=5e-3)
+    assert np.linalg.norm(lowest, axis=1) == pytest.approx([away], abs=5e-3)
+    assert np.linalg.norm(lowest[0] - drawn.GOAL[:2]) == pytest.approx(np.sqrt(length**2 - away**2), abs=5e-3)
 
 
 def test_in_figure_4_the_angle_closes_and_the_way_is_free_from_q_on():

@@ -112,12 +112,12 @@ def main() -> None:
     answers: list[dict[str, Any]] = []
     for name, node, rotation in PROBLEMS:
         problem, urdf = scene(name, node, rotation)
-        found = {peer: ask(peer, problem, urdf) for peer in ("pink", "placo")}
-        answers.append({"urdf": name, "node": node, "rotation": rotation, **found})
+        replies = {peer: ask(peer, problem, urdf) for peer in ("pink", "placo")}
+        answers.append({"urdf": name, "node": node, "rotation": rotation, **replies})
         print(name, node)
     for name, node, second in LEVELS:
-        found = {"placo": ask("placo", *scene(name, node, 3, second))}
-        answers.append({"urdf": name, "node": node, "rotation": 3, "second": second, **found})
+        replies = {"placo": ask("placo", *scene(name, node, 3, second))}
+        answers.append({"urdf": name, "node": node, "rotation": 3, "second": second, **replies})
         print(name, node, second)
     KEPT.write_text(json.dumps(answers, indent=1) + "\n")
 

@@ -52,7 +52,7 @@ def file_of(tmp_path_factory):
         joints, kind, motors = WRITTEN[case]
         folder = tmp_path_factory.mktemp(case)
         kinds = [UrdfJoint(*row[:4], axis=row[4] or "", kind="revolute" if row[4] else "fixed") for row in joints]
-        (folder / "robot.urdf").write_text(urdf_text([one._replace(limit=(-3.2, 3.2)) for one in kinds], name=case))
+        (folder / "robot.urdf").write_text(urdf_text([joint._replace(limit=(-3.2, 3.2)) for joint in kinds], name=case))
         (folder / "robot.yaml").write_text(f"closed_loop: [[end_a, end_b]]\ntype: [{kind}]\nname_mot: {motors}\n")
         return folder / "robot.urdf"
 
@@ -139,20 +139,20 @@ def test_a_loop_that_is_cut_by_a_ball_leaves_it_free(file_of):
 @pytest.mark.parametrize("case", ["five_bar", "spatial", "cassie_v2"])
 def test_it_can_be_said_in_raff(case, mechanism, file_of, tmp_path):
     original = mechanism
-    found = raff2urdf.to_raff(file_of(case), tmp_path / "it.raff", graphics=False)
-    nodes = {link: node for link, node in found.nodes.items() if link in original.nodes}
+    conversion = raff2urdf.to_raff(file_of(case), tmp_path / "it.raff", graphics=False)
+    nodes = {link: node for link, node in conversion.nodes.items() if link in original.nodes}
     ours = cinegen.load(tmp_path / "it.raff")
     assert ours.mobility == original.mobility
     assert ours.loop_rank == original.loop_rank
     if case != "cassie_v2":
-        assert {found.joints[joint] for joint in original.actuated} == set(ours.actuated)
+        assert {conversion.joints[joint] for joint in original.actuated} == set(ours.actuated)
     for q in (original.q_home, *original.random_closed(3)):
         values = {
-            found.joints[joint]: q[original.q_index(joint)] + found.offsets[found.joints[joint]]
+            conversion.joints[joint]: q[original.q_index(joint)] + conversion.offsets[conversion.joints[joint]]
             for joint in original.joints
         }
         p = ours.configuration(values)
         assert ours.closure(p) < 1e-11
         for link, node in nodes.items():
-            there, here = original.placement(q, link).homogeneous, ours.placement(p, node).homogeneous
-            assert np.abs(there - here).max() < 1e-9
+            expected, pose = original.placement(q, link).homogeneous, ours.placement(p, node).homogeneous
+            assert np.abs(expected - pose).max() < 1e-9

@@ -22,20 +22,20 @@ def ours(answer, folder):
     """The joints' values after our step, and before it, in the order of the problem."""
     problem, urdf = scene(answer["urdf"], answer["node"], answer["rotation"], answer.get("second"))
     (folder / "robot.urdf").write_bytes(urdf)
-    found = raff2urdf.to_raff(folder / "robot.urdf", folder / "robot.raff")
+    conversion = raff2urdf.to_raff(folder / "robot.urdf", folder / "robot.raff")
     mechanism = cinegen.load(folder / "robot.raff")
     names = [joint["name"] for joint in problem["joints"]]
     begin = np.array([joint["home"] for joint in problem["joints"]])
-    offsets = np.array([found.offsets[found.joints[name]] for name in names])
-    indices = [mechanism.q_index(found.joints[name]) for name in names]
+    offsets = np.array([conversion.offsets[conversion.joints[name]] for name in names])
+    indices = [mechanism.q_index(conversion.joints[name]) for name in names]
     q = np.zeros(mechanism.model.nq)
     q[indices] = begin + offsets
     solver = cinegen.Solver(mechanism, DT, q=q)
-    task = solver.add_task(found.nodes[answer["node"]], rotation=answer["rotation"])
+    task = solver.add_task(conversion.nodes[answer["node"]], rotation=answer["rotation"])
     task.target = pin.SE3(np.array(problem["targets"][0]))
     if "second" in problem:
         point = pin.SE3(np.eye(3), np.array(problem["second"]["target"]))
-        solver.add_task(found.nodes[answer["second"]], point, rotation=0, priority=1)
+        solver.add_task(conversion.nodes[answer["second"]], point, rotation=0, priority=1)
     solver.step()
     return solver.q[indices] - offsets, begin
 

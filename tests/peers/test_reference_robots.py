@@ -83,14 +83,14 @@ def test_without_the_package_the_extra_is_named(monkeypatch, typed):
 @pytest.mark.parametrize("name", others_slow(sorted(set(ROBOTS) - set(UNREADABLE))))
 def test_written_again_it_is_the_same(name):
     """URDF -> RAFF -> URDF -> RAFF -> URDF: a fixed point."""
-    found = import_tree(parse(ROBOTS[name].read_text(encoding="utf-8"), name), name, constraints_of(name))
-    made = translate(found.document, found.document.robot(), Path())
+    first = import_tree(parse(ROBOTS[name].read_text(encoding="utf-8"), name), name, constraints_of(name))
+    made = translate(first.document, first.document.robot(), Path())
     second = import_tree(parse(made.urdf, name), name, made.constraints)
     again = translate(second.document, second.document.robot(), Path())
     third = import_tree(parse(again.urdf, name), name, again.constraints)
     assert third.document == second.document
     assert set(second.offsets.values()) == {0.0}
-    assert len(second.document.robot().links) == len(found.document.robot().links)
+    assert len(second.document.robot().links) == len(first.document.robot().links)
 
 
 @pytest.mark.parametrize("name", others_slow(sorted(set(ROBOTS) - {"ur3"})))

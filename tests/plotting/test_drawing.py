@@ -63,13 +63,13 @@ def test_parts_are_rigid_in_all_modes_and_the_base_stands_still(robot, modes, na
     skeleton = Skeleton(robot(name))
     home = skeleton.at(robot(name).q_home)
     for q in modes(name):
-        there = skeleton.at(q)
-        for one, other in zip(home.parts, there.parts, strict=True):
-            apart = [np.linalg.norm(part.points[:, None] - part.points[None], axis=2) for part in (one, other)]
+        moved = skeleton.at(q)
+        for at_home, other in zip(home.parts, moved.parts, strict=True):
+            apart = [np.linalg.norm(part.points[:, None] - part.points[None], axis=2) for part in (at_home, other)]
             np.testing.assert_allclose(*apart, atol=1e-9)
-            if one.is_base:
-                np.testing.assert_array_equal(one.points, other.points)
-        assert np.allclose(there.end, robot(name).placement(q, robot(name).end).translation)
+            if at_home.is_base:
+                np.testing.assert_array_equal(at_home.points, other.points)
+        assert np.allclose(moved.end, robot(name).placement(q, robot(name).end).translation)
 
 
 @pytest.mark.parametrize("name", PARALLEL)
@@ -117,8 +117,8 @@ def test_a_point_is_seen_where_the_ray_from_the_eye_meets_the_picture(points):
                 assert depth < 0.5 * view.distance
                 ray = eye - point
             part = (view.centre - point) @ towards / (ray @ towards)
-            there = point + part * ray
-            np.testing.assert_allclose(there, view.centre + x * right + y * up, atol=1e-9)
+            seen = point + part * ray
+            np.testing.assert_allclose(seen, view.centre + x * right + y * up, atol=1e-9)
 
 
 @given(arrays(float, (3, 3), elements=coordinates))
@@ -139,11 +139,11 @@ def test_an_outline_is_the_convex_hull(points):
     centred = points - points.mean(axis=0)
     if np.linalg.svd(centred)[1][1] < 1e-2:
         return
-    found = hull(points)
+    corners = hull(points)
     expected = ConvexHull(points)
-    area = 0.5 * sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(found, np.roll(found, -1, axis=0), strict=True))
+    area = 0.5 * sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True))
     assert area == pytest.approx(expected.volume, rel=1e-9)
-    assert {tuple(corner) for corner in found} <= {tuple(point) for point in points}
+    assert {tuple(corner) for corner in corners} <= {tuple(point) for point in points}
 
 
 # --- sheets ------------------------------------------------------------------------------------------------------
@@ -221,9 +221,9 @@ def test_each_joint_that_moves_is_drawn_from_start_to_goal_within_limits(robot, 
     home = mechanism.values(mechanism.q_home)
     goal = {name: 0.5 * (home[name] + value) + 0.01 for name, value in middle.items()}
     pairs = itertools.combinations(mechanism.nodes, 2)  # links that are drawn in each other
-    found = plan(scene_for(mechanism, goal, allowed_collisions=[list(pair) for pair in pairs]), seconds=600.0)
-    assert found
-    motion, figure = timed_path(found), draw_joints(found)
+    planned = plan(scene_for(mechanism, goal, allowed_collisions=[list(pair) for pair in pairs]), seconds=600.0)
+    assert planned
+    motion, figure = timed_path(planned), draw_joints(planned)
     FigureCanvasAgg(figure).draw()
     assert len(figure.axes) == rows
     drawn = {line.get_label(): line for axes in figure.axes[:-1] for line in axes.lines}
@@ -232,7 +232,7 @@ def test_each_joint_that_moves_is_drawn_from_start_to_goal_within_limits(robot, 
         scale = 1.0 if mechanism.is_prismatic(name) else 180.0 / np.pi
         x, y = line.get_data()
         assert x[-1] == pytest.approx(motion.times[-1])
-        assert y[[0, -1]] == pytest.approx(scale * found.path[[0, -1], mechanism.q_index(name)], abs=1e-6)
+        assert y[[0, -1]] == pytest.approx(scale * planned.path[[0, -1], mechanism.q_index(name)], abs=1e-6)
     rates = np.concatenate([line.get_ydata() for line in figure.axes[-1].lines[:-2]])
     assert 0.05 < np.abs(rates).max() < 1.0 + 1e-6
     assert f"{motion.times[-1]:.2f} s" in figure.get_suptitle()
@@ -299,8 +299,8 @@ def test_a_half_space_is_seen_on_its_edge_only(offset, turn, x, y):
 
 
 @pytest.fixture(scope="module")
-def found(root):
-    """`found("rod", firas)`: what became of a scene of the repository."""
+def plan_of(root):
+    """`plan_of("rod", firas)`: what became of a scene of the repository."""
     return cache(
         lambda name, field="vortex": plan(load_scene(root / f"robots/scenes/{name}.toml"), field=field, seconds=600.0)
     )
@@ -325,13 +325,13 @@ def over_the_wall(root):
 
 
 def line(axes, label):
-    return next(one for one in axes.lines if one.get_label() == label).get_xydata()
+    return next(curve for curve in axes.lines if curve.get_label() == label).get_xydata()
 
 
 def patches(axes, colour):
     """Corners of what is filled so."""
-    shapes = [one for one in axes.patches if isinstance(one, Polygon) and one.get_facecolor()[:3] == to_rgb(colour)]
-    return [one.get_xy()[:-1] for one in shapes if np.isfinite(one.get_xy()).all()]
+    shapes = [poly for poly in axes.patches if isinstance(poly, Polygon) and poly.get_facecolor()[:3] == to_rgb(colour)]
+    return [poly.get_xy()[:-1] for poly in shapes if np.isfinite(poly.get_xy()).all()]
 
 
 def area(corners):
@@ -340,8 +340,8 @@ def area(corners):
 
 
 @pytest.mark.parametrize(("name", "field"), [("rod", "vortex"), ("rod", firas)])
-def test_a_way_is_drawn_from_the_start_to_where_it_ends(found, name, field):
-    way = found(name, field)
+def test_a_way_is_drawn_from_the_start_to_where_it_ends(plan_of, name, field):
+    way = plan_of(name, field)
     chart, strip = draw_plan(way).axes
     drawn = line(chart, f"path of {way.scene.node}")
     places = [way.scene.mechanism.placement(q, way.scene.node).translation[:2] for q in way.path]
@@ -349,7 +349,7 @@ def test_a_way_is_drawn_from_the_start_to_where_it_ends(found, name, field):
     assert drawn[-1] == pytest.approx(places[-1])
     assert line(chart, "start S")[0] == pytest.approx(places[0])
     assert line(chart, "goal G")[0] == pytest.approx(way.scene.goal.translation[:2])
-    assert ("stuck" in [one.get_label() for one in chart.lines]) == (not way)
+    assert ("stuck" in [curve.get_label() for curve in chart.lines]) == (not way)
     if not way:
         assert line(chart, "stuck")[0] == pytest.approx(places[-1])
     (left, right), (low, high) = chart.get_xlim(), chart.get_ylim()
@@ -357,23 +357,23 @@ def test_a_way_is_drawn_from_the_start_to_where_it_ends(found, name, field):
     assert strip.get_ylabel() == "clearance (m)"
 
 
-def test_obstacles_are_drawn_as_large_as_they_are_and_as_much_larger_as_is_kept_clear(found):
-    way = found("discs")
+def test_obstacles_are_drawn_as_large_as_they_are_and_as_much_larger_as_is_kept_clear(plan_of):
+    way = plan_of("discs")
     chart = draw_plan(way).axes[0]
-    radii = sorted(one.written["radius"] for one in way.scene.obstacles)
+    radii = sorted(obstacle.written["radius"] for obstacle in way.scene.obstacles)
     for colour, grown in ((OBSTACLE, 0.0), (MARGIN, way.scene.safety)):
         areas = sorted(map(area, patches(chart, colour)))
         assert areas == pytest.approx([np.pi * (radius + grown) ** 2 for radius in radii], rel=1e-3)
-    (rod,) = patches(draw_plan(found("rod")).axes[0], OBSTACLE)
+    (rod,) = patches(draw_plan(plan_of("rod")).axes[0], OBSTACLE)
     assert area(rod) == pytest.approx(0.24 * 0.01, rel=1e-9)
     assert not patches(draw_plan(way, margin=False).axes[0], MARGIN)
 
 
-def test_no_drawn_body_of_the_robot_is_in_a_drawn_obstacle(found):
+def test_no_drawn_body_of_the_robot_is_in_a_drawn_obstacle(plan_of):
     """In the plane that would be a collision: each link's corners keep the distance from the rod's box."""
-    way = found("rod")
+    way = plan_of("rod")
     chart = draw_plan(way).axes[0]
-    links = [one.get_xy() for one in chart.patches if isinstance(one, Polygon) and 2.0 <= one.get_zorder() < 3.0]
+    links = [poly.get_xy() for poly in chart.patches if isinstance(poly, Polygon) and 2.0 <= poly.get_zorder() < 3.0]
     assert len(links) > 15 * 3
     for corners in links:
         out = np.maximum(np.abs(corners - [0.62, 0.0]) - [0.12, 0.005], 0.0)
@@ -392,7 +392,7 @@ def test_what_moves_in_space_is_seen_from_three_sides(over_the_wall):
         assert drawn[-1] == pytest.approx(way.trace[-1][list(side)])
         walls = patches(chart, OBSTACLE)
         size = np.array([0.7, 0.04, 0.45])[list(side)]
-        assert any(area(one) == pytest.approx(size.prod(), rel=1e-9) for one in walls)
+        assert any(area(wall) == pytest.approx(size.prod(), rel=1e-9) for wall in walls)
         assert len(walls) == (1 if side == (0, 1) else 2)  # the floor is no edge from the top
     assert strip.get_xlabel() == "fraction of the motion (%)"
 

@@ -57,8 +57,8 @@ def points_of(curves, kind):
 
 def words(figure):
     """All that is written."""
-    found = [text.get_text() for text in figure.findobj(Text)]
-    return "\n".join(text for text in found if text)
+    texts = [text.get_text() for text in figure.findobj(Text)]
+    return "\n".join(text for text in texts if text)
 
 
 # --- singular curves ---------------------------------------------------------------------------------------------
@@ -213,8 +213,8 @@ def test_a_solids_surface_is_closed_and_looks_outwards(cells):
     """Each edge is gone along once in both directions; before it is smoothed it holds just its cells."""
     plain = net(cells, rounds=0)
     edges = np.concatenate([np.roll(plain.quads, -k, axis=1)[:, :2] for k in range(4)])
-    there, back = (sorted(map(tuple, pairs)) for pairs in (edges, edges[:, ::-1]))
-    assert there == back
+    forth, back = (sorted(map(tuple, pairs)) for pairs in (edges, edges[:, ::-1]))
+    assert forth == back
     assert volume(plain) == pytest.approx(cells.sum())
     assert all(cells[tuple(cell)] for cell in plain.inside)
     smooth = net(cells)

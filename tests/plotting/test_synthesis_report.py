@@ -66,7 +66,7 @@ class Read(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory):
+def synthesis(tmp_path_factory):
     path = tmp_path_factory.mktemp("hostile") / FILE
     text = Path("robots/five_bar.raff").read_text(encoding="utf-8")
     path.write_text(text.replace('"tool"', f'"{NODE}"'), encoding="utf-8")
@@ -74,11 +74,11 @@ def found(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def report(found):
-    return synthesis_report(found)
+def report(synthesis):
+    return synthesis_report(synthesis)
 
 
-def test_a_report_is_complete_and_escaped(found, report):
+def test_a_report_is_complete_and_escaped(synthesis, report):
     page = Read(report)
     assert page.tags.count("figure") == 4
     assert FILE.removesuffix(".raff") not in page.tags
@@ -90,17 +90,17 @@ def test_a_report_is_complete_and_escaped(found, report):
     assert not [name for name, _ in page.attributes if name.startswith("on")]
     assert len(page.identifiers) == len(set(page.identifiers))
     used = {value[1:] for name, value in page.attributes if name == "href"}
-    used |= {one for _, value in page.attributes for one in re.findall(r"url\(#([^)]*)\)", value)}
+    used |= {identifier for _, value in page.attributes for identifier in re.findall(r"url\(#([^)]*)\)", value)}
     assert used <= set(page.identifiers)
 
 
-def test_a_report_has_the_text_of_the_result_and_the_task(found, report):
+def test_a_report_has_the_text_of_the_result_and_the_task(synthesis, report):
     text = Read(report).text
-    assert found.text in text
+    assert synthesis.text in text
     assert "Nothing is proved between the points" in text
     assert '"link2.d": "209..500mm"' in text
     assert 'class="status fails"' not in report
-    assert 'class="status fails"' in synthesis_report(replace(found, check=replace(found.check, reached=500)))
+    assert 'class="status fails"' in synthesis_report(replace(synthesis, check=replace(synthesis.check, reached=500)))
 
 
 def test_every_text_of_a_page_is_escaped():
@@ -147,7 +147,7 @@ def test_a_report_in_a_browser_and_on_paper(report, tmp_path):
         page = browser.new_page(viewport={"width": wide, "height": 900})
         page.on("pageerror", lambda error: wrong.append(str(error)))
         page.on("console", lambda message: wrong.append(message.text))
-        page.on("request", lambda one: wrong.append(one.url) if one.url != path.as_uri() else None)
+        page.on("request", lambda request: wrong.append(request.url) if request.url != path.as_uri() else None)
         page.goto(path.as_uri())
         page.screenshot(path=folder / f"synthesis_report_{wide}.png", full_page=True)
         assert page.evaluate("document.documentElement.scrollWidth") <= wide

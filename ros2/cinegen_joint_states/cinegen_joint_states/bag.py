@@ -23,12 +23,12 @@ _SHOWN = 3  # messages that were not completed
 _VERSION: Final = 8  # of the recording's metadata: ROS 2 Humble and newer read it
 
 
-def complete_bag(robot: Path, given: Path, made: Path, topic: str = "/joint_states") -> tuple[int, list[str]]:
+def complete_bag(robot: Path, recording: Path, made: Path, topic: str = "/joint_states") -> tuple[int, list[str]]:
     """Write a recording in which a topic has the states of all joints; other topics are copied.
 
     Args:
         robot: file of the robot, as `cinegen.load` reads.
-        given: recording: a folder with its metadata, or a file, mcap or sqlite3.
+        recording: a folder with its metadata, or a file, mcap or sqlite3.
         made: folder of the new recording, mcap; it must not exist.
         topic: topic of the joint states.
 
@@ -42,12 +42,12 @@ def complete_bag(robot: Path, given: Path, made: Path, topic: str = "/joint_stat
     completion = JointStateCompletion(cinegen.load(robot))
     if made.exists():
         raise cinegen.CinegenError(f"{made} exists: name another folder")
-    with Reader(given) as reader:
-        states = [one for one in reader.connections if one.msgtype == _TYPE]
-        if topic not in [one.topic for one in states]:
-            others = ", ".join(sorted({one.topic for one in states}))
+    with Reader(recording) as reader:
+        states = [conn for conn in reader.connections if conn.msgtype == _TYPE]
+        if topic not in [conn.topic for conn in states]:
+            others = ", ".join(sorted({conn.topic for conn in states}))
             advice = f": name one of --topic {others}" if others else ", nor on another one"
-            raise cinegen.CinegenError(f"{given} has no joint states on topic {topic}{advice}")
+            raise cinegen.CinegenError(f"{recording} has no joint states on topic {topic}{advice}")
         try:
             with Writer(made, version=_VERSION, storage_plugin=StoragePlugin.MCAP) as writer:
                 return _completed(completion, reader, writer, topic)
@@ -58,27 +58,27 @@ def complete_bag(robot: Path, given: Path, made: Path, topic: str = "/joint_stat
 
 def _completed(completion: JointStateCompletion, reader: Reader, writer: Writer, topic: str) -> tuple[int, list[str]]:
     types, connections = get_typestore(Stores.ROS2_HUMBLE), {}
-    for one in reader.connections:
-        assert isinstance(one.ext, ConnectionExtRosbag2)
-        definition = {"msgdef": one.msgdef.data, "rihs01": one.digest} if one.msgdef.data else {"typestore": types}
-        connections[one.id] = writer.add_connection(
-            one.topic, one.msgtype, serialization_format=one.ext.serialization_format,
-            offered_qos_profiles=one.ext.offered_qos_profiles, **definition,
+    for conn in reader.connections:
+        assert isinstance(conn.ext, ConnectionExtRosbag2)
+        definition = {"msgdef": conn.msgdef.data, "rihs01": conn.digest} if conn.msgdef.data else {"typestore": types}
+        connections[conn.id] = writer.add_connection(
+            conn.topic, conn.msgtype, serialization_format=conn.ext.serialization_format,
+            offered_qos_profiles=conn.ext.offered_qos_profiles, **definition,
         )  # fmt: skip
     completed, failed = 0, list[str]()
-    for one, time, raw in reader.messages():
-        if one.topic == topic and one.msgtype == _TYPE:
+    for conn, time, raw in reader.messages():
+        if conn.topic == topic and conn.msgtype == _TYPE:
             message: Any = types.deserialize_cdr(raw, _TYPE)
             try:
-                found = completion.complete(message.name, message.position, message.velocity)
+                state = completion.complete(message.name, message.position, message.velocity)
             except cinegen.CinegenError as error:
                 failed.append(f"{time / 1e9:.9f} s: {error}")
                 continue
             new = replace(
-                message, name=list(found.names), position=found.positions, velocity=found.velocities, effort=np.zeros(0)
+                message, name=list(state.names), position=state.positions, velocity=state.velocities, effort=np.zeros(0)
             )
             raw, completed = bytes(types.serialize_cdr(new, _TYPE)), completed + 1
-        writer.write(connections[one.id], time, raw)
+        writer.write(connections[conn.id], time, raw)
     return completed, failed
 
 

@@ -88,11 +88,11 @@ class JointStateCompletion:
         if len(set(names)) < count:
             twice = next(name for i, name in enumerate(names) if name in names[:i])
             raise CompletionError(f"joint '{twice}' is named twice")
-        own = [i for i, name in enumerate(names) if name in self._actuated]
-        if not own:
+        actuated = [i for i, name in enumerate(names) if name in self._actuated]
+        if not actuated:
             raise CompletionError(f"no actuated joint is named: {', '.join(sorted(self._actuated))}")
-        q = self._motion.move({names[i]: float(positions[i]) for i in own})
+        q = self._motion.move({names[i]: float(positions[i]) for i in actuated})
         rates = np.zeros(0)
-        if len(velocities) and len(own) == len(self._actuated):
-            rates = self._motion.rates({names[i]: float(velocities[i]) for i in own})[0][self._v_indices]
+        if len(velocities) and len(actuated) == len(self._actuated):
+            rates = self._motion.rates({names[i]: float(velocities[i]) for i in actuated})[0][self._v_indices]
         return JointStates(self.names, q[self._q_indices], rates)

@@ -44,32 +44,32 @@ class CompletionNode(Node):
         self._trajectories = self.create_publisher(JointTrajectory, "actuated_trajectory", _DEPTH)
         states = self.create_subscription(JointState, "actuated_joint_states", self._complete_state, _DEPTH)
         trajectories = self.create_subscription(JointTrajectory, "trajectory", self._complete_trajectory, _DEPTH)
-        for given, made in ((states, self._states), (trajectories, self._trajectories)):
-            if given.topic_name == made.topic_name:
+        for subscription, made in ((states, self._states), (trajectories, self._trajectories)):
+            if subscription.topic_name == made.topic_name:
                 raise CompletionError(f"{made.topic_name} is both read and published: remap one of both topics")
         self.get_logger().info(
             f"{self._mechanism.name}: {len(self._mechanism.actuated)} actuated of {len(self._mechanism.joints)} joints"
         )
 
-    def _complete_state(self, given: JointState) -> None:
+    def _complete_state(self, message: JointState) -> None:
         try:
-            made = self._completion.complete(given.name, given.position, given.velocity)
+            made = self._completion.complete(message.name, message.position, message.velocity)
         except cinegen.CinegenError as error:
             self.get_logger().warning(f"joint state: {error}", throttle_duration_sec=_QUIET)
             return
         self._states.publish(
             JointState(
-                header=given.header,
+                header=message.header,
                 name=list(made.names),
                 position=made.positions.tolist(),
                 velocity=made.velocities.tolist(),
             )
         )
 
-    def _complete_trajectory(self, given: JointTrajectory) -> None:
+    def _complete_trajectory(self, message: JointTrajectory) -> None:
         try:
             actuated = self._mechanism.actuated
-            made = completed(self._mechanism, trajectory_of(given), self._completion.q, self._tolerance).of(actuated)
+            made = completed(self._mechanism, trajectory_of(message), self._completion.q, self._tolerance).of(actuated)
         except cinegen.CinegenError as error:
             self.get_logger().error(f"trajectory: {error}")
             return
@@ -80,29 +80,29 @@ class CompletionNode(Node):
                 accelerations=[] if made.accelerations is None else made.accelerations[i].tolist(),
                 time_from_start=point.time_from_start,
             )
-            for i, point in enumerate(given.points)
+            for i, point in enumerate(message.points)
         ]
-        self._trajectories.publish(JointTrajectory(header=given.header, joint_names=list(made.names), points=points))
+        self._trajectories.publish(JointTrajectory(header=message.header, joint_names=list(made.names), points=points))
 
 
-def trajectory_of(given: JointTrajectory) -> Trajectory:
+def trajectory_of(message: JointTrajectory) -> Trajectory:
     """Return the content of a message. Velocities or accelerations must be those of all points, or of none.
 
     Raises:
         CompletionError: they are those of some points only, or a point has not one value for each joint.
     """
-    names, found = tuple(given.joint_names), list[np.ndarray | None]()
+    names, arrays = tuple(message.joint_names), list[np.ndarray | None]()
     for what in ("positions", "velocities", "accelerations"):
-        rows = [getattr(point, what) for point in given.points]
+        rows = [getattr(point, what) for point in message.points]
         for number, row in enumerate(rows):
             if len(row) not in ((0, len(names)) if what != "positions" else (len(names),)):
                 raise CompletionError(f"point {number} has {len(row)} {what} of {len(names)} joints")
             if bool(len(row)) != bool(len(rows[0])):
                 raise CompletionError(f"points 0 and {number}: only one of them has {what}")
-        found.append(np.array(rows, dtype=float) if rows and len(rows[0]) else None)
-    if found[0] is None:
+        arrays.append(np.array(rows, dtype=float) if rows and len(rows[0]) else None)
+    if arrays[0] is None:
         raise CompletionError("the trajectory has no points, or no joints")
-    return Trajectory(names, found[0], found[1], found[2])
+    return Trajectory(names, arrays[0], arrays[1], arrays[2])
 
 
 def main() -> int:

@@ -47,7 +47,7 @@ class Trajectory:
 
 
 def completed(
-    mechanism: Mechanism, given: Trajectory, q: Array | None = None, tolerance: float = TOLERANCE
+    mechanism: Mechanism, plan: Trajectory, q: Array | None = None, tolerance: float = TOLERANCE
 ) -> Trajectory:
     """Return a trajectory in all joints, loops closed at each point, on one branch.
 
@@ -57,7 +57,7 @@ def completed(
 
     Args:
         mechanism: robot.
-        given: trajectory in joints that determine the mechanism.
+        plan: trajectory in joints that determine the mechanism.
         q: (nq,) closed configuration from which its first point is reached; home unless given.
         tolerance: see `TOLERANCE`.
 
@@ -65,61 +65,61 @@ def completed(
         CompletionError: a joint is unknown or named twice, shapes differ, the joints do not determine the mechanism,
             accelerations come without velocities, or a point can't be reached with closed loops; it names the point.
     """
-    _check(mechanism, given)
-    is_actuated = set(mechanism.actuated) <= set(given.names)
-    drivers = mechanism.actuated if is_actuated else given.names
+    _check(mechanism, plan)
+    is_actuated = set(mechanism.actuated) <= set(plan.names)
+    drivers = mechanism.actuated if is_actuated else plan.names
     if not is_actuated:
         _check_drivers(mechanism, drivers)
     motion = ForwardKinematics(replace(mechanism, actuated=tuple(drivers)), q)
-    driving = given.of(drivers)
+    driving = plan.of(drivers)
     q_indices, v_indices = (
         [index(name) for name in mechanism.joints] for index in (mechanism.q_index, mechanism.v_index)
     )
-    others = [name for name in given.names if name not in drivers]
+    others = [name for name in plan.names if name not in drivers]
     positions, velocities, accelerations = [], [], []
     for number, values in enumerate(driving.positions):
         try:
-            there = motion.move(dict(zip(drivers, values.tolist(), strict=True)))
+            closed = motion.move(dict(zip(drivers, values.tolist(), strict=True)))
             if driving.velocities is not None:
                 rates = [driving.velocities[number]]
                 if driving.accelerations is not None:
                     rates.append(driving.accelerations[number])
-                v, a = motion.rates(*(dict(zip(drivers, one.tolist(), strict=True)) for one in rates))
+                v, a = motion.rates(*(dict(zip(drivers, rate.tolist(), strict=True)) for rate in rates))
                 velocities.append(v[v_indices])
                 accelerations.append(a[v_indices])
         except CinegenError as error:
             raise CompletionError(f"point {number} of the trajectory: {error}") from None
         for name in others:
-            value, size = given.positions[number, given.names.index(name)], mechanism.scale[mechanism.v_index(name)]
-            if not abs(there[mechanism.q_index(name)] - value) <= tolerance * size:
+            value, size = plan.positions[number, plan.names.index(name)], mechanism.scale[mechanism.v_index(name)]
+            if not abs(closed[mechanism.q_index(name)] - value) <= tolerance * size:
                 raise CompletionError(
                     f"point {number} of the trajectory: joint '{name}' is at {value:.6g}, but at "
-                    f"{there[mechanism.q_index(name)]:.6g} with closed loops: leave it out, or plan with closed loops"
+                    f"{closed[mechanism.q_index(name)]:.6g} with closed loops: leave it out, or plan with closed loops"
                 )
-        positions.append(there[q_indices])
+        positions.append(closed[q_indices])
     return Trajectory(
         mechanism.joints,
         np.array(positions),
-        np.array(velocities) if given.velocities is not None else None,
-        np.array(accelerations) if given.accelerations is not None else None,
+        np.array(velocities) if plan.velocities is not None else None,
+        np.array(accelerations) if plan.accelerations is not None else None,
     )
 
 
-def _check(mechanism: Mechanism, given: Trajectory) -> None:
-    for name in given.names:
+def _check(mechanism: Mechanism, plan: Trajectory) -> None:
+    for name in plan.names:
         if name not in mechanism.joints:
             raise CompletionError(f"{mechanism.name} has no joint '{name}'; it has {', '.join(mechanism.joints)}")
-    if len(set(given.names)) < len(given.names):
+    if len(set(plan.names)) < len(plan.names):
         raise CompletionError("a joint of the trajectory is named twice")
-    if not len(given.positions):
+    if not len(plan.positions):
         raise CompletionError("the trajectory has no points")
-    for values in (given.positions, given.velocities, given.accelerations):
-        if values is not None and values.shape != (len(given.positions), len(given.names)):
+    for values in (plan.positions, plan.velocities, plan.accelerations):
+        if values is not None and values.shape != (len(plan.positions), len(plan.names)):
             raise CompletionError(
-                f"the values of a trajectory of {len(given.positions)} points of {len(given.names)} joints have shape "
+                f"the values of a trajectory of {len(plan.positions)} points of {len(plan.names)} joints have shape "
                 f"{values.shape}"
             )
-    if given.accelerations is not None and given.velocities is None:
+    if plan.accelerations is not None and plan.velocities is None:
         raise CompletionError("the trajectory has accelerations, but no velocities")
 
 
