@@ -47,9 +47,9 @@ def obstacles_of(bodies) -> list[Obstacle]:
     return [Obstacle(body.name, (replace(body, placement=pin.SE3.Identity()),), body.placement) for body in bodies]
 
 
-def among(name: str, obstacles, own: bool = True) -> Clearance:
+def among(name: str, obstacles, self_pairs: bool = True) -> Clearance:
     bodies, pairs = links(name)
-    return Clearance(load(name), bodies, obstacles_of(obstacles), pairs if own else ())
+    return Clearance(load(name), bodies, obstacles_of(obstacles), pairs if self_pairs else ())
 
 
 def point_among(obstacles, radius: float = 0.0) -> Clearance:
@@ -65,7 +65,7 @@ def around(name: str, seed: int, count: int = 4, near: float = 0.4) -> list[Body
         way = rng.normal(size=3) * (1.0, 1.0, 0.0 if name in ("planar_3r", "five_bar") else 1.0)
         place = pin.SE3(pin.exp3(rng.normal(size=3)), base + way / np.linalg.norm(way) * mechanism.length)
         new = some(("ball", "box", "capsule")[len(obstacles) % 3], place, rng.uniform(0.1, 0.25) * mechanism.length)
-        if among(name, [new], own=False).least(mechanism.q_home) > 0.1 * near * mechanism.length:
+        if among(name, [new], self_pairs=False).least(mechanism.q_home) > 0.1 * near * mechanism.length:
             obstacles.append(new)
     return obstacles
 

@@ -54,7 +54,7 @@ def test_whatever_leads_it_nothing_comes_nearer_than_the_safety_distance(
     """Targets that stand, leap now and then, or in every tick, near and ten lengths away."""
     mechanism, rng = robot(name), np.random.default_rng(seed)
     self_checked = name in ("arm7", "planar_3r")
-    clearance = among(name, around(name, seed % 7), own=self_checked)
+    clearance = among(name, around(name, seed % 7), self_pairs=self_checked)
     safety = min(0.02 * mechanism.length, 0.5 * clearance.least(mechanism.q_home))
     solver = kept(clearance, safety, acceleration=20.0 if accelerated else None)
     if wishing:
@@ -147,7 +147,7 @@ def test_a_robot_that_an_obstacle_was_put_near_goes_away_from_it(robot, name, se
     """At the speed of its joints, which is far less than what would do at once."""
     mechanism, rng = robot(name), np.random.default_rng(seed)
     far = 10.0 * mechanism.length
-    clearance = among(name, [ball(0.1 * mechanism.length, far, far, far)], own=False)
+    clearance = among(name, [ball(0.1 * mechanism.length, far, far, far)], self_pairs=False)
     safety = 0.05 * mechanism.length
     solver = Solver(mechanism, 1e-3, acceleration=50.0 if accelerated else None)
     solver.barriers = [ClearanceBarrier(clearance, safety)]
@@ -181,7 +181,7 @@ def test_a_robot_that_an_obstacle_was_put_near_goes_away_from_it(robot, name, se
 @given(seed=seeds, size=st.sampled_from([0.02, 0.3, 2.0]))
 def test_a_way_is_clear_only_where_nothing_on_it_is_too_near(robot, seed, size):
     mechanism, rng = robot("arm7"), np.random.default_rng(seed)
-    clearance = among("arm7", around("arm7", seed % 5), own=False)
+    clearance = among("arm7", around("arm7", seed % 5), self_pairs=False)
     q = mechanism.q_home + 0.5 * rng.normal(size=7)
     to = q + size * rng.normal(size=7)
     least = densely(clearance, [q, to], 60)
@@ -198,7 +198,7 @@ def test_a_way_is_clear_only_where_nothing_on_it_is_too_near(robot, seed, size):
 @given(seed=seeds, size=st.sampled_from([0.02, 0.3, 1.0]), sharp=st.sampled_from([0.01, 0.05, 0.3]))
 def test_the_least_along_a_path_is_below_what_is_seen_on_it_and_hardly_so(robot, seed, size, sharp):
     mechanism, rng = robot("planar_3r"), np.random.default_rng(seed)
-    clearance = among("planar_3r", around("planar_3r", seed % 5), own=False)
+    clearance = among("planar_3r", around("planar_3r", seed % 5), self_pairs=False)
     path = mechanism.q_home + np.cumsum(size * rng.normal(size=(6, 3)), axis=0)
     seen, bound = densely(clearance, path, 200), path_clearance(clearance, path, sharp)
     assert bound <= max(seen, 0.0) + EXACT
