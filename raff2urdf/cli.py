@@ -48,7 +48,7 @@ JSON = flag("--json", "print the result as JSON; SI units and radians")
 
 def _print_grammar(wanted: bool) -> None:
     if wanted:
-        from raff2urdf.raff.grammar import grammar
+        from raff2urdf.raff.textmate import grammar
 
         print(json.dumps(grammar(), indent=2))
         raise typer.Exit

@@ -117,7 +117,7 @@ def locked_joints(text: str | None, mechanism: Mechanism) -> tuple[tuple[str, ..
         UsageError: as `values`.
         UnknownNameError: there is no such joint.
     """
-    from cinegen.ik.joints import checked_names
+    from cinegen.ik.joint_settings import checked_names
 
     names = parts(text or "")
     fixed = values(",".join(part for part in names if "=" in part), "--lock", "joint3=0.7 (m and degrees)", mechanism)

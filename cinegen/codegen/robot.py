@@ -10,7 +10,7 @@ from cinegen.codegen.inverse_kernels import InverseMemory
 from cinegen.codegen.kernels import RobotMemory
 from cinegen.errors import CinegenError
 from cinegen.ik.equations import task_rank
-from cinegen.ik.joints import JointSettings
+from cinegen.ik.joint_settings import JointSettings
 from cinegen.ik.setup import set_up_solver, set_up_solver_tasks
 from cinegen.ik.task import FrameTask
 from cinegen.jit.foreign import frame_of

@@ -17,8 +17,8 @@ from cinegen.collision._kernels.near import approach
 from cinegen.collision._kernels.sweep import advance, remember, separate, sweep
 from cinegen.collision.body import Body, geometry_model
 from cinegen.collision.errors import PlanningError
-from cinegen.collision.exact_distances import UP_TO, ExactDistances
 from cinegen.collision.obstacle import Obstacle
+from cinegen.collision.refined_distances import UP_TO, ExactDistances
 from cinegen.collision.scene import Scene
 from cinegen.collision.self_collision import PairReason, link_pairs
 from cinegen.collision.shapes import bounding_box_corners, rounded_hull

@@ -20,7 +20,7 @@ from cinegen.design.parameters import Parameter, Parameters
 from cinegen.design.synthesis import Synthesis, SynthesisTask, load_task, synthesize
 from cinegen.design.tolerance import Tolerances, tolerance
 from cinegen.design.tolerance_report import ToleranceReport
-from cinegen.design.torques import holding_torques
+from cinegen.design.torques_at_rest import holding_torques
 from cinegen.design.within import WithinTolerances
 
 __all__ = [

@@ -2,6 +2,6 @@
 
 from cinegen.hexapod.hexapod import Hexapod
 from cinegen.hexapod.legs import HexapodError
-from cinegen.hexapod.platform_modes import NearestPlacement, PlatformModes, SolutionCounts
+from cinegen.hexapod.result import NearestPlacement, PlatformModes, SolutionCounts
 
 __all__ = ["Hexapod", "HexapodError", "NearestPlacement", "PlatformModes", "SolutionCounts"]

@@ -21,7 +21,7 @@ from cinegen.hexapod import legs, study
 from cinegen.hexapod._kernels import taylor
 from cinegen.hexapod.legs import HexapodError, checked_lengths, checked_points, leg_lengths
 from cinegen.hexapod.paths import PathEnd, TrackedPaths, follow_surely, lie_on_curve
-from cinegen.hexapod.platform_modes import NearestPlacement, PlatformModes, SolutionCounts
+from cinegen.hexapod.result import NearestPlacement, PlatformModes, SolutionCounts
 
 _SAME = 1e-9  # parts of the hexapod's size: points that coincide, or lie in a line
 _SINGULAR = 1e-9  # part of the largest singular value

@@ -17,7 +17,7 @@ from cinegen.html import table
 from cinegen.ik.all_solutions import all_solutions
 from cinegen.ik.by_ticks import solve_by_ticks
 from cinegen.ik.given_task import Task, errors_of
-from cinegen.ik.joints import checked_names
+from cinegen.ik.joint_settings import checked_names
 from cinegen.ik.local_ik import LocalIK
 from cinegen.ik.solutions import IKError, IKSolutions, with_closest
 from cinegen.ik.solver import Solver

@@ -21,7 +21,7 @@ from cinegen.ik.branch import regular_neighbour
 from cinegen.ik.control.rates import checked_period
 from cinegen.ik.control.tasks import BIND, TaskControl
 from cinegen.ik.given_task import GivenTask
-from cinegen.ik.joints import ACCELERATION, JointSettings
+from cinegen.ik.joint_settings import ACCELERATION, JointSettings
 from cinegen.ik.setup import set_up_solver
 from cinegen.ik.step import Step
 from cinegen.ik.task import FrameTask

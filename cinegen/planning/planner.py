@@ -24,7 +24,7 @@ from cinegen.collision.scene import Scene
 from cinegen.html import table
 from cinegen.ik.barrier import Range
 from cinegen.ik.given_task import Task, is_task
-from cinegen.ik.joints import checked_names
+from cinegen.ik.joint_settings import checked_names
 from cinegen.model import Mechanism
 from cinegen.planning.attempt import Attempt, PlanStatus
 from cinegen.planning.clearance_barrier import path_clearance

@@ -148,7 +148,7 @@ def _fastest_rates(
 ) -> Array:
     """Return the rate (n,) at each parameter by TOPP-RA."""
     with needs(_EXTRA, "times of a motion"):
-        from cinegen.planning.reachability import LimitedQuantities, fastest_rates
+        from cinegen.planning.toppra_rates import LimitedQuantities, fastest_rates
 
     most = _velocity_bound(tangents, velocity, fastest)
     known = most[np.isfinite(most)]

@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import msgspec
 
-from cinegen.ik.joints import names_of
+from cinegen.ik.joint_settings import names_of
 from cinegen.ik.tasks.described import unknown_name
 from cinegen.model import Mechanism
 from cinegen.session.commands import AddTask, ChangeSensor, Command, LockJoint

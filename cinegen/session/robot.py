@@ -13,7 +13,7 @@ from cinegen.arrays import Array
 from cinegen.errors import CinegenError
 from cinegen.ik import FrameTask, Range, Solver, State, Status, Step, Task
 from cinegen.ik.given_task import errors_of
-from cinegen.ik.joints import checked_names, names_of
+from cinegen.ik.joint_settings import checked_names, names_of
 from cinegen.ik.tasks.described import TaskDescription, check, move_base, resolved, task_of
 from cinegen.ik.thresholds import ARRIVED
 from cinegen.joints import kinematic_data

@@ -16,7 +16,7 @@ from cinegen.arrays import Array
 from cinegen.collision import Scene
 from cinegen.devices.kinds import scheme
 from cinegen.errors import CinegenError, UnknownNameError
-from cinegen.ik.joints import checked_names, names_of
+from cinegen.ik.joint_settings import checked_names, names_of
 from cinegen.mission import BasePose, Recording
 from cinegen.mission.drawn_obstacle import DrawnObstacle, DrawnShape
 from cinegen.model import Mechanism

@@ -11,8 +11,8 @@ from repository import load
 from cinegen.collision import Clearance, Obstacle
 from cinegen.collision.body import Body
 from cinegen.collision.clearance import links_of
-from cinegen.collision.exact_distances import UP_TO
 from cinegen.collision.mobile_robot import mobile_body, mobile_robot
+from cinegen.collision.refined_distances import UP_TO
 
 
 def at(*point: float) -> pin.SE3:

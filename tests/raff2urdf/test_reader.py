@@ -30,8 +30,8 @@ from raff2urdf.raff.document import (
     RaffSensor,
     SensorConstraint,
 )
-from raff2urdf.raff.grammar import grammar
 from raff2urdf.raff.reader import parse
+from raff2urdf.raff.textmate import grammar
 from raff2urdf.raff.tokens import tokens
 
 

@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from cinegen.arrays import Bools
+from cinegen.design.calibration.column_mistakes import Mistake, lines, mistakes
 from cinegen.design.calibration.comparison import ColumnComparison, Compared
-from cinegen.design.calibration.left_out import is_poor
-from cinegen.design.calibration.mistakes import Mistake, lines, mistakes
+from cinegen.design.calibration.missing_parameters import is_poor
 from cinegen.design.calibration.observation import Observation, Prediction
 from cinegen.design.calibration.zeros import FRAME, frames, placed, zeros
 from cinegen.design.errors import DesignError

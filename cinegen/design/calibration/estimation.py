@@ -31,8 +31,8 @@ from cinegen.design.amounts import Amounts, amount_in, pairs
 from cinegen.design.calibration.checks import ContradictionError, check, check_fit, doubt
 from cinegen.design.calibration.comparison import ColumnComparison
 from cinegen.design.calibration.identifiability import LISTED, Dependency, Subspace, dependencies, subspace
-from cinegen.design.calibration.left_out import is_poor, left_out
 from cinegen.design.calibration.measurements import Measurements
+from cinegen.design.calibration.missing_parameters import is_poor, left_out
 from cinegen.design.calibration.observation import Observation, Prediction
 from cinegen.design.calibration.result import Calibration, HeldOut, Outlier
 from cinegen.design.calibration.solver import CalibrationSolver

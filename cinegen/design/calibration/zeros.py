@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
+from cinegen.design.calibration.column_mistakes import Mistake, of_joints, scaled
 from cinegen.design.calibration.comparison import ColumnComparison, Compared, some
 from cinegen.design.calibration.measurements import COORDINATES
-from cinegen.design.calibration.mistakes import Mistake, of_joints, scaled
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension, shown
 
 FRAME = 3

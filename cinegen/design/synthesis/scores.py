@@ -9,7 +9,7 @@ import numpy as np
 
 from cinegen.arrays import Array, Indices
 from cinegen.design.synthesis.reaching import Reached
-from cinegen.design.torques import holding_torques
+from cinegen.design.torques_at_rest import holding_torques
 
 if TYPE_CHECKING:
     from cinegen.design.synthesis.objectives import Scoring

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from typing import Any
 
 from cinegen.arrays import Array
-from cinegen.ik.joints import ACCELERATION, VELOCITY, WEIGHT, JointSettings, Setting, checked_names, names_of
+from cinegen.ik.joint_settings import ACCELERATION, VELOCITY, WEIGHT, JointSettings, Setting, checked_names, names_of
 from cinegen.model import Mechanism
 
 

@@ -14,9 +14,9 @@ from typing import Any
 from flint import arb, ctx
 
 from cinegen.proof.checker.balls import CertificateError
+from cinegen.proof.checker.box import Box, BoxResult, examine
 from cinegen.proof.checker.branch import Node, branch
 from cinegen.proof.checker.equations import Robot
-from cinegen.proof.checker.findings import Box, BoxResult, examine
 
 __all__ = ["BoxResult", "CertificateError", "Spread", "check", "one_by_one"]
 

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 from flint import arb, arb_mat
 
 from cinegen.proof.checker.balls import column, upper
+from cinegen.proof.checker.box import Box, BoxResult
 from cinegen.proof.checker.equations import Robot
-from cinegen.proof.checker.findings import Box, BoxResult
 from cinegen.proof.checker.tube import middle
 
 _STEPS = 12  # of Newton's method on a face
