@@ -34,18 +34,16 @@ from typing import IO, Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 from scenes import SCENES
 
 import cinegen
+from cinegen.arrays import Array
 
 HERE = Path(__file__).parent
 PEERS = ("placo", "pink", "mink")
 CLOSED = 1e-11  # m, rad: what peers' loops are to be closed to
 MOST_SOLVES = 5
 WARM = 10  # steps of every round that are not timed
-
-Array = NDArray[np.float64]
 
 
 class FailedError(Exception):

@@ -34,6 +34,7 @@ import yaml
 from bench import EXAMPLES, CpuClock, rate, rrt_connect
 
 import cinegen
+from cinegen.arrays import Array
 from cinegen.collision import Scene, clearance_of, scene_of
 from cinegen.collision.mesh_check import MeshCheck
 from cinegen.planning import plan
@@ -42,8 +43,6 @@ from cinegen.planning.locked_joints import with_joints_locked
 DESCRIPTION = EXAMPLES / "panda_description"
 URDF = DESCRIPTION / "urdf/panda.urdf"
 STEP = 2e-3  # rad: between configurations that are judged
-
-Array = np.ndarray
 
 
 @cache

@@ -26,6 +26,7 @@ import numpy as np
 import pinocchio as pin
 from random_scenes import robot
 
+from cinegen.arrays import Array
 from cinegen.collision import Clearance, clearance_of, scene_of
 from cinegen.ik import Status
 from cinegen.model.motion_limits import motion_limits
@@ -35,8 +36,6 @@ DT, AWAY, TICKS, RADIUS = 1 / 240, 0.8, 384, 0.05
 MOTIONS, INSTANTS = 200, 40
 ROBOTS = "planar_3r", "arm7", "delta4", "panda"
 READY = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785, 0.02]  # of the panda, whose links overlap at home
-
-Array = np.ndarray
 
 
 def clearance(name: str) -> tuple[Clearance, Array]:

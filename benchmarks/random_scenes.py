@@ -23,6 +23,7 @@ from bench import PANDA
 from scipy.spatial import ConvexHull
 
 import cinegen
+from cinegen.arrays import Array
 from cinegen.collision import Clearance, Scene, clearance_of, scene_of
 from cinegen.ik import FrameTask
 from cinegen.ik.local_ik import LocalIK
@@ -31,7 +32,6 @@ from cinegen.model import Mechanism
 CLEAR = 0.02  # m: of start and goal; scenes keep half of it
 GAP = 0.15  # m: between the obstacles of a field
 
-Array = np.ndarray
 Entry = dict[str, Any]
 
 

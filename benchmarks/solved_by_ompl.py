@@ -40,6 +40,7 @@ import pinocchio as pin
 from bench import EXAMPLES, CpuClock, rate, rrt_connect
 
 import cinegen
+from cinegen.arrays import Array
 from cinegen.collision import Clearance, Scene, clearance_of, scene_for
 from cinegen.collision.scene import unmoving_joints
 from cinegen.errors import ClosureError
@@ -51,7 +52,6 @@ from cinegen.planning.locked_joints import with_joints_locked
 from cinegen.planning.sampling.ompl_trees import Trees
 from cinegen.planning.sampling.path_sampler import SamplingSpace
 
-Array = np.ndarray
 Entry = dict[str, Any]
 
 SAFETY = 0.005  # m

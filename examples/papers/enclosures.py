@@ -12,14 +12,12 @@ from typing import NamedTuple
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from cinegen.arrays import Array
 from cinegen.collision.body import Body
 from cinegen.collision.capsule import bounding_capsule, perpendicular
 from cinegen.collision.obstacle_kinds import HEIGHT
 from cinegen.collision.shapes import rounded_hull
-
-Array = NDArray[np.float64]
 
 _SIDES = 64  # of the prism around a cylinder
 _ITERATIONS = 400  # of the bounding ball, which is then a few thousandths too large

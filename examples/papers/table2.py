@@ -29,14 +29,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from cinegen.arrays import Array
 from cinegen.errors import CinegenError
 from cinegen.singularities.line_varieties import GrassmannClass
 from cinegen.singularities.pluecker import PlueckerLine
-
-Array = NDArray[np.float64]
 
 COORDINATES = ("x0", "y0", "z0", "psi", "theta", "phi")
 """Of a pose (6,): the platform's position and Euler's angles (rad), R = Rz(psi) Rx(theta) Rz(phi)."""
