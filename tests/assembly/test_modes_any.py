@@ -16,6 +16,7 @@ from variants import slow
 
 import cinegen
 from cinegen.assembly import ModesError, assembly_modes
+from cinegen.assembly.chains import recognise_part
 from cinegen.assembly.families import recognise
 from cinegen.assembly.homotopy import Homotopy
 from cinegen.assembly.linkage import Linkage
@@ -51,6 +52,10 @@ def test_what_takes_too_long_is_given_up_and_done_when_more_is_allowed(root):
     traced(late := assembly_modes(m))
     traced(assembly_modes(m, effort=1e-3))  # what is known is not forgotten
     assert len(late) == 12
+
+
+def test_a_part_of_several_loops_is_of_no_family_of_chains(robot):
+    assert recognise_part(Linkage(robot("hybrid"))) is None
 
 
 def test_a_general_6r_chain_reaches_a_place_in_sixteen_ways(built):
