@@ -79,7 +79,9 @@ def _mismatches(values: Any) -> Problems:
 
     worst = jsonschema.exceptions.best_match(_validator().iter_errors(values))
     if worst is not None:
-        yield list(worst.absolute_path), worst.message[:300]
+        path = list(worst.absolute_path)
+        remedy = ": write the file again with raff2urdf" if path == ["version"] else ""
+        yield path, worst.message[:300] + remedy
 
 
 def _unknown_names(values: Mapping[str, Any], urdf: UrdfSummary | None) -> Problems:

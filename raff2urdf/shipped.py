@@ -6,6 +6,7 @@ import ast
 import os
 import re
 from collections import Counter
+from collections.abc import Sequence
 from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution
 from importlib.resources import files
@@ -57,7 +58,9 @@ def find_robot(path: str | Path) -> Path:
     Raises:
         RaffError: the path is a name, and neither a file nor a robot has it.
     """
-    return _shipped(Path(path), {**reference_robots(), **robots()}, "robot")
+    from raff2urdf.readers import ENDINGS
+
+    return _shipped(Path(path), {**reference_robots(), **robots()}, "robot", (".raff", *ENDINGS))
 
 
 def find_scene(path: str | Path) -> Path:
@@ -66,12 +69,13 @@ def find_scene(path: str | Path) -> Path:
     Raises:
         RaffError: the path is a name, and neither a file nor a scene has it.
     """
-    return _shipped(Path(path), scenes(), "scene")
+    return _shipped(Path(path), scenes(), "scene", (".toml", ".json"))
 
 
-def similar_file(path: str | Path) -> str:
+def similar_file(path: str | Path, endings: Sequence[str] = ()) -> str:
     """Return `": did you mean 'robots/delta4.raff'?"` for a path that does not exist: a file in the same folder, or the
-    name of a shipped robot or scene; empty if no name is similar."""
+    name of a shipped robot or scene; empty if no name is similar. Files have the path's ending; if it has none, one of
+    those in `endings`, or any if there are none."""
     path = Path(path)
     try:
         if path.exists():
@@ -79,8 +83,10 @@ def similar_file(path: str | Path) -> str:
         names = sorted(os.listdir(path.parent)) if path.parent.is_dir() else []
     except (OSError, ValueError):
         return ""
-    stems = {Path(name).stem: path.with_name(name) for name in names if path.suffix in ("", Path(name).suffix)}
-    known = {name: Path(name) for name, file in {**robots(), **scenes()}.items() if path.suffix in ("", file.suffix)}
+    endings = (path.suffix,) if path.suffix else endings
+    stems = {Path(name).stem: path.with_name(name) for name in names if not endings or Path(name).suffix in endings}
+    shipped = {**robots(), **scenes()}
+    known = {name: Path(name) for name, file in shipped.items() if not endings or file.suffix in endings}
     for candidates in (stems, known):
         if near := near_names(path.stem, candidates):
             return f": did you mean '{candidates[near[0]]}'?"
@@ -98,11 +104,11 @@ def description(path: Path) -> str:
     return re.split(r"[.:](?:\s|$)", text, maxsplit=1)[0]
 
 
-def _shipped(path: Path, known: dict[str, Path], what: str) -> Path:
+def _shipped(path: Path, known: dict[str, Path], what: str, endings: Sequence[str]) -> Path:
     folder_of_that_name = path.name in known and path.is_dir()
     if path.name != str(path) or path.suffix or str(path) == "-" or (path.exists() and not folder_of_that_name):
         return path
     if path.name not in known:
-        near = similar_file(path) or did_you_mean(path.name, tuple(known))
+        near = similar_file(path, endings) or did_you_mean(path.name, tuple(known))
         raise RaffError(f"{path}: there is no such file, and no {what} of this name is shipped{near}")
     return known[path.name]

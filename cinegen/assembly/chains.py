@@ -43,7 +43,7 @@ def recognise_part(linkage: Linkage) -> Family | None:
     samples = [linkage.bodies_at(q) for q in linkage.mechanism.structure.samples]
     left, dyads = _without_dyads(samples)
     series = _series(linkage.bodies, left)
-    known = _of_series(linkage, samples, series) if series is not None and not linkage.idle else None
+    known = _of_series(linkage, samples, series) if series is not None else None
     if known is not None and dyads:
         pairs = f"{dyads} pair{'s' * (dyads > 1)} of bodies on three hinges beside {known.description}"
         return _family("dyads", pairs, known.bound * 2**dyads)

@@ -17,23 +17,6 @@ from raff2urdf.coupling import Coupling
 from raff2urdf.readers.actuation import syntax_of
 
 
-def check_joints(mechanism: Mechanism) -> None:
-    """Check that a mechanism has loops, and only joints for which assembly modes are computed.
-
-    Raises:
-        ModesError: it does not.
-    """
-    if not mechanism.loops:
-        raise ModesError(f"{mechanism.name} has no loops: each value of its joints has one configuration")
-    model = mechanism.model
-    for name, joint in list(zip(model.names, model.joints, strict=True))[1:]:
-        if joint.nv > 1 and not (mechanism.floating and joint.nv == 6):
-            raise ModesError(
-                f"{mechanism.name}: joint '{name}' has {joint.nv} DoF; assembly modes are computed for revolute and "
-                "prismatic joints, and for ball joints of a RAFF file"
-            )
-
-
 class _Mimic(NamedTuple):
     """A joint that follows a passive joint of its kind: ratio times its value, plus an offset (rad or m).
 

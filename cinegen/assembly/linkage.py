@@ -18,7 +18,7 @@ from cinegen.assembly._kernels.tables import LOST, Complex, LinkageTables, Param
 from cinegen.assembly._kernels.tracking import solve_from, track
 from cinegen.assembly.bodies import CutJoint, LinkageBodies
 from cinegen.assembly.certify import BodyFeature
-from cinegen.assembly.dependent_joints import check_joints, followers, list_of, redundant_joints, remedy
+from cinegen.assembly.dependent_joints import followers, list_of, redundant_joints, remedy
 from cinegen.assembly.errors import FreeMotionError, ModesError
 from cinegen.assembly.linkage_tables import Tracked, attached, scratch_of
 from cinegen.assembly.results import NearestConfiguration
@@ -67,7 +67,7 @@ class Linkage:
             results are reproducible.
 
     Raises:
-        ModesError: no loops, joints of other kinds, or actuated joints that don't determine the others.
+        ModesError: no loops, or actuated joints that don't determine the others.
     """
 
     def __init__(
@@ -75,7 +75,8 @@ class Linkage:
     ) -> None:
         self.mechanism = mechanism
         self.work = 0.0
-        check_joints(mechanism)
+        if not mechanism.loops:
+            raise ModesError(f"{mechanism.name} has no loops: each value of its joints has one configuration")
         model = mechanism.model
         self.root = 1 if mechanism.floating else 0  # a base that could move is fixed
         self._joints = range(1 + self.root, model.njoints)

@@ -122,7 +122,8 @@ class ModesSolver:
         if self._linkage.redundant:
             modes = _matching(self._linkage, modes, asked, self._virtual)
         if self._linkage.bodies.ignores_end and not self._virtual:
-            turns = f"rotations of '{mechanism.end}' about the line between its two joints are not counted"
+            line = "the line between the joints at the ends of its rod"
+            turns = f"rotations of '{mechanism.end}' about {line} are not counted"
             modes = replace(modes, method=f"{modes.method}; {turns}")
         home = self.features(mechanism.q_home)
         far = [round(float(np.abs(self.features(q) - home).sum()), 9) for q in modes]

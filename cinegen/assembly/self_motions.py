@@ -9,7 +9,7 @@ solution sets of polynomial systems into irreducible components", SIAM J. Numeri
 on a curve if it moves to one of its witness points with the plane.
 
 Points are found by Newton's method from random real starts, whose number is reported: a component that no start meets
-is not excluded.
+is not excluded. Nor is a multiple one, as where a dyad stays stretched, to which Newton's method does not converge.
 """
 
 from __future__ import annotations
@@ -35,9 +35,6 @@ _MOST = 32  # points of self-motions that are examined
 _WEAK = 1e-6  # part of the largest singular value: a direction that the loops don't constrain
 _STEP = 0.05  # rad, characteristic lengths
 _MOVES = 1e-6  # features move along a direction
-_FLAT = 0.15  # displacements in other directions are the curvature of the component
-_SAMPLES = 16  # displacements
-_UNKNOWN = -1
 _TRIES = 4
 _LOOPS = 12  # closed paths of planes
 _PLANES = (0.7 + 0.4j, -0.5 + 0.8j)  # changes of gamma
@@ -45,8 +42,7 @@ _AFFINE = 1e-7  # deviation of the sum of features from an affine function, rela
 
 
 class _Point(NamedTuple):
-    """A general solution (k + 1,) on a component of a dimension: the loops' rank, _UNKNOWN if it is lower than the
-    dimension has it, and moving joints."""
+    """A general solution (k + 1,) on a component of a dimension: the loops' rank, and moving joints."""
 
     solution: Complex
     dimension: int
@@ -55,8 +51,8 @@ class _Point(NamedTuple):
 
     @property
     def is_curve(self) -> bool:
-        """True if it is on a curve that has witness points."""
-        return self.dimension == 1 and self.rank != _UNKNOWN
+        """True if it is on a curve."""
+        return self.dimension == 1
 
 
 class SelfMotions:
@@ -116,10 +112,8 @@ class SelfMotions:
         The rank r of the loops' Jacobian is largest, on a component, at its general points. There its null space has
         the dimension of the component, and Newton's method stays on it after a step in any direction of the null space.
 
-        - All of some random steps stay, and none leads to a larger rank: the point is general.
+        - Steps stay, all of them or those that are short enough, and none leads to a larger rank: the point is general.
         - A step leads to a larger rank: the point is special, as where components meet; go on from there.
-        - Steps stay only with the linkage's general rank, and r is the same where they lead: the null space is larger
-          than the component, as r is smaller all over it. Its dimension follows from terms of higher order.
         """
         for _ in range(_TRIES):
             rank, tangents = self._tangents(solution)
@@ -128,31 +122,17 @@ class SelfMotions:
                 return None
             steps = (tangents @ self._rng.normal(size=(dimension, dimension + 1))).T
             moved = [point for step in steps if (point := self._moved(solution, step, rank)) is not None]
-            if len(moved) == len(steps) and max(self._tangents(point)[0] for point in moved) == rank:
-                return _Point(solution, dimension, rank, self._moving(tangents.T))
-            general_rank = self._linkage.tables.rank - 1
-            steps = np.vstack([tangents.T, -tangents.T, (tangents @ self._rng.normal(size=(dimension, _TRIES))).T])
-            moved += [point for step in steps if (point := self._moved(solution, step, general_rank)) is not None]
+            if len(moved) < len(steps) or max(self._tangents(point)[0] for point in moved) > rank:
+                general_rank = self._linkage.tables.rank - 1
+                steps = np.vstack([tangents.T, -tangents.T, (tangents @ self._rng.normal(size=(dimension, _TRIES))).T])
+                moved += [point for step in steps if (point := self._moved(solution, step, general_rank)) is not None]
             if not moved:
                 return None
             most_general = max(moved, key=lambda point: self._tangents(point)[0])
             if self._tangents(most_general)[0] == rank:
-                return self._of_higher_order(solution, tangents)
+                return _Point(solution, dimension, rank, self._moving(tangents.T))
             solution = most_general
         return None
-
-    def _of_higher_order(self, at: Complex, tangents: Array) -> _Point | None:
-        """Return a point of a component on which the loops' rank is too low to determine its dimension: that of the
-        displacements which Newton's method confirms."""
-        full, steps = self._linkage.tables.rank - 1, tangents @ self._rng.normal(size=(tangents.shape[1], _SAMPLES))
-        moved = [point for step in steps.T if (point := self._moved(at, step, full)) is not None]
-        if not moved:
-            return None
-        features = self._linkage.features(np.array([at, *moved]), self._locked).real
-        away = features[1:] - features[0]
-        values = np.linalg.svd(away / np.linalg.norm(away, axis=1)[:, None], compute_uv=False)
-        dimension = int((values > _FLAT * values[0]).sum())
-        return _Point(at, dimension, _UNKNOWN, self._moving((np.array(moved) - at)[:, :-1].real))
 
     def _moving(self, motions: Array) -> tuple[str, ...]:
         """Return the names of the joints that move in motions (count, k)."""

@@ -40,7 +40,22 @@ def amount_in(name: str, amount: float | str, dimension: Dimension) -> float:
     return value
 
 
-def matching(parameters: Parameters, pattern: str, amount: float | str) -> list[int]:
+def sizes_by_index(parameters: Parameters, amounts: Amounts | None) -> dict[int, float]:
+    """Return amounts in m or rad, by index in `Parameters.all`.
+
+    Raises:
+        DesignError: unknown names (all of them), a wrong unit, or a negative amount.
+    """
+    chosen = pairs(amounts)
+    parameters.matching(pattern for pattern, _ in chosen)
+    return {
+        i: amount_in(pattern, amount, parameters.all[i].dimension)
+        for pattern, amount in chosen
+        for i in _matching(parameters, pattern, amount)
+    }
+
+
+def _matching(parameters: Parameters, pattern: str, amount: float | str) -> list[int]:
     """Return the indices in `Parameters.all` of what a pattern matches; with a unit, only those of its dimension. The
     base's are matched by patterns that begin with `base` only: a robot's base pose is no property of the robot.
 

@@ -32,7 +32,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ndtr, ndtri
 
 from cinegen.arrays import Array, ArrayLike, Bools
-from cinegen.design.amounts import Amounts, amount_in, matching, pairs
+from cinegen.design.amounts import Amounts, amount_in, pairs, sizes_by_index
 from cinegen.design.design import Design
 from cinegen.design.errors import DesignError
 from cinegen.design.evaluation import DesignEvaluation
@@ -90,12 +90,8 @@ class Tolerances:
         if not (deviations or plays or readings):
             raise DesignError("no tolerances are given: write for instance --sigma 'link*.d=0.05mm, *.alpha=0.02deg'")
         whole = source if isinstance(source, Parameters) else Parameters(source, robot=robot)
-        sigmas: dict[int, float] = {}
-        named = set[int]()
-        for pattern, amount in deviations:
-            indices = matching(whole, pattern, amount)
-            sigmas |= {i: amount_in(pattern, amount, whole.all[i].dimension) for i in indices}
-            named |= set() if is_pattern(pattern) else set(indices)
+        sigmas = sizes_by_index(whole, deviations)
+        named = {whole.find(name) for name, _ in deviations if not is_pattern(name)}
         encoders: dict[int, str] = {}
         for joint, amount in readings:
             variable = whole.own_variable(joint)

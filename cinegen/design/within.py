@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from cinegen.design.amounts import Amounts, amount_in, matching, pairs
+from cinegen.design.amounts import Amounts, sizes_by_index
 from cinegen.design.parameters import Parameters
 from cinegen.model import Mechanism
 from cinegen.proof.tolerances import DimensionError
@@ -29,10 +29,7 @@ class WithinTolerances:
 
     def __init__(self, parameters: Parameters, tolerances: Amounts) -> None:
         self._parameters, self.mechanism, dimensions = parameters, parameters.mechanism, parameters.all
-        sizes = dict[int, float]()
-        for pattern, amount in pairs(tolerances):
-            for i in matching(parameters, pattern, amount):
-                sizes[i] = amount_in(pattern, amount, dimensions[i].dimension)
+        sizes = sizes_by_index(parameters, tolerances)
         self.errors: Sequence[DimensionError] = [
             DimensionError(i, dimensions[i].name, size, dimensions[i].dimension is LENGTH) for i, size in sizes.items()
         ]

@@ -14,10 +14,12 @@ _FOLDER = "NUMBA_CACHE_DIR"
 
 
 def check_private(path: Path, source: Path) -> None:
-    """Refuse a folder or file of the cache that other users may write.
+    """Refuse a folder or file of the cache that other users may write, or replace by write access to a parent folder.
 
     The user, root and who owns the source may write it: they can change the code anyway. So may a group of which the
-    user is the only member.
+    user is the only member. A parent with the sticky bit keeps others from replacing what is in it. Parents of the
+    source are left out, since there others can replace the source; owners of parents, since a container may show root's
+    as another user's.
 
     Args:
         path: folder or file; one that does not exist is no fault.
@@ -40,11 +42,23 @@ def check_private(path: Path, source: Path) -> None:
             f"{path}: compiled kernels are not loaded from there, since it belongs to another user, who could run code "
             f"as you: rm -r {named}, {instead}"
         )
-    if entry.st_mode & stat.S_IWOTH or (entry.st_mode & stat.S_IWGRP and not _is_own_group(entry.st_gid)):
+    if _is_open(entry):
         raise CinegenError(
             f"{path}: compiled kernels are not loaded from there, since other users may write it and could run code as "
             f"you: chmod -R go-w {named}, {instead}"
         )
+    for parent in (*folder.absolute().parents, *folder.resolve().parents):
+        above, is_of_source = parent.stat(), parent in source.resolve().parents
+        if _is_open(above) and not above.st_mode & stat.S_ISVTX and not is_of_source:
+            raise CinegenError(
+                f"{path}: compiled kernels are not loaded from there, since other users may write {parent}, replace it "
+                f"and run code as you: chmod go-w {shell_word(str(parent))}, {instead}"
+            )
+
+
+def _is_open(entry: os.stat_result) -> bool:
+    """Return whether other users may write a folder or file."""
+    return bool(entry.st_mode & stat.S_IWOTH or (entry.st_mode & stat.S_IWGRP and not _is_own_group(entry.st_gid)))
 
 
 def _is_own_group(group: int) -> bool:

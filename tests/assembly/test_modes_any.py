@@ -16,6 +16,7 @@ from variants import slow
 
 import cinegen
 from cinegen.assembly import ModesError, assembly_modes
+from cinegen.assembly.chains import recognise_part
 from cinegen.assembly.families import recognise
 from cinegen.assembly.homotopy import Homotopy
 from cinegen.assembly.linkage import Linkage
@@ -51,6 +52,10 @@ def test_what_takes_too_long_is_given_up_and_done_when_more_is_allowed(root):
     traced(late := assembly_modes(m))
     traced(assembly_modes(m, effort=1e-3))  # what is known is not forgotten
     assert len(late) == 12
+
+
+def test_a_part_of_several_loops_is_of_no_family_of_chains(robot):
+    assert recognise_part(Linkage(robot("hybrid"))) is None
 
 
 def test_a_general_6r_chain_reaches_a_place_in_sixteen_ways(built):
@@ -97,8 +102,25 @@ def test_rotations_of_an_end_that_is_a_rod_are_not_counted_and_that_is_said(buil
     """The platform hangs on a universal and a ball joint: the former turns it by either of two angles."""
     modes = assembly_modes(random_legs(built, 3, "PPS RPS"))
     sound(modes, ["tool"], 2)
-    assert modes.method.endswith("rotations of 'tool' about the line between its two joints are not counted")
+    turns = "rotations of 'tool' about the line between the joints at the ends of its rod are not counted"
+    assert modes.method.endswith(turns)
     assert len({round(places(modes.mechanism, q, ["tool"])[0, 0, 3], 6) for q in closings(modes, 40)}) == 4
+
+
+DAMPER = """
+  frame 30 { pred 0 parameters { d 100 r 300 } }
+  link 31 { joint universal pred 30 parameters { theta 75.94772866 } variable y { home 135.08849743 } }
+  link 32 { type 1 pred 31 name "damper" actuated 0 parameters { r 423.61027786 } }
+  constraint { frame 20 link 32 type 3 }
+} // end"""
+
+
+def test_rotations_of_half_a_rod_that_lengthens_are_not_counted_either(raff, root):
+    """Both modes of the four-bar, each with both signs of the damper's length; its universal joint doubles them."""
+    text = (root / "robots/four_bar.raff").read_text().split("\n", 1)[1]
+    modes = assembly_modes(raff(text.replace("} // end", DAMPER)))
+    sound(modes, ["damper"], 4)
+    assert "; rotations of 'damper' about the line between the joints at the ends of its rod are not" in modes.method
 
 
 def test_a_base_that_can_move_changes_no_mode(built, raff):

@@ -115,6 +115,17 @@ def test_a_platform_like_its_base_translates_on_equal_legs_and_has_isolated_mode
     assert on_self_motions(modes, others)
 
 
+def test_a_curve_on_which_a_dyad_stays_stretched_is_not_excluded(built):
+    """The same translation with a fourth, passive leg of two bars, as long as the others: a double curve, as the elbow
+    could move infinitesimally all along it."""
+    p, along = np.array([[0.0, 0.0], [1.0, 0.0], [0.4, 0.8]]), np.array([0.3, 0.6])
+    legs = [[hinge(f), slide(f + 0.5 * along, along, True), hinge(f + along)] for f in p]
+    stretched = [hinge([0.7, 0.4] + part * along) for part in (0.0, 0.5, 1.0)]
+    modes = assembly_modes(built(legged([*legs, stretched])))
+    assert not modes.complete
+    assert "not excluded: modes and self-motions" in modes.method
+
+
 # --- in space -------------------------------------------------------------------------------------------------------
 
 

@@ -154,12 +154,17 @@ def clock(page):
     page.clock.install()
 
 
+def show_hand(page):
+    """Put the clock forward until the hand is shown: it stays until time goes on."""
+    page.clock.pause_at(page.evaluate("Date.now() / 1000 + 3"))
+    hand = "document.getElementById('hand') !== null"
+    assert becomes(page, lambda: page.evaluate(hand) or page.clock.fast_forward(3000))
+
+
 def test_a_hand_shows_once_how_to_drag_and_moves_nothing(cockpit, tab):
     session = cockpit("delta4", follow=None)
     page, home = tab(session, prepare=clock, reduced_motion="no-preference"), session.state.robots["delta4"].q
-    page.clock.pause_at(page.evaluate("Date.now() / 1000 + 3"))  # the hand stays until time goes on
-    hand = "document.getElementById('hand') !== null"
-    assert becomes(page, lambda: page.evaluate(hand) or page.clock.fast_forward(3000))
+    show_hand(page)
     page.clock.resume()
     page.clock.fast_forward(2600)
     assert becomes(page, "document.getElementById('hand') === null")
@@ -180,8 +185,7 @@ def test_a_hand_shows_once_how_to_drag_and_moves_nothing(cockpit, tab):
 def test_the_hand_drags_a_ghost_of_what_is_at_the_end_while_the_robot_moves(cockpit, tab):
     """Not the whole screw of a SCARA; its place is the moving robot's, a bit aside."""
     page = tab(cockpit("scara", follow="circle"), prepare=clock, reduced_motion="no-preference")
-    page.clock.fast_forward(3000)
-    assert becomes(page, "document.getElementById('hand') !== null")
+    show_hand(page)
     height, away = page.evaluate("""() => {
       const { Box3, Vector3 } = MeshCat.THREE, { view, hello: { robots: [{ name, end, length }] } } = cockpit;
       const ghost = view.stage.children.find((one) => one.name === "hand");

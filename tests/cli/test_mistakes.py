@@ -34,6 +34,8 @@ MISTAKES: list[tuple[str, int, str]] = [
     ("urdf2raff page.urdf --units km", 2, "is not one of 'um', 'mm', 'cm', 'm'"),
     # files that are read
     ("cinegen info four_bra.raff", 1, "can't be read: No such file or directory: did you mean 'four_bar.raff'?"),
+    ("cinegen info five_bra", 1, "no robot of this name is shipped: did you mean 'five_bar.raff'?"),
+    ("cinegen plan five_bra", 1, "no scene of this name is shipped (known:"),
     ("cinegen demo delt4", 1, "no robot, scene or example 'delt4': did you mean 'delta4'?"),
     ("cinegen info folder", 1, "folder: can't be read: Is a directory"),
     ("cinegen info secret.raff", 1, "secret.raff: can't be read: Permission denied"),
@@ -162,6 +164,7 @@ FILES = {
     "unit.toml": "robot = 'planar_3r.raff'\nsafety = '10 deg'\ngoal = { point = [0.6, 0.3] }\n",
     "metres.raff": "RAFF t\nrobot r { base { } link 1 { type 2 pred 0 parameters { d 0.4 } } }\n",
     "secret.raff": "RAFF a",
+    "five_bar.zip": "",
 } | dict.fromkeys(("mine.txt", "mine.png", "mine.html", "mine.urdf", "mine.csv", "run.jsonl"), "mine")
 
 

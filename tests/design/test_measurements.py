@@ -62,6 +62,7 @@ def test_written_files_are_read_again(mark):
         ("joint1,joint3\n1,2\n", "m.csv, line 1: the first column is 'pose', the names of the poses, not 'joint1'"),
         ("pose,jonit1\n", "m.csv, line 1, column 2: 'jonit1' is neither a joint (joint1, joint2, joint3 ...)"),
         ("pose,tol.x\n", "has no node 'tol': did you mean 'tool'?"),
+        ("pose,tool.q\n", "'tool.q': unknown quantity 'q' (known: x, y, z, rx, ry, rz, distance, along)"),
         ("pose,tool.distance\n", "distance takes a fixed point or a direction in parentheses"),
         ("pose,tool.distance(1 2mm 3)\n", "can be read two ways"),
         ("pose,tool.distance(5000 0 0)\n", "is in m, which can't be meant: write the unit, such as 5000mm"),

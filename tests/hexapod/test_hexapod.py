@@ -80,7 +80,8 @@ def assert_among(placement, modes, within=1e-8):
 def test_a_general_platform_has_40_modes_and_a_triangle_16_an_even_number_of_them_real(seed, kind):
     rng = np.random.default_rng(seed)
     base, platform = points(rng, kind)
-    placement, hexapod = pose(rng), Hexapod(base, platform)
+    placement = pose(rng)
+    hexapod = Hexapod(base, platform)
     lengths = reach(base, platform, placement)
     modes = hexapod.modes(lengths)
     assert hexapod.degree == (16 if "6-3" in kind else 40)

@@ -248,6 +248,21 @@ def test_legs_and_parallelograms_have_two_solutions_each(robot, name, count, tas
     assert mechanism.distance(mechanism.q_home, solutions[0]) < 1e-9
 
 
+def test_a_cylinder_between_ball_joints_has_two_lengths(raff):
+    """It may rotate about itself, which is no solution of its own."""
+    crane = raff("""robot crane { base { }
+      link 1 { type 2 pred 0 parameters { theta 60 } actuated 0 }
+      frame 2 { pred 1 name "arm" parameters { d 500 r 300 } }
+      frame 3 { pred 0 parameters { d 300 } }
+      link 4 { joint ball pred 3 }
+      link 5 { type 1 pred 4 parameters { r 400 } actuated 1 }
+      constraint { frame 2 link 5 type 3 }
+    }""")
+    found = solved(crane, crane.placement(crane.q_home, "arm"), "arm")
+    assert (len(found), found.complete) == (2, True)
+    assert "a telescopic rod" in found.method
+
+
 @pytest.mark.parametrize(("name", "starts"), [("rx90", 200), ("delta4", 100)])
 def test_newton_from_random_starts_finds_no_other_solution(robot, name, starts):
     mechanism = robot(name)

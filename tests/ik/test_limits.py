@@ -265,7 +265,8 @@ def test_limits_that_are_restored_leave_no_trace(robot):
 
 def test_a_mapping_replaces_all_limits_and_an_entry_one(robot):
     mechanism = robot("arm7")
-    solver, of_model = Solver(mechanism, DT), {name: mechanism.limits[name].velocity for name in mechanism.joints}
+    solver = Solver(mechanism, DT)
+    of_model = {name: mechanism.limits[name].velocity for name in mechanism.joints}
     solver.velocity_limits = {"joint1": 0.5, "joint2": 0.25}
     solver.velocity_limits["joint3"] = 0.125
     assert dict(solver.velocity_limits) == of_model | {"joint1": 0.5, "joint2": 0.25, "joint3": 0.125}

@@ -71,6 +71,16 @@ def test_so_is_a_file_in_it(cache):
         file.chmod(0o600)
 
 
+def test_a_folder_in_one_that_others_may_write_is_refused_unless_it_is_sticky(cache):
+    cache.parent.chmod(0o1777)
+    use()
+    cache.parent.chmod(0o777)
+    with pytest.raises(CinegenError, match=r"other users may write .*, replace it and run code") as error:
+        use()
+    subprocess.run(re.search(r"chmod go-w \S*", str(error.value))[0].rstrip(","), shell=True, check=True)
+    use()
+
+
 def test_a_folder_of_somebody_else_is_refused_and_the_command_mends_it(cache):
     try:
         os.chown(cache, OTHER, -1)

@@ -7,6 +7,7 @@ import re
 import warnings
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from elementary import turn
@@ -54,6 +55,14 @@ def uncontrolled(mechanism: cinegen.Mechanism) -> int:
     return len(passive) - max(int(np.linalg.matrix_rank(matrix, tol=1e-6)) for matrix in matrices)
 
 
+CHOICES = {
+    "json": r',\s*"actuated": \w+',
+    "sdf": "<raff:robot.*</raff:robot>",
+    "mjcf": '<actuator>.*</actuator>| ctrl="[^"]*"',
+}
+"""Where a converted file states which joints are actuated."""
+
+
 def declared(folder: Path, kind: str, joints: str) -> tuple[cinegen.Mechanism, list[str]]:
     """The mechanism of a file of a kind whose actuated joints are those of these numbers, as advice for this kind says;
     and the warnings about them."""
@@ -63,10 +72,9 @@ def declared(folder: Path, kind: str, joints: str) -> tuple[cinegen.Mechanism, l
         warnings.simplefilter("always")
         if kind in ("json", "sdf", "mjcf"):
             (made,) = raff2urdf.convert(path, folder, format="urdf" if kind == "json" else kind)
-            path = made.file
-            if kind == "sdf" and not joints:  # the reader chooses, not the converter
-                text = re.sub("<raff:robot.*</raff:robot>", "", path.read_text(), flags=re.DOTALL)
-                path.write_text(text)
+            path, stated = made.file, made.constraints or made.file
+            if not joints:  # the reader chooses, not the converter
+                stated.write_text(re.sub(CHOICES[kind], "", stated.read_text(), flags=re.DOTALL))
         elif kind == "urdf":
             path = folder / "p.urdf"
             path.write_text(by_hand(), encoding="utf-8")
@@ -124,6 +132,13 @@ def test_too_few_actuated_joints_are_noted_with_those_that_are_missing(kind, tmp
     assert f"let {more} be actuated too; {SYNTAX[kind]} declares that" in note
     mechanism, met = declared(tmp_path, kind, "13" + more[-1])
     assert (uncontrolled(mechanism), met) == (0, [])
+
+
+def test_the_actuated_joints_of_an_mjcf_are_those_of_mujocos_actuators(tmp_path):
+    mechanism, _ = declared(tmp_path, "mjcf", "13")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "p.xml"))
+    driven = {model.joint(joint).name for joint in model.actuator_trnid[:, 0]}
+    assert driven == set(mechanism.actuated) == {"joint1", "joint3"}
 
 
 def test_what_an_sdf_says_of_actuated_joints_must_be_true_or_false():

@@ -338,6 +338,8 @@ OF_CONSTRAINTS: list[tuple[Callable[[Values], object], str, Callable[[Values, re
     (lambda file: file.pop("urdf_sha256"),
      r"so that a change of either is not noticed: add \"urdf_sha256\": \"(\w{64})\"",
      lambda file, said: file.update(urdf_sha256=said[1])),
+    (lambda file: file.update(version=1), "2 was expected: write the (file) again with raff2urdf",
+     lambda file, _: file.update(json.loads(converted(GEARED)["r.constraints.json"]))),
 ]  # fmt: skip
 
 

@@ -61,6 +61,7 @@ def test_the_command_has_a_line_for_each_and_names_what_can_t_be_compared(typed)
 @pytest.mark.parametrize(("what", "name", "number", "other"), [
     ("frames", "double_pendulum_simple", "d 100 }", "d 100.0005 }"),
     ("masses", "double_pendulum_simple", "mass 0.3 ", "mass 0.30001 "),
+    ("masses", "double_pendulum_simple", "{ 0 0 100 } moments { 1015", "{ 0 10 100 } moments { 985"),  # not at 0
     ("home", "panda", "theta -90.00021045915 d", "theta -90.001 d"),
 ])  # fmt: skip
 def test_a_difference_is_found_and_the_exit_code_is_1(what, name, number, other, monkeypatch, typed):

@@ -1,6 +1,6 @@
 """`AvoidingSolver`: never too near while it is pulled about, and round what is in the way."""
 
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import coal
 import example_robots
@@ -291,6 +291,30 @@ OBSTACLES = [
     {"name": "left", "kind": "sphere", "radius": 0.15, "point": [0.45, 0.45, 0.4]},
     {"name": "right", "kind": "sphere", "radius": 0.15, "point": [0.45, -0.45, 0.4]},
 ]
+
+
+ROCKER = """robot rocker { base { }
+  link 1 { parameters { theta 50.0 } type 2 pred 0 limits { 31 212 } }
+  link 2 { parameters { theta -25.722522 d 120.0 } type 2 pred 1 }
+  link 3 { parameters { theta 88.735117 d 400.0 } type 2 pred 0 actuated 1 }
+  frame 4 { parameters { d 360.0 } pred 2 }
+  frame 5 { parameters { d 240.0 } pred 3 }
+  frame 6 { name "tool" parameters { d 120.0 } pred 1 }
+  constraint { frame 4 frame 5 type 2 }
+}"""
+"""A four-bar that its rocker drives. At 29.93 degrees the crank is in line with the coupler."""
+
+
+def test_a_passive_joint_brakes_near_a_dead_centre_by_what_the_actuated_one_can(raff):
+    """At an angle x from the line the rocker is k x^2 from its own end. So that the crank stops at d, v^2 must be below
+    2 a k (x^2 - d^2) for the rocker; braking of all joints in proportion would allow 4 a k x (x - d)."""
+    rocker = raff(ROCKER)
+    document = {"start": {}, "goal": {"point": [0.0, 0.0]}, "allowed_collisions": [*combinations(rocker.nodes, 2)]}
+    solver = AvoidingSolver(clearance_of(scene_of(document, mechanism=rocker)), DT, SAFETY, acceleration=ACCELERATION)
+    moved(solver.add_task("tool", rotation=0), [0.118, 0.021, 0.0])
+    q = np.array([solver.q, *(solver.step().q for _ in range(240))])
+    assert np.degrees(q[:, 0].min()) == pytest.approx(31.0, abs=0.1)
+    assert accelerations(rocker, q) <= ACCELERATION * (1.0 + 1e-6)
 
 
 def test_an_arm_whose_fingers_are_coupled_obeys_its_limits():

@@ -104,7 +104,7 @@ class MeasuredQuantity:
         if node not in mechanism.nodes:
             raise DesignError(f"'{name}': {mechanism.name} has no node '{node}'{did_you_mean(node, mechanism.nodes)}")
         if kind not in kinds:
-            raise DesignError(f"'{name}': '{kind}' is none of {', '.join(kinds)}{did_you_mean(kind, kinds)}")
+            raise DesignError(f"'{name}': unknown quantity '{kind}'{did_you_mean(kind, kinds)}")
         if (match["of"] is not None) != (kind in ("distance", "along")):
             wanted = "a fixed point or a direction in parentheses" if match["of"] is None else "nothing in parentheses"
             raise DesignError(f"'{name}': {kind} takes {wanted}")
