@@ -258,9 +258,9 @@ def test_a_cylinder_between_ball_joints_has_two_lengths(raff):
       link 5 { type 1 pred 4 parameters { r 400 } actuated 1 }
       constraint { frame 2 link 5 type 3 }
     }""")
-    found = solved(crane, crane.placement(crane.q_home, "arm"), "arm")
-    assert (len(found), found.complete) == (2, True)
-    assert "a telescopic rod" in found.method
+    modes = solved(crane, crane.placement(crane.q_home, "arm"), "arm")
+    assert (len(modes), modes.complete) == (2, True)
+    assert "a telescopic rod" in modes.method
 
 
 @pytest.mark.parametrize(("name", "starts"), [("rx90", 200), ("delta4", 100)])
