@@ -333,6 +333,6 @@ def warn_of(name: str, analysis: Analysis, actuation: bool = True) -> None:
     uncontrolled."""
     texts = list(analysis.remarks)
     if actuation and analysis.uncontrolled and analysis.dependent:
-        texts.append(advice(analysis.uncontrolled, analysis.dependent, RAFF))
+        texts.append(advice(analysis.uncontrolled, analysis.dependent, RAFF, len(analysis.uncontrolled)))
     for text in texts:
         warnings.warn(f"robot '{name}': {text}", RaffWarning, stacklevel=3)

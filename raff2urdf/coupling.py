@@ -7,10 +7,11 @@ A coupling of the joints q_1, q_2, ... is
 in rad and m: linear for gears and screws, q_1 = p(q_2) for a joint that follows a curve. The joint of the first term is
 the one that follows. The residual is dimensionless as that of a loop: it is divided by the size of the equation,
 
-    s^2 = sum_i max_k (c_ik l_i^k)^2 ,
+    s^2 = sum_i max_q (p_i'(q) l_i)^2 ,
 
-where l_i is the characteristic length for a prismatic joint, and 1 rad for a revolute one. Of a linear coupling it is
-the distance, in rad or characteristic lengths, to the nearest joint values that fulfil it.
+where l_i is the characteristic length for a prismatic joint, and 1 rad for a revolute one, and q within the joint's
+limits; where it has none, within l_i of 0 and of the other limit. Of a linear coupling it is the distance, in rad or
+characteristic lengths, to the nearest joint values that fulfil it; of a curve it is at most that, where it is steepest.
 """
 
 from __future__ import annotations
@@ -20,6 +21,9 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
+from numpy.polynomial import Polynomial
 
 _EXACT = 1e-14  # rad or m: a follower that is off by less stays as written
 
@@ -61,13 +65,17 @@ class Coupling:
                     text += f" {sign} {term}" if text else f"{sign}{term}"
         return f"{text or '0'} = {self.constant:.6g}"
 
-    def size(self, scales: Mapping[str, float]) -> float:
-        """Return s of its joints' scales: the characteristic length (m) or 1 rad."""
-        squares = (
-            max(abs(c) * scales[joint] ** power for power, c in enumerate(coefficients, 1)) ** 2
+    def size(self, scales: Mapping[str, float], limits: Mapping[str, tuple[float, float]]) -> float:
+        """Return s; arguments as of `slopes`."""
+        return math.sqrt(sum(slope**2 for slope in self.slopes(scales, limits).values()))
+
+    def slopes(self, scales: Mapping[str, float], limits: Mapping[str, tuple[float, float]]) -> dict[str, float]:
+        """Return the steepest derivative p_i'(q) l_i by each joint, of its scale and limits: the characteristic length
+        (m) or 1 rad; rad or m, or infinite."""
+        return {
+            joint: _steepest(Polynomial([0.0, *coefficients]).deriv(), scales[joint], *limits[joint]) * scales[joint]
             for joint, coefficients in self.terms.items()
-        )
-        return math.sqrt(sum(squares))
+        }
 
     def evaluate(self, values: Mapping[str, float]) -> tuple[float, dict[str, float]]:
         """Return the residual at joint values (rad, m), not divided by the size, and its derivative by each joint."""
@@ -80,6 +88,17 @@ class Coupling:
             residual += value
             derivative[joint] = slope
         return residual, derivative
+
+
+def _steepest(slope: Polynomial, scale: float, low: float, high: float) -> float:
+    """Return the value of a slope that is largest by its amount, within limits; see above."""
+    ends = (
+        low if math.isfinite(low) else min(high, 0.0) - scale,
+        high if math.isfinite(high) else max(low, 0.0) + scale,
+    )
+    inside = slope.deriv().trim().roots().real.clip(*ends)
+    values = slope(np.array([*ends, *inside]))
+    return float(values[np.abs(values).argmax()])
 
 
 def coupled_scales(

@@ -233,7 +233,8 @@ class Cluster:
             equations, dict(zip(self._columns, self.scale.tolist(), strict=True)), _outermost(robot)
         )
         self.scale = np.array(list(scales.values()))
-        self._equations = [(equation, equation.size(scales)) for equation in equations]
+        ranges = {joint.joint: limits(document, joint) for joint in self.joints}
+        self._equations = [(equation, equation.size(scales, ranges)) for equation in equations]
 
     @property
     def names(self) -> list[str]:

@@ -78,6 +78,7 @@ class ClosedLoops:
 
     Attributes:
         coupling_sizes: factors that make the couplings' residuals dimensionless: see `raff2urdf.coupling`.
+        coupling_slopes: (couplings, nv) their derivatives by the dimensionless step, of curves the steepest.
         scale: (nv,) size of one dimensionless step: `length` (m) for translations, 1 rad for rotations; more for
             joints that only drive others, see `raff2urdf.coupling.coupled_scales`.
         anchors: for each loop, of its two ends: the joint that carries it (index), and its placement on that joint.
@@ -117,7 +118,7 @@ class ClosedLoops:
             scales = coupled_scales(self.couplings, alone, [*outermost, *screws])
         for name, joint in self._coupled.items():
             self.scale[joint.idx_v] = scales[name]
-        self.coupling_sizes = [coupling.size(scales) or 1.0 for coupling in self.couplings]
+        self._set_coupling_sizes(scales)
         supports = [[supporting_columns(model, joint) for joint in anchor[::2]] for anchor in self.anchors]
         self.signs = signs = [second - first for first, second in supports]
         coupled = [[self._coupled[name].idx_v for name in coupling.terms] for coupling in self.couplings]
@@ -125,6 +126,15 @@ class ClosedLoops:
         heights = [*(loop.rows for loop in self.loops), *[1] * len(self.couplings)]
         self.constraint_rows = np.split(np.arange(self.rows), np.cumsum(heights, dtype=int)[:-1]) if heights else []
         self.sizes = [sign[sign != 0.0] * self.scale[sign != 0.0] for sign in signs]
+
+    def _set_coupling_sizes(self, scales: Mapping[str, float]) -> None:
+        lower, upper = self.model.lowerPositionLimit, self.model.upperPositionLimit
+        limits = {name: (lower[joint.idx_q], upper[joint.idx_q]) for name, joint in self._coupled.items()}
+        self.coupling_sizes = [coupling.size(scales, limits) or 1.0 for coupling in self.couplings]
+        self.coupling_slopes = np.zeros((len(self.couplings), self.model.nv))
+        for row, coupling, size in zip(self.coupling_slopes, self.couplings, self.coupling_sizes, strict=True):
+            for name, slope in coupling.slopes(scales, limits).items():
+                row[self._coupled[name].idx_v] = slope / size
 
     def _scales_of(self, names: Iterable[str]) -> dict[str, float]:
         return {name: float(self.scale[self._coupled[name].idx_v]) for name in names}

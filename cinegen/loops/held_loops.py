@@ -46,8 +46,7 @@ class HeldLoops(ClosedLoops):
         self.sizes = [sign[sign != 0.0] * self.scale[sign != 0.0] for sign in self.signs]
         values = {name: float(q[joint.idx_q]) for name, joint in self._coupled.items() if joint.idx_v in held}
         self.couplings = tuple(_without(coupling, values) for coupling in self.couplings)
-        scales = self._scales_of(self._coupled)
-        self.coupling_sizes = [coupling.size(scales) or 1.0 for coupling in self.couplings]
+        self._set_coupling_sizes(self._scales_of(self._coupled))
 
     def integrate(self, q: Array, step: Array) -> Array:
         """Return the configuration (nq,) reached by the part of a step (nv,) that moves no locked joint."""

@@ -17,8 +17,8 @@ belong to the mechanism, too, and a small loop on a large robot is measured by i
 
 Rows of couplings are no twists. A locked gear holds its wheel whatever their ratio is, and shafts between them don't
 matter: only the space that the rows span does. So below K are the rows (S S^T)^(-1/2) C of the couplings' derivatives C
-by the columns that count: all, or those of the passive joints. S is C, with the steepest slopes of curves. So the
-singular values of linear couplings without loops are 1, or 0.
+by the columns that count: all, or those of the passive joints. S is C, with the steepest slopes of curves
+(`ClosedLoops.coupling_slopes`). So the singular values of linear couplings without loops are 1, or 0.
 """
 
 from __future__ import annotations
@@ -92,9 +92,8 @@ class LoopScrews:
         carriers = [*range(model.njoints), *(anchor[0] for anchor in system.anchors)]
         self.cut = sum(system.cut_dof)
         self.passive = np.concatenate([passive, np.arange(nv, nv + self.cut)])
-        slopes = _slopes(system, q_home)
-        self._whole_mix = _orthonormal(slopes)[0]
-        self.coupling_mix, self.coupling_rank = _orthonormal(slopes[:, passive])
+        self._whole_mix = _orthonormal(system.coupling_slopes)[0]
+        self.coupling_mix, self.coupling_rank = _orthonormal(system.coupling_slopes[:, passive])
         self.scale = np.concatenate([system.scale, np.where(turning[nv:], 1.0, system.length)])
         self.signs = np.zeros((count, nv + self.cut))
         for i, signs in enumerate(system.signs):
@@ -151,24 +150,6 @@ class LoopScrews:
         whole[: 6 * count] = of_loops.reshape(6 * count, len(self.scale))
         whole[6 * count :, : system.model.nv] = coupling_mix @ jacobian[system.rows - couplings :]
         return whole
-
-
-def _slopes(system: ClosedLoops, q_home: Array) -> Array:
-    """Return the derivatives (couplings, nv) of couplings by the dimensionless step; of a curve the steepest between
-    its joint's limits, or within one step of home where it has none."""
-    model = system.model
-    slopes = np.zeros((len(system.couplings), model.nv))
-    for row, coupling, size in zip(slopes, system.couplings, system.coupling_sizes, strict=True):
-        for name, coefficients in coupling.terms.items():
-            joint = model.joints[model.getJointId(name)]
-            at, step = q_home[joint.idx_q], system.scale[joint.idx_v]
-            low, high = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
-            ends = np.nan_to_num([low, high], neginf=at - step, posinf=at + step)
-            slope = np.polynomial.Polynomial([0.0, *coefficients]).deriv()
-            steepest = slope.deriv().trim().roots().real.clip(*ends)
-            values = slope(np.array([*ends, *steepest]))
-            row[joint.idx_v] = values[np.abs(values).argmax()] / size * step
-    return slopes
 
 
 def _orthonormal(slopes: Array) -> tuple[Array, int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -175,11 +176,9 @@ def _at_home(
         chosen = tuple(joint for joint in actuated if joint not in home.determined)
         uncontrolled = dependent = ()
         constraints = {**constraints, "joints": [{**joint, "actuated": None} for joint in constraints["joints"]]}
-    if uncontrolled:
-        notes += _noted(advice(uncontrolled, dependent, syntax_of(Path(name))), where, bool(dependent))
     constraints = _stated(constraints, degrees_of_freedom(system, sum(home.ranks)), chosen)
     default = {"translation": 3, "rotation": 3, "axes": UNCHANGED}
-    return Mechanism(
+    mechanism = Mechanism(
         name=declared["robot"],
         model=system.model,
         nodes=tuple(declared["nodes"]),
@@ -201,6 +200,11 @@ def _at_home(
         ),
         source=source._replace(constraints=constraints, notes=notes),
     )
+    if not uncontrolled:
+        return mechanism
+    text = advice(uncontrolled, dependent, syntax_of(Path(name)), mechanism.structure.uncontrolled_dof)
+    notes += _noted(text, where, bool(dependent))
+    return replace(mechanism, source=mechanism.source._replace(notes=notes))
 
 
 def _immobile(system: ClosedLoops, q: Array, limits: Limits, where: str) -> tuple[str, ...]:

@@ -54,16 +54,18 @@ def _listed(names: Sequence[str]) -> str:
     return f"{first_of(names, _MOST)} {'is' if len(names) == 1 else 'are'}"
 
 
-def advice(uncontrolled: Sequence[str], dependent: Sequence[str], syntax: str) -> str:
+def advice(uncontrolled: Sequence[str], dependent: Sequence[str], syntax: str, dof: int) -> str:
     """Return the text about actuated joints that don't determine a mechanism, and about those that would.
 
     Args:
         uncontrolled: passive joints that neither loops nor actuated joints determine.
         dependent: actuated joints that the loops and the others determine.
         syntax: see `syntax_of`.
+        dof: degrees of freedom that the actuated joints leave: of these passive joints and of ball joints.
     """
+    of_balls = f", {dof - len(uncontrolled)} of them of ball joints" if dof > len(uncontrolled) else ""
     instead = f"instead of {', '.join(dependent)}" if dependent else "too"
     return (
-        f"with its actuated joints locked it still moves, with {len(uncontrolled)} DoF: let "
+        f"with its actuated joints locked it still moves, with {dof} DoF{of_balls}: let "
         f"{', '.join(uncontrolled)} be actuated {instead}; {syntax} declares that"
     )

@@ -20,6 +20,7 @@ from raff2urdf.joint_dynamics import JointDynamics
 from raff2urdf.placement import from_quaternion, inverse, roll_pitch_yaw, translation
 from raff2urdf.readers import uncounted
 from raff2urdf.readers.loops.declaration import leave_out
+from raff2urdf.readers.urdf import LEAST_SPEED, TOO_SLOW
 from raff2urdf.readers.urdf_builder import UNBOUNDED, Shape, UrdfBuilder, material, shapes
 from raff2urdf.tree import WORLD
 
@@ -33,7 +34,7 @@ class _Joint(NamedTuple):
     prismatic: bool
     axis: Array
     anchor: Array  # in the body's frame
-    values: dict[str, Any]  # zero, home, limits, effort, dynamics, actuated
+    values: dict[str, Any]  # zero, home, limits, velocity, effort, dynamics, actuated
 
 
 class MjcfConversion:
@@ -180,8 +181,18 @@ class MjcfConversion:
             return
         low, high = map(float, model.jnt_range[j]) if model.jnt_limited[j] else UNBOUNDED
         values = {"zero": float(model.qpos0[at]), "home": float(self.home[at]), "limits": (low, high), **actuated}
-        values |= {"effort": self.effort(j), "dynamics": self.dynamics(j)}
+        values |= {"velocity": self.velocity(name), "effort": self.effort(j), "dynamics": self.dynamics(j)}
         yield _Joint(name, kind == kinds.mjJNT_SLIDE, model.jnt_axis[j], np.array(model.jnt_pos[j]), values)
+
+    def velocity(self, joint: str) -> float:
+        """Return the velocity limit of a joint, rad/s or m/s, that raff2urdf writes; infinite without one."""
+        number = self.mujoco.mj_name2id(self.model, self.mujoco.mjtObj.mjOBJ_NUMERIC, f"velocity:{joint}")
+        if number < 0:
+            return math.inf
+        limit = float(self.model.numeric(number).data[0])
+        if not limit > LEAST_SPEED:
+            raise RaffError(f"{self.name}: velocity:{joint} in <custom> is {limit:g}: {TOO_SLOW}")
+        return limit
 
     def dynamics(self, j: int) -> JointDynamics:
         """Return the inertia of rotors and the friction of a joint of one degree of freedom, with those of the

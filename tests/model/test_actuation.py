@@ -134,6 +134,15 @@ def test_too_few_actuated_joints_are_noted_with_those_that_are_missing(kind, tmp
     assert (uncontrolled(mechanism), met) == (0, [])
 
 
+def test_a_ball_joint_that_nothing_drives_counts_as_its_three_dof(raff):
+    mechanism = raff(
+        "robot pendulum { link 1 { type 2 pred 0 actuated 1 } link 2 { parameters { d 200 } joint ball pred 1 } "
+        "link 3 { parameters { d 150 } type 2 pred 2 actuated 0 } frame 4 { parameters { d 100 } pred 3 } }"
+    )
+    (note,) = mechanism.source.notes
+    assert f"still moves, with {mechanism.model.nv - 1} DoF, 3 of them of ball joints: let joint3 be actuated" in note
+
+
 def test_the_actuated_joints_of_an_mjcf_are_those_of_mujocos_actuators(tmp_path):
     mechanism, _ = declared(tmp_path, "mjcf", "13")
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "p.xml"))

@@ -119,3 +119,25 @@ robot any {
     path = text_file("any.raff", text)
     with pytest.raises(raff2urdf.RaffError, match="these loops and couplings remain open: 'one'"):
         raff2urdf.convert(path, tmp_path)
+
+
+@pytest.mark.parametrize("degrees", [3.0, 10.0])
+def test_a_steep_cam_is_closed_as_exactly_as_gears(degrees):
+    """A 3-4-5 polynomial, a rise of 20 mm: its highest power at 1 rad, far beyond its limits, does not count."""
+    c = 20.0 * np.array([10.0, -15.0, 6.0]) / degrees ** np.array([3, 4, 5])
+    mechanism = cinegen.load(f"""RAFF r
+robot r {{
+  link 1 {{ type 2 pred 0 parameters {{ theta {degrees / 2} }} limits {{ 0 {degrees} }} actuated 1 }}
+  link 2 {{ type 1 pred 0 parameters {{ d 100 r 10 }} limits {{ 0 20 }} }}
+  coupling {{ link 2 link 1 polynomial ( 0 0 {" ".join(map(str, c.tolist()))} ) }}
+}}""")
+    turned, lift = mechanism.q_index("joint1"), mechanism.q_index("joint2")
+    start = np.array(mechanism.q_home)
+    start[lift] += 1e-8
+    for part in (0.2, 0.5, 0.7):
+        start[turned] = np.radians(part * degrees)
+        q = mechanism.close(start, ["joint1"])
+        assert q[lift] == pytest.approx(0.02 * (10.0 * part**3 - 15.0 * part**4 + 6.0 * part**5), abs=1e-13)
+        lacking = q.copy()
+        lacking[lift] += 1e-6
+        assert mechanism.closure(lacking) > 1e-7  # rad or characteristic lengths

@@ -1,16 +1,19 @@
 """MJCF is loaded as MuJoCo itself understands it."""
 
 import json
+import re
 
 import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+from elementary import ROBOTS
 from small_robots import parallelogram
 
 import cinegen
 import raff2urdf
 from cinegen.dynamics import InverseDynamics
+from cinegen.errors import LoadError
 from cinegen.model.build import build
 from cinegen.session.holding import Holding
 
@@ -195,6 +198,16 @@ EFFORTS = """<mujoco>
     <motor joint="free"/>
   </actuator>
 </mujoco>"""
+
+
+def test_velocity_limits_that_raff2urdf_writes_come_back(robot, tmp_path):
+    (made,) = raff2urdf.convert(ROBOTS / "scara.raff", tmp_path, format="mjcf")
+    written, back = robot("scara").limits, cinegen.load(made.file).limits
+    assert np.isfinite(written.velocity).any()
+    assert back.velocity == pytest.approx(written.velocity)
+    made.file.write_text(re.sub('(name="velocity:joint1" data)="[^"]*"', r'\1="0"', made.file.read_text()))
+    with pytest.raises(LoadError, match=r"scara\.xml: velocity:joint1 in <custom> is 0: it must be above 0"):
+        cinegen.load(made.file)
 
 
 def test_effort_limits_are_those_that_mujoco_enforces(write):
