@@ -210,6 +210,17 @@ def test_pressed_against_a_wall_a_robot_rests_on_its_limits_and_leaves_them_at_o
     assert step.errors[0][0] < 1e-6 * mechanism.length
 
 
+def test_without_limits_of_acceleration_a_joint_of_a_loop_is_at_its_limit_in_one_tick(robot):
+    bar = robot("four_bar")
+    crank = bar.q_index(bar.actuated[0])
+    beyond, limit = bar.q_home.copy(), bar.q_home[crank] + 1e-3
+    beyond[crank] += 0.1
+    solver = Solver(bar, DT)
+    solver.position_limits[bar.actuated[0]] = (-9.0, limit)
+    solver.add_task(bar.end, bar.placement(bar.close(beyond, locked=bar.actuated), bar.end), rotation=0)
+    assert solver.step().q[crank] == limit
+
+
 # --- limits at run time -----------------------------------------------------------------------------------------------
 # Limits that a program sets while a solver runs: obeyed from the next tick on, and restored.
 
