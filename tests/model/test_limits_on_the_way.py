@@ -13,6 +13,7 @@ from small_robots import four_bar
 
 import cinegen
 from cinegen.devices import Lines
+from cinegen.errors import LimitError
 from cinegen.model import ForwardKinematics
 from cinegen.session.motion import ConfigurationMotion, JointMotion
 from raff2urdf import closure
@@ -229,6 +230,18 @@ def test_the_longest_step_that_is_made_at_once_is_the_longest_that_is_proved(rob
         is_made_at_once = motion._memory.tangent[mechanism.v_index("joint1")] == pytest.approx(change)
         longest, too_long = (change, too_long) if is_made_at_once else (longest, change)
     assert contraction(mechanism, longest) == pytest.approx(0.5, abs=1e-4)
+
+
+def test_where_steps_are_not_proved_the_limit_is_passed_further_on(raff):
+    """A follower of 0.9 x - 0.0025 x^2 degrees passes 75 degrees at x = 130.98; nothing is proved of polynomials."""
+    arm = raff("""robot arm {
+      link 1 { type 2 pred 0 actuated 1 }
+      link 2 { type 2 pred 1 limits { 0 75 } }
+      coupling { link 2 link 1 polynomial ( 0.9 -0.0025 ) }
+    }""")
+    with pytest.raises(LimitError, match=r"as it follows, past joint1 at (\S+) rad") as caught:
+        ForwardKinematics(arm, within_limits=True).move({"joint1": 3.0})
+    assert float(re.search(r"past joint1 at (\S+)", str(caught.value))[1]) < np.radians(130.98)
 
 
 def test_where_nothing_can_be_proved_that_is_said(robot):
