@@ -101,6 +101,19 @@ def test_all_limits_are_kept_however_the_target_leaps(robot, name, every, accele
         assert fastest > 0.97
 
 
+def test_braking_that_closing_loops_adds_to_is_scaled_to_the_limit(robot):
+    """Where nothing but braking is left, what closes the loops would exceed the limit."""
+    mechanism, rng = robot("planar_hybrid"), np.random.default_rng(31)
+    node, solver = mechanism.nodes[-1], Solver(mechanism, 0.05, acceleration=allowed(mechanism, 1.0))
+    task = solver.add_task(node, rotation=0)
+
+    def leap(tick):
+        if tick % 10 == 0:
+            task.target = away(mechanism, node, rng, 0.5)
+
+    assert worst_acceleration(solver, mechanism, 1.0, 30, leap) <= ROUNDING
+
+
 def test_let_go_on_its_way_a_robot_brakes(robot):
     for name in ("rx90", "delta4"):
         mechanism, rng = robot(name), np.random.default_rng(6)
