@@ -121,8 +121,8 @@ class BatchEvaluator(OneThread):
         mobility = memory.n - memory.rank
         columns = mechanism.structure.passive_columns
         if passive_sigma and 0 < mechanism.structure.passive_rank == len(columns):
-            set_up_screws(memory, mechanism.structure.screws, len(mechanism.couplings))
-            passive = mechanism.structure.passive_screws
+            set_up_screws(memory, mechanism.structure.screws)
+            passive = mechanism.structure.screws.passive
         else:
             passive = columns[:0]
         memory.resize(

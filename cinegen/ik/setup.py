@@ -77,7 +77,7 @@ def set_up_solver(memory: SolverMemory, mechanism: Mechanism) -> None:
     memory.resize(mobility=mobility, most_active=mobility + 1)
     make_room_for_barriers(memory, memory.barrier_capacity)
     if memory.is_watched:
-        loops.set_up_screws(memory, mechanism.structure.screws, len(mechanism.couplings))
+        loops.set_up_screws(memory, mechanism.structure.screws)
     memory.is_at_q = 0
 
 

@@ -107,10 +107,8 @@ def passive_singular_values(mechanism: Mechanism, q: Array) -> Array:
     """
     if mechanism.structure.passive_rank == 0:
         return np.zeros(0)
-    matrix = mechanism.screw_matrix(q)[:, mechanism.structure.passive_screws]
-    return np.asarray(
-        np.linalg.svd(matrix, compute_uv=False)[: mechanism.structure.passive_rank + mechanism.structure.screws.cut]
-    )
+    sigma = np.linalg.svd(mechanism.structure.passive_matrix(q), compute_uv=False)
+    return np.asarray(sigma[: mechanism.structure.passive_rank + mechanism.structure.screws.cut])
 
 
 def gained(mechanism: Mechanism, q: Array, system: ClosedLoops | None = None) -> UncontrolledDoF | None:
@@ -121,11 +119,8 @@ def gained(mechanism: Mechanism, q: Array, system: ClosedLoops | None = None) ->
     rank = mechanism.structure.passive_rank
     if rank == 0:
         return None
-    passive, columns = (
-        mechanism.screw_matrix(q, system)[:, mechanism.structure.passive_screws],
-        mechanism.structure.passive_columns,
-    )
-    _, sigma, vt = np.linalg.svd(passive, full_matrices=False)
+    columns = mechanism.structure.passive_columns
+    _, sigma, vt = np.linalg.svd(mechanism.structure.passive_matrix(q, system), full_matrices=False)
     last, joints = rank + mechanism.structure.screws.cut - 1, np.zeros(mechanism.model.nv)
     joints[columns] = vt[last, : len(columns)]
     return UncontrolledDoF(float(sigma[last]), _sign(joints) * joints * mechanism.scale, sigma[: last + 1])

@@ -277,14 +277,14 @@ class Solver(TaskControl):
         with self._used():
             self._keeps_linearisation, self._memory.is_watched = keeps, int(keeps)
             if keeps:
-                set_up_screws(self._memory, self._joints.held.structure.screws, len(self.mechanism.couplings))
+                set_up_screws(self._memory, self._joints.held.structure.screws)
 
     def _linearise(self) -> Linearisation:
         """Return the Jacobians with which the tick began; a trial overwrites those of the loops."""
         memory = self._memory
         tasks = memory.task_jacobian[: memory.active_rows]
         rank = min(memory.task_rank, len(tasks), memory.mobility)
-        passive = memory.screw_matrix[:, self._joints.held.structure.passive_screws]
+        passive = memory.screw_matrix[:, self._joints.held.structure.screws.passive]
         return Linearisation(tasks.copy(), null_space(memory), passive, rank)
 
     @property

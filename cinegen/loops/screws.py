@@ -14,6 +14,11 @@ of other motions are the velocities, joint by joint, with which loops come apart
 Twists are those of one point for each cluster of loops, divided by one length: the mean of the points of the axes that
 are nearest to the axes' centre at home, and the spread of the cluster's own axes (`raff2urdf.loops.length`). Both
 belong to the mechanism, too, and a small loop on a large robot is measured by its own size.
+
+Rows of couplings are no twists. A locked gear holds its wheel whatever their ratio is, and shafts between them don't
+matter: only the space that the rows span does. So below K are the rows (S S^T)^(-1/2) C of the couplings' derivatives C
+by the columns that count: all, or those of the passive joints. S is C, with the steepest slopes of curves. So the
+singular values of linear couplings without loops are 1, or 0.
 """
 
 from __future__ import annotations
@@ -23,9 +28,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cinegen.arrays import Array, Bools
+from cinegen.arrays import Array, Bools, Indices
 from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.loops.clusters import clusters
+from raff2urdf.closure import RANK
 from raff2urdf.loops.length import centre, cut_screws, moments, scale_of, spread
 from raff2urdf.raff.document import LoopKind
 
@@ -50,6 +56,7 @@ class LoopScrews:
     Args:
         system: the loops; its scratch data is used.
         q_home: (nq,) with closed loops.
+        passive: columns of the passive joints.
         balls: names of joints, by threes, that represent a ball joint each.
 
     Attributes:
@@ -57,12 +64,17 @@ class LoopScrews:
         scale: (nv + cut,) size of one dimensionless step.
         signs: (loops, nv + cut) B.
         mix: (loops, loops) W.
+        passive: columns of the passive joints, and of those that were cut.
+        coupling_mix: (couplings, couplings) (S S^T)^(-1/2) of the passive joints' columns.
+        coupling_rank: number of independent rows of couplings in these.
         cluster_of: (loops,) index of each loop's cluster.
         lengths: by which linear velocities are divided, m, for each cluster.
         points: of the axes, for each cluster.
     """
 
-    def __init__(self, system: ClosedLoops, q_home: Array, balls: Iterable[Sequence[str]] = ()) -> None:
+    def __init__(
+        self, system: ClosedLoops, q_home: Array, passive: Indices, balls: Iterable[Sequence[str]] = ()
+    ) -> None:
         model, count, nv = system.model, len(system.loops), system.model.nv
         system.evaluate(q_home)
         screws = system.screws()
@@ -79,6 +91,10 @@ class LoopScrews:
             screws[:, owner == first] = cut_screws(LoopKind.BALL, system.data.oMi[first].homogeneous)
         carriers = [*range(model.njoints), *(anchor[0] for anchor in system.anchors)]
         self.cut = sum(system.cut_dof)
+        self.passive = np.concatenate([passive, np.arange(nv, nv + self.cut)])
+        slopes = _slopes(system, q_home)
+        self._whole_mix = _orthonormal(slopes)[0]
+        self.coupling_mix, self.coupling_rank = _orthonormal(slopes[:, passive])
         self.scale = np.concatenate([system.scale, np.where(turning[nv:], 1.0, system.length)])
         self.signs = np.zeros((count, nv + self.cut))
         for i, signs in enumerate(system.signs):
@@ -109,6 +125,18 @@ class LoopScrews:
             system: the loops, whose data has the placements and Jacobians.
             jacobian: (rows, nv) what `system` evaluates there.
         """
+        return self._matrix(system, jacobian, self._whole_mix)
+
+    def passive_rows(self, jacobian: Array) -> Array:
+        """Return the Jacobian (rows, nv) of loops and couplings with the rows of couplings as in `passive_matrix`."""
+        first = len(jacobian) - len(self.coupling_mix)
+        return np.vstack([jacobian[:first], self.coupling_mix @ jacobian[first:]])
+
+    def passive_matrix(self, system: ClosedLoops, jacobian: Array) -> Array:
+        """Return the columns (6 loops + couplings, .) of `passive` in K, likewise; rows of couplings by these alone."""
+        return self._matrix(system, jacobian, self.coupling_mix)[:, self.passive]
+
+    def _matrix(self, system: ClosedLoops, jacobian: Array, coupling_mix: Array) -> Array:
         count, couplings = len(system.loops), len(system.couplings)
         screws, of_loops = system.screws() * self.scale, np.zeros((count, 6, len(self.scale)))
         for c, (length, points) in enumerate(zip(self.lengths, self.points, strict=True)):
@@ -121,8 +149,37 @@ class LoopScrews:
             of_loops[loops] = np.einsum("lm,mrk->lrk", self.mix[np.ix_(loops, loops)], taking_part)
         whole = np.zeros((6 * count + couplings, len(self.scale)))
         whole[: 6 * count] = of_loops.reshape(6 * count, len(self.scale))
-        whole[6 * count :, : system.model.nv] = jacobian[system.rows - couplings :]
+        whole[6 * count :, : system.model.nv] = coupling_mix @ jacobian[system.rows - couplings :]
         return whole
+
+
+def _slopes(system: ClosedLoops, q_home: Array) -> Array:
+    """Return the derivatives (couplings, nv) of couplings by the dimensionless step; of a curve the steepest between
+    its joint's limits, or within one step of home where it has none."""
+    model = system.model
+    slopes = np.zeros((len(system.couplings), model.nv))
+    for row, coupling, size in zip(slopes, system.couplings, system.coupling_sizes, strict=True):
+        for name, coefficients in coupling.terms.items():
+            joint = model.joints[model.getJointId(name)]
+            at, step = q_home[joint.idx_q], system.scale[joint.idx_v]
+            low, high = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
+            ends = np.nan_to_num([low, high], neginf=at - step, posinf=at + step)
+            slope = np.polynomial.Polynomial([0.0, *coefficients]).deriv()
+            steepest = slope.deriv().trim().roots().real.clip(*ends)
+            values = slope(np.array([*ends, *steepest]))
+            row[joint.idx_v] = values[np.abs(values).argmax()] / size * step
+    return slopes
+
+
+def _orthonormal(slopes: Array) -> tuple[Array, int]:
+    """Return (S S^T)^(-1/2) of S (rows, columns), and its rank; combinations of rows that are 0 stay what they are."""
+    lengths = np.linalg.norm(slopes, axis=1)
+    lengths[lengths == 0.0] = 1.0
+    u, sigma, _ = np.linalg.svd(slopes / lengths[:, None])
+    known = np.ones(len(slopes))
+    number = int(np.count_nonzero(sigma > RANK))
+    known[:number] = sigma[:number]
+    return np.asarray((u / known) @ u.T / lengths), number
 
 
 def _mix(signs: Array) -> Array:

@@ -143,22 +143,23 @@ def _chained(columns: Mapping[int, Indices]) -> list[int]:
     return outwards(outwards(next(iter(columns)))[-1])
 
 
-def set_up_screws(memory: LoopMemory, screws: LoopScrews, couplings: int) -> None:
+def set_up_screws(memory: LoopMemory, screws: LoopScrews) -> None:
     """Prepare the kernels that compute the screw matrix of a memory that is set up.
 
     Args:
         memory: of the mechanism.
         screws: of the mechanism.
-        couplings: their number.
     """
     points = [(c, point) for c, of_cluster in enumerate(screws.points) for point in of_cluster]
     memory.resize(
-        screwed=memory.loops, screw_rows=6 * memory.loops + couplings, screw_columns=memory.n + screws.cut,
-        screw_clusters=len(screws.lengths), axis_points=len(points),
+        screwed=memory.loops, screw_rows=6 * memory.loops + memory.couplings,
+        mixed=memory.couplings, screw_columns=memory.n + screws.cut, screw_clusters=len(screws.lengths),
+        axis_points=len(points),
     )  # fmt: skip
     memory.screw_mix[:], memory.screw_cluster[:], memory.screw_length[:] = (
         screws.mix, screws.cluster_of, screws.lengths,
     )  # fmt: skip
+    memory.coupling_mix[:] = screws.coupling_mix
     for a, (c, (joint, at, share)) in enumerate(points):
         memory.axis_cluster[a], memory.axis_joint[a], memory.axis_point[a], memory.axis_share[a] = c, joint, at, share
 

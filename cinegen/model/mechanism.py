@@ -127,7 +127,9 @@ class Mechanism(LoopKinematics):
         made = build(*self.source._replace(constraints={**constraints, "joints": entries, "balls": []}))
         made = replace(made, length=self.length)
         threes = [entry["joints"] for entry in constraints.get("balls", []) if entry["name"] in self.balls]
-        made.structure.__dict__["screws"] = LoopScrews(made.structure.own_system(), made.q_home, threes)
+        made.structure.__dict__["screws"] = LoopScrews(
+            made.structure.own_system(), made.q_home, made.structure.passive_columns, threes
+        )
         return made
 
     @property

@@ -87,7 +87,7 @@ class Structure:
     @cached_property
     def screws(self) -> LoopScrews:
         """The data with which `Mechanism.screw_matrix` is computed."""
-        return LoopScrews(self.own_system(), self.held_at)
+        return LoopScrews(self.own_system(), self.held_at, self.passive_columns)
 
     @cached_property
     def held_columns(self) -> list[int]:
@@ -118,8 +118,10 @@ class Structure:
     def passive_rank(self) -> int:
         """The generic rank of these columns of the loops' Jacobian: their number, unless there are joints that neither
         actuated joints nor loops determine."""
-        ranks = (closure.rank(self.system.evaluate(q)[1][:, self.passive_columns]) for q in self.samples)
-        return max(ranks) if self.mechanism.is_constrained else 0
+        if not self.mechanism.is_constrained:
+            return 0
+        rows = (self.screws.passive_rows(self.system.evaluate(q)[1]) for q in self.samples)
+        return max(closure.rank(each[:, self.passive_columns]) for each in rows)
 
     @cached_property
     def idle(self) -> tuple[Spin, ...]:
@@ -154,11 +156,11 @@ class Structure:
         """Number of independent motions with all actuated joints locked; idle ones don't count."""
         return len(self.passive_columns) - self.passive_rank - len(self.idle)
 
-    @cached_property
-    def passive_screws(self) -> Indices:
-        """The columns of the passive joints in `screw_matrix`: `passive_columns`, and the joints that were cut."""
-        nv = self.mechanism.model.nv
-        return np.concatenate([self.passive_columns, np.arange(nv, nv + self.screws.cut)])
+    def passive_matrix(self, q: Array, system: ClosedLoops | None = None) -> Array:
+        """Return the columns of the passive joints in the screw matrix (`LoopScrews.passive_matrix`), singular at type
+        2; arguments as of `Mechanism.screw_matrix`."""
+        system = self.system if system is None else system
+        return self.screws.passive_matrix(system, system.evaluate(q)[1])
 
     @cached_property
     def scalar_joints(self) -> tuple[Indices, Indices]:

@@ -84,8 +84,8 @@ def _memory(mechanism: Mechanism, rate: float) -> PageMemory:
         memory.joint_moved_by[joint] = supporting_columns(model, joint)
     rank = mechanism.structure.passive_rank
     if rank > 0:
-        set_up_screws(memory, mechanism.structure.screws, len(mechanism.couplings))
-        columns = mechanism.structure.passive_screws
+        set_up_screws(memory, mechanism.structure.screws)
+        columns = mechanism.structure.screws.passive
         sides = len(columns), memory.screw_rows
         memory.resize(passive=len(columns), passive_lesser=min(sides), passive_larger=max(sides))
         memory.passive_column[:] = columns

@@ -112,7 +112,8 @@ class SingularValues:
             blocks.append(
                 np.einsum("lm,bij->blimj", cluster["unmix"], by).reshape(len(x), 6 * len(cluster["unmix"]), -1)
             )
-        blocks.append(np.tile(np.eye(len(self._second["couplings"])), (len(x), 1, 1)))
+        if self._second["couplings"]:
+            blocks.append(np.tile(self._second["unmix"], (len(x), 1, 1)))
         whole, start = np.zeros((len(x), len(self._opening), len(self._opening))), 0
         for block in blocks:
             stop = start + block.shape[1]

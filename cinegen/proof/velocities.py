@@ -132,6 +132,8 @@ class VelocityExporter(Exporter):
         if not structure.passive_rank:
             return None, ""
         screws, clusters = structure.screws, list[dict[str, Any]]()
+        if screws.coupling_rank < couplings:
+            return None, "singular values are not bounded where couplings depend on each other"
         supports = [
             [list(map(int, self._model.supports[j])) for j in anchor[::2]] for anchor in structure.system.anchors
         ]
@@ -155,7 +157,8 @@ class VelocityExporter(Exporter):
                 "length": float(screws.lengths[c]),
                 "about": about,
             })  # fmt: skip
-        return {"clusters": clusters, "couplings": list(range(coupling, coupling + couplings))}, ""
+        unmix = np.linalg.inv(screws.coupling_mix).tolist()
+        return {"clusters": clusters, "couplings": list(range(coupling, coupling + couplings)), "unmix": unmix}, ""
 
 
 def _turned(k: int) -> Any:

@@ -45,14 +45,14 @@ class CountedJacobians(NamedTuple):
 
     Attributes:
         loops: (rows, nv) of all loops.
-        screws: (., nv + cut joints' velocities) screw matrix of all loops (`Mechanism.screw_matrix`).
+        passive: the passive joints' columns in the screw matrix of all loops (`Structure.passive_matrix`).
         cut_rates: velocities of the joints that were cut (`ClosedLoops.cut_rates`).
         node: (6, nv) of a node in the world's axes at its own origin, linear above angular.
         joints: (nv, nv) the joints' own velocities, by those that the columns above belong to.
     """
 
     loops: Array
-    screws: Array
+    passive: Array
     cut_rates: Array
     node: Array
     joints: Array
@@ -100,16 +100,15 @@ def counted(mechanism: Mechanism, q: Array, node: str) -> CountedJacobians:
     system = mechanism.structure.system
     loops = system.evaluate_placed(q)[1]
     return CountedJacobians(
-        loops, mechanism.structure.screws.matrix(system, loops), system.cut_rates(), of_node, joints
+        loops, mechanism.structure.screws.passive_matrix(system, loops), system.cut_rates(), of_node, joints
     )
 
 
-def counted_screws(mechanism: Mechanism, q: Array) -> Array:
-    """Return the screw matrix of all loops and couplings at q (nq,), see `Mechanism.screw_matrix`."""
-    _count(mechanism, mechanism.structure.system.data, q)
-    return mechanism.structure.screws.matrix(
-        mechanism.structure.system, mechanism.structure.system.evaluate_placed(q)[1]
-    )
+def counted_passive(mechanism: Mechanism, q: Array) -> Array:
+    """Return the passive joints' columns in the screw matrix at q (nq,), see `Structure.passive_matrix`."""
+    system = mechanism.structure.system
+    _count(mechanism, system.data, q)
+    return mechanism.structure.screws.passive_matrix(system, system.evaluate_placed(q)[1])
 
 
 def _count(mechanism: Mechanism, data: pin.Data, q: Array) -> list[tuple[list[int], Array]]:

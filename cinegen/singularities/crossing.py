@@ -12,7 +12,7 @@ from cinegen.arrays import Array
 from cinegen.errors import ClosureError
 from cinegen.loops.motions import free_motions, orthonormal
 from cinegen.model import Mechanism
-from cinegen.singularities.ball_joints import counted_screws
+from cinegen.singularities.ball_joints import counted_passive
 from raff2urdf.closure import rank
 
 _SURE = 0.7  # product of the cosines between singular vectors that belong together
@@ -48,11 +48,8 @@ class Crossing(NamedTuple):
 def of_passive_joints(mechanism: Mechanism) -> Rows:
     """Return the passive joints' columns in the loops' screw matrix, a ball joint as one: singular at type 2, where the
     actuated joints lose control."""
-    columns, cut = (
-        mechanism.structure.passive_screws,
-        mechanism.structure.screws.cut if mechanism.structure.passive_rank else 0,
-    )
-    return Rows(lambda q: counted_screws(mechanism, q)[:, columns], mechanism.structure.passive_rank + cut)
+    cut = mechanism.structure.screws.cut if mechanism.structure.passive_rank else 0
+    return Rows(lambda q: counted_passive(mechanism, q), mechanism.structure.passive_rank + cut)
 
 
 def of_end(mechanism: Mechanism) -> Rows:

@@ -293,7 +293,7 @@ def _second(
     if not rank_of_passive + nowhere:
         return np.zeros(0), np.zeros((0, mechanism.model.nv)), _EVER
     count = rank_of_passive + mechanism.structure.screws.cut
-    _, sigma, vt = np.linalg.svd(jacobians.screws[:, mechanism.structure.passive_screws])
+    _, sigma, vt = np.linalg.svd(jacobians.passive)
     values = sigma[:count]
     weakest, known = _weakest(np.append(values, np.zeros(nowhere)), tolerance, within)
     singular = bool(nowhere) or values[-1] <= tolerance  # not distinguishable from DoF that are controlled nowhere

@@ -7,12 +7,17 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 import pytest
+from elementary import ROBOTS
 from loop_openings import pin_screws
 
+import cinegen
+from cinegen.ik.batch import BatchEvaluator
+from cinegen.ik.singular_values import passive_singular_values
 from cinegen.joints import supporting_columns
 from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
 from cinegen.loops.motions import motions_of
 from cinegen.loops.screws import LoopScrews
+from cinegen.singularities import SingularityType, singularity
 from raff2urdf.closure import rank
 from raff2urdf.loops.length import characteristic_length
 from raff2urdf.raff.document import LoopKind
@@ -51,7 +56,7 @@ class Form(NamedTuple):
         return characteristic_length(screws, points, moves)
 
     def loops(self, q: np.ndarray) -> np.ndarray:
-        matrix = LoopScrews(self.system, self.q).matrix(self.system, self.system.evaluate(q)[1])
+        matrix = LoopScrews(self.system, self.q, np.zeros(0, dtype=int)).matrix(self.system, self.system.evaluate(q)[1])
         return np.linalg.svd(matrix, compute_uv=False)
 
     def task(self, q: np.ndarray, body: int, on: int, point: np.ndarray) -> np.ndarray:
@@ -198,3 +203,58 @@ def test_a_four_bar_has_those_of_its_closed_form(robot):
         assert bar.length == pytest.approx(math.sqrt(3.0 * ((home - home.mean(axis=0)) ** 2).sum() / 4.0))
     assert bar.length == pytest.approx(0.36128, abs=5e-6)
     assert bar.loop_singular_values(bar.q_home) == pytest.approx([2.0, 1.8235, 0.8215], abs=5e-5)
+
+
+# --- couplings -------------------------------------------------------------------------------------------------------
+
+# of a 3-4-5 polynomial cam: a rise of 20 mm in 10 degrees
+CAM = "polynomial ( 0 0 0.2 -0.03 0.0012 )"
+LOCKED = {
+    "cam": f"link 2 {{ type 1 pred 0 parameters {{ r 10 }} limits {{ 0 20 }} }} coupling {{ link 2 link 1 {CAM} }}",
+    "gears": """link 2 { type 2 pred 0 } coupling { link 2 link 1 ratio 0.0001 }
+        link 3 { type 2 pred 0 } coupling { link 3 link 1 ratio 1 }""",
+    "train": """link 2 { type 2 pred 0 } coupling { link 2 link 1 ratio 50 }
+        link 3 { type 2 pred 0 } coupling { link 3 link 2 ratio 50 }""",
+    "screw": """link 2 { type 1 pred 0 } coupling { link 2 link 1 lead 20 }
+        link 3 { type 2 pred 2 } coupling { link 3 link 1 ratio 0.5 link 2 radius 1 }""",
+}
+
+
+@pytest.mark.parametrize("name", LOCKED)
+def test_a_locked_joint_holds_its_followers_whatever_the_ratios_are(raff, name):
+    """No follower moves, as each is a function of the locked joint: the passive motions are mapped to themselves."""
+    motor = "link 1 { type 2 pred 0 parameters { theta 5 } limits { 0 10 } actuated 1 }"
+    mechanism = raff(f'robot r {{ {motor} {LOCKED[name]} frame 9 {{ name "tool" pred 2 parameters {{ d 50 }} }} }}')
+    state = singularity(mechanism, mechanism.q_home)
+    assert state.near is not SingularityType.TYPE_2
+    assert state.second == pytest.approx(np.ones(len(mechanism.couplings)))
+
+
+@pytest.mark.parametrize("ratio", [1.0, 100.0])
+def test_shafts_between_gears_do_not_matter(robot, ratio):
+    """The crank of a four-bar is held by a motor: directly, or by wheels on shafts."""
+    text = (ROBOTS / "four_bar.raff").read_text().replace("actuated 1", "")
+    shafts = f"""
+        link 11 {{ type 2 pred 0 actuated 1 }} link 12 {{ type 2 pred 0 }}
+        coupling {{ link 12 link 11 ratio {ratio} }} coupling {{ link 1 link 12 ratio {ratio} offset 50 }}
+        frame 4"""
+    mechanism, bar = cinegen.load(text.replace("frame 4", shafts, 1)), robot("four_bar")
+    loop = bar.screw_matrix(bar.q_home)
+    held = np.linalg.svd(np.vstack([loop, np.eye(1, loop.shape[1], bar.v_index("joint1"))]), compute_uv=False)
+    assert passive_singular_values(mechanism, mechanism.q_home)[-1] == pytest.approx(held[3], abs=1e-7)
+
+
+def test_a_cam_that_is_driven_by_its_follower_is_singular_where_that_dwells(raff):
+    """The slope is 16 x^2 (1 - x)^2 of the steepest one, at the part x of the rise."""
+    mechanism = raff(
+        f"robot r {{ link 1 {{ type 2 pred 0 parameters {{ theta 5 }} limits {{ 0 10 }} }} link 2 {{ type 1 pred 0 "
+        f"parameters {{ r 10 }} limits {{ 0 20 }} actuated 1 }} coupling {{ link 2 link 1 {CAM} }} }}"
+    )
+    x = np.linspace(0.05, 0.95, 7)
+    q = np.array([mechanism.configuration({"joint1": np.radians(10.0 * a)}) for a in x])
+    q[:, mechanism.q_index("joint2")] = 0.02 * (10.0 * x**3 - 15.0 * x**4 + 6.0 * x**5)
+    expected = 16.0 * x**2 * (1.0 - x) ** 2
+    compiled = BatchEvaluator(mechanism, mechanism.end, passive_sigma=True).at(q)
+    assert compiled.closure == pytest.approx(np.zeros(7), abs=1e-12)
+    assert compiled.passive_sigma == pytest.approx(expected, rel=1e-9)
+    assert [singularity(mechanism, each).second[-1] for each in q] == pytest.approx(expected, rel=1e-9)

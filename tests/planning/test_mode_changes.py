@@ -86,7 +86,7 @@ def test_a_mode_is_changed_without_a_singularity_also_with_a_leg_locked(root):
     assert np.ptp(change.plan.path[:, mechanism.q_index(LEGS[0])]) < 1e-12
     assert change.crossed == ()
     structure = mechanism.structure
-    matrices = [mechanism.screw_matrix(q)[:, structure.passive_screws] for q in dense(mechanism, change.plan.path)]
+    matrices = [structure.passive_matrix(q) for q in dense(mechanism, change.plan.path)]
     sigmas = np.linalg.svd(matrices, compute_uv=False)[:, structure.passive_rank + structure.screws.cut - 1]
     assert 0.5 * NEAR_SINGULAR < change.sigma_bound <= min(sigmas)
     assert change.sigma >= NEAR_SINGULAR

@@ -171,11 +171,13 @@ class LoopMemory(Memory):
 
     # their screw matrix (`cinegen.loops.screws`), where it is needed
     screwed: int = parameter(0)  # loops, or 0 where it is not needed
+    mixed: int = parameter(0)  # couplings, or 0 likewise
     screw_rows: int = parameter(0)
     screw_columns: int = parameter(0)  # n + cut
     screw_clusters: int = parameter(0)
     axis_points: int = parameter(0)
     screw_mix: Array = array("screwed", "screwed")
+    coupling_mix: Array = array("mixed", "mixed")
     screw_cluster: Table = array("screwed", dtype=int)
     screw_length: Array = array("screw_clusters")
     screw_centre: Array = array("screw_clusters", 3)

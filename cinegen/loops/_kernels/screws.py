@@ -10,14 +10,17 @@ from cinegen.loops._kernels.residual import BALL, PRISMATIC, REVOLUTE
 
 @compiled
 def find_screws(memory: LoopMemory) -> None:
-    """Compute `screw_matrix` from the joints' frames; rows of couplings are those of `jacobian`."""
-    matrix, couplings = memory.screw_matrix, memory.couplings
+    """Compute `screw_matrix` from the joints' frames; rows of couplings are those of `jacobian`, mixed for the columns
+    of the passive joints."""
+    matrix, first = memory.screw_matrix, memory.rows - memory.couplings
     for i in range(memory.screw_rows):
         for k in range(memory.screw_columns):
             matrix[i, k] = 0.0
-    for i in range(couplings):
-        for k in range(memory.n):
-            matrix[6 * memory.loops + i, k] = memory.jacobian[memory.rows - couplings + i, k]
+    for i in range(memory.couplings):
+        for j in range(memory.couplings):
+            mix = memory.coupling_mix[i, j]
+            for k in range(memory.n):
+                matrix[6 * memory.loops + i, k] += mix * memory.jacobian[first + j, k]
     _find_centres(memory)
     for loop in range(memory.loops):
         centre = memory.screw_centre[memory.screw_cluster[loop]]

@@ -116,8 +116,8 @@ def _kept(tube: Tube, opening: list[int]) -> list[int]:
 
 
 def _by_opening(tube: Tube, second: Mapping[str, Any], count: int) -> tuple[arb_mat, arb]:
-    """Return the openings of loops by dimensionless, mixed ones about the centres of the clusters' axes, and what
-    factor bounds how these centres move."""
+    """Return the openings of loops by dimensionless, mixed ones about the centres of the clusters' axes, and those of
+    couplings by mixed ones; and what factor bounds how these centres move."""
     values, by, stretch, start = tube.wide(tube.along, tube.near), identity(count), arb(1), 0
     for cluster in second["clusters"]:
         length, about = arb(cluster["length"]), [arb(0)] * 3
@@ -137,4 +137,7 @@ def _by_opening(tube: Tube, second: Mapping[str, Any], count: int) -> tuple[arb_
                     for j in range(6):
                         by[start + 6 * a + i, start + 6 * b + j] = block[i, j] * arb(factor, tube.robot.data["radius"])
         start += 6 * len(cluster["unmix"])
+    for a, row in enumerate(second["unmix"]):
+        for b, factor in enumerate(row):
+            by[start + a, start + b] = arb(factor, tube.robot.data["radius"])
     return by, stretch
