@@ -150,3 +150,16 @@ def _converted(value: Any, kind: Any) -> Array:
 
 
 _ENCODER = msgspec.json.Encoder(enc_hook=_encoded)
+
+
+def unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return a table of JSON; the `object_pairs_hook` of `json.loads`.
+
+    Raises:
+        ValueError: a key occurs twice.
+    """
+    table = dict(pairs)
+    if len(table) < len(pairs):
+        keys = [key for key, _ in pairs]
+        raise ValueError(f"key '{next(key for key in keys if keys.count(key) > 1)}' occurs twice in a table")
+    return table

@@ -63,13 +63,16 @@ def generate(
         texts by file names.
 
     Raises:
-        GenerationError: a name is no identifier, or a task is not written as above.
+        GenerationError: a name is no identifier, a task is not written as above, or no joint is actuated.
         CinegenError: dt is not positive, a node is unknown, there are more than six tasks, or the mechanism has joints
             that the kernels don't know.
     """
     name = identifier(name or re.sub(r"\W", "_", mechanism.name))
     if not re.fullmatch(r"[A-Za-z_]\w*", name):
         raise GenerationError(f"'{name}' is no name in C and JavaScript: give another one")
+    if not mechanism.actuated:
+        named = "; --actuated JOINTS (in Python load(..., actuated=[...])) names some" if mechanism.mobility else ""
+        raise GenerationError(f"{mechanism.name} has no actuated joints, which generated code moves{named}")
     solver = Solver(mechanism, dt)
     for task in tasks or (mechanism.end,):
         node, _, what = task.partition(":")

@@ -20,6 +20,7 @@ from cinegen.collision.scene_table import SceneTable, read_each
 from cinegen.errors import read_all
 from cinegen.model import Mechanism
 from cinegen.model.plausible import FAR
+from cinegen.typed_json import unique_keys
 from raff2urdf.errors import RaffError, raised_as
 from raff2urdf.files import STANDARD, stem_of
 from raff2urdf.quantities import NUMBER
@@ -290,16 +291,8 @@ def _toml(text: str, path: Path) -> Any:
 
 def _json(text: str, path: Path) -> Any:
     try:
-        return json.loads(text, object_pairs_hook=_unique)
+        return json.loads(text, object_pairs_hook=unique_keys)
     except json.JSONDecodeError as error:
         raise SceneError(f"{path}:{error.lineno}:{error.colno}: invalid JSON: {error.msg}") from None
     except (ValueError, RecursionError) as error:
         raise SceneError(f"{path}: invalid JSON: {error}") from None
-
-
-def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    table = dict(pairs)
-    if len(table) < len(pairs):
-        keys = [key for key, _ in pairs]
-        raise ValueError(f"key '{next(key for key in keys if keys.count(key) > 1)}' occurs twice in a table")
-    return table

@@ -5,9 +5,8 @@ it have reached:
 
     T = Rz(gamma) Tz(epsilon) Rx(alpha) Tx(d) Rz(theta) Tz(r)
 
-so each is a frozen joint. A joint's own variable is one of them, too: with value 0 it is the joint as written, with
-another one the joint with an offset of its encoder. Play of a joint is up to six more motions, along and about the axes
-of the joint's frame, between its placement and its variable.
+so each is a frozen joint. A joint's own variable is none of them: it offsets the joint. Play of a joint is up to six
+more motions, along and about the axes of the joint's frame, between its placement and its variable.
 """
 
 from __future__ import annotations
@@ -56,7 +55,8 @@ class Chains:
     """All chains of a mechanism.
 
     Attributes:
-        values: of all motions in the file: those of `Parameters.all`, then of play (0); a joint's own variable is 0.
+        values: of all motions in the file: those of `Parameters.all`, then of play (0); joints' own variables are in no
+            chain.
         joints: chains of all joints of the model but the world, by their indices, on their parents.
         nodes: of all nodes, by name.
         ends: of both ends of each loop.
@@ -97,7 +97,7 @@ class _Builder:
     def __init__(self, parameters: Parameters, play: Sequence[tuple[str, str]]) -> None:
         mechanism, robot = parameters.mechanism, parameters.robot
         self._mechanism, self._model, self._document = mechanism, mechanism.model, parameters.document
-        values = [0.0 if parameter.joint else parameter.value for parameter in parameters.all]
+        values = [parameter.value for parameter in parameters.all]
         kinds = [KINDS[parameter.word] for parameter in parameters.all]
         play_kinds = [_kind(component) for _, component in play]
         self.chains = Chains(np.array([*values, *(0.0 for _ in play)]), kinds + play_kinds)
@@ -205,8 +205,7 @@ def _slots(parameters: Parameters, links: RaffRobot) -> dict[tuple[int, str], in
     """Return where a chain takes its values from: the index of a parameter, by number of a part and word of a column.
 
     A universal, cylindrical or ball joint is one row of RAFF, but several successive links of the expanded robot, of
-    which the last has the row's number. A parameter of such a row belongs to the link that has its joint, else to the
-    first.
+    which the last has the row's number. The parameters of such a row belong to the first.
 
     Args:
         parameters: of a robot as its file has it.
@@ -217,9 +216,10 @@ def _slots(parameters: Parameters, links: RaffRobot) -> dict[tuple[int, str], in
     for i, parameter in enumerate(parameters.all):
         node, number = parameters.robot.nodes[parameter.node], parameter.node
         if isinstance(node, RaffLink) and node.compound is not None:
-            while parts[number].pred != node.pred and parts[number].joint != parameter.joint:
+            while parts[number].pred != node.pred:
                 number = parts[number].pred
-        slots[number, parameter.word] = i
+        if not parameter.joint:
+            slots[number, parameter.word] = i
     return slots
 
 

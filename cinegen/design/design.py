@@ -6,6 +6,10 @@ With the singular value decomposition U S V^T of the columns C_m of the joints t
     dq / dp = -V_r S_r^-1 U_r^T C_p ,    dX / dp = X_p + X_m dq / dp ,    opens = C_p - U_r U_r^T C_p .
 
 `opens` is what the loops can't take up: a mechanism with such an error can't be assembled without force.
+
+q are the readings of encoders. The joints are at x = q + D p, with the offsets D p of their own variables, and loops
+and couplings hold there: C(q, p) = c(q + D p, p). So the column of an own variable is that of its joint, c_x D and
+X_x D, and a follower follows where its leaders are, not what their encoders read.
 """
 
 from __future__ import annotations
@@ -75,8 +79,15 @@ class Design(OneThread):
         self._matrix = np.zeros((motions, len(self.names)))  # of all motions by the columns
         self._matrix[: len(parameters.all), : len(parameters)] = parameters.ties.matrix
         self._matrix[len(parameters.all) :, len(parameters) :] = np.eye(len(self.play))
-        variables = np.array([parameter.value if parameter.joint else 0.0 for parameter in parameters.all])
-        self._constant = np.append(parameters.ties.constant - variables, np.zeros(len(self.play)))
+        self._constant = np.append(parameters.ties.constant, np.zeros(len(self.play)))
+        own = {i: parameter for i, parameter in enumerate(parameters.all) if parameter.joint}
+        self._own_q = [mechanism.q_index(parameter.joint) for parameter in own.values()]
+        self._own_constant = self._constant[[*own]] - [parameter.value for parameter in own.values()]
+        self._own_matrix = self._matrix[[*own]]
+        self._matrix[[*own]] = 0.0
+        self._constant[[*own]] = 0.0
+        self._by_offsets = np.zeros((mechanism.model.nv, len(self.names)))  # D
+        self._by_offsets[[mechanism.v_index(parameter.joint) for parameter in own.values()]] = self._own_matrix
         self._memory = self._set_up(chains)
         self._run = start(evaluate_designs, DesignMemory, install=partial(setattr, self, "_run"))
         system = mechanism.structure.system
@@ -117,7 +128,7 @@ class Design(OneThread):
         """
         values, starts = self._pairs(p, q)
         count = len(values)
-        parts, memory = list[list[Array]](), self._memory
+        parts, memory, offsets = list[list[Array]](), self._memory, self.offsets(values)
         memory.is_exact, memory.most = int(not near), 12 if near else 100
         motions = values @ self._matrix.T + self._constant
         for first in range(0, count, _BATCH):
@@ -125,12 +136,20 @@ class Design(OneThread):
             size = rows.stop - rows.start
             memory.resize(count=size, detailed=size if derivatives else 0)
             memory.point_at("values", np.ascontiguousarray(motions[rows]))
-            memory.point_at("starts", np.ascontiguousarray(starts[rows]))
+            memory.point_at("starts", np.ascontiguousarray(starts[rows] + offsets[rows]))
             for name in _RESULTS:
                 memory.point_at(name, np.zeros(memory.shape(name)))
             self._run(memory.handle)
             parts.append([getattr(memory, name) for name in _RESULTS])
-        return DesignEvaluation(self, values, *map(np.concatenate, zip(*parts, strict=True)))
+        at, *results = map(np.concatenate, zip(*parts, strict=True))
+        return DesignEvaluation(self, values, at - offsets, *results)
+
+    def offsets(self, values: Array) -> Array:
+        """Return how far the joints (count, nq) are beyond their encoders' readings, rad and m, at values (count,
+        columns)."""
+        offsets = np.zeros((len(values), self.mechanism.model.nq))
+        offsets[:, self._own_q] = values @ self._own_matrix.T + self._own_constant
+        return offsets
 
     def close(self, p: ArrayLike, q: ArrayLike | None = None) -> Array:
         """Return the closed configuration (nq,) at values of the parameters (columns,), near q (nq,), home by default,

@@ -30,7 +30,7 @@ class DesignEvaluation:
     Attributes:
         design: the design.
         p: (count, columns) values, m and rad.
-        q: (count, nq) closed configurations.
+        q: (count, nq) closed configurations, as encoders read them.
         gap: (count,) largest residual of the loops, rad or characteristic lengths.
         poses: (count, nodes, 4, 3) three axes and the origin of each node; see `placements`.
         all_screws: (count, nv, 6) joints' columns: velocity of the point at the world's origin, angular velocity.
@@ -84,7 +84,7 @@ class DesignEvaluation:
             twists = self.motion_screws[:, used] * (second - first)[used, None]
             by_motion = self.maps[:, rows] @ np.swapaxes(twists, 1, 2)
             derivative[:, rows] = by_motion @ design._matrix[used]
-        return derivative
+        return np.asarray(derivative + self.loop_joints @ design._by_offsets)
 
     @cached_property
     def _decomposed(self) -> tuple[Array, Array, Array]:
@@ -142,9 +142,10 @@ class DesignEvaluation:
         return np.asarray(self.design._joints_before[self.design._chains.nodes[self._name(node)].joint])
 
     def node_parameters(self, node: str, axes: str = "node") -> Array:
-        """Return the derivative (count, 6, columns) of a node's pose by the parameters, all joints at rest."""
+        """Return the derivative (count, 6, columns) of a node's pose by the parameters, all readings at rest."""
         before = self.design._before_node[self._name(node)]
-        return self._seen(node, self.motion_screws * before[:, None], axes) @ self.design._matrix
+        by_motions = self._seen(node, self.motion_screws * before[:, None], axes) @ self.design._matrix
+        return np.asarray(by_motions + self.node_joints(node, axes) @ self.design._by_offsets)
 
     def pose_derivative(self, node: str, axes: str = "node") -> Array:
         """Return the derivative (count, 6, columns) of a node's pose by the parameters, with closed loops and the fixed
@@ -214,10 +215,15 @@ class DesignEvaluation:
 
     def _twists(self, joints: Array, before: Array) -> Array:
         """Return the twists (count, columns, ., 6) of bodies behind joints (., nv) and motions (., motions)."""
-        by_joints = np.swapaxes(self.joint_derivative, 1, 2)[:, :, None] * joints  # (count, columns, ., nv)
+        by_joints = self._joint_motion[:, :, None] * joints  # (count, columns, ., nv)
         by_motions = self.design._matrix.T[:, None] * before  # (columns, ., motions)
         moved = by_joints @ self.all_screws[:, None] + by_motions @ self.motion_screws[:, None]
         return np.asarray(moved)
+
+    @cached_property
+    def _joint_motion(self) -> Array:
+        """(count, columns, nv) motion of the joints, readings and offsets, by the parameters, loops closed."""
+        return np.swapaxes(self.joint_derivative + self.design._by_offsets, 1, 2)
 
     @cached_property
     def _bodies(self) -> Array:
@@ -241,12 +247,8 @@ class DesignEvaluation:
 
     def _loop_derivative(self) -> Array:
         """Return the derivative (count, columns, rows, nv) of `loop_joints` along closed loops."""
-        design, system, motion = (
-            self.design,
-            self.design.mechanism.structure.system,
-            np.swapaxes(self.joint_derivative, 1, 2),
-        )
-        screws = self.all_screws[:, None]
+        design, system, motion = self.design, self.design.mechanism.structure.system, self._joint_motion
+        screws, at = self.all_screws[:, None], self.q + design.offsets(self.p)
         derivative = np.zeros((len(self), len(design.names), system.rows, screws.shape[2]))
         if len(system.loops):
             first = self._twists(design._joints_before_ends[:, 0], design._before_ends[:, 0])
@@ -257,7 +259,7 @@ class DesignEvaluation:
         row = system.rows - len(system.couplings)
         for coupling, size in zip(system.couplings, system.coupling_sizes, strict=True):
             for name, coefficients in coupling.terms.items():
-                v, x = design.mechanism.v_index(name), self.q[:, design.mechanism.q_index(name)]
+                v, x = design.mechanism.v_index(name), at[:, design.mechanism.q_index(name)]
                 second = sum(k * (k - 1) * c * x ** (k - 2) for k, c in enumerate(coefficients, 1) if k > 1)
                 derivative[:, :, row, v] = np.broadcast_to(second, len(self))[:, None] / size * motion[:, :, v]
             row += 1

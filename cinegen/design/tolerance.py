@@ -223,9 +223,10 @@ class Tolerances:
 
     def _forced(self, evaluation: DesignEvaluation, closing: Sequence[ToleranceSource]) -> Forced:
         mechanism = self.design.mechanism
-        units, angular = mechanism._loop_units, np.zeros(len(mechanism._loop_units), dtype=bool)
-        components = [component for loop in mechanism.loops for component in loop.components]
-        angular[: len(components)] = ["r" in component for component in components]
+        units = mechanism._loop_units
+        turns = ["r" in component for loop in mechanism.loops for component in loop.components]
+        turns += [not mechanism.is_prismatic(coupling.follower) for coupling in mechanism.couplings]
+        angular = np.array(turns, dtype=bool)
         others = [source for source in self.sources if source not in closing]
         gaps = np.zeros((len(others), len(units)))
         for row, source in zip(gaps, others, strict=True):

@@ -11,6 +11,7 @@ from cinegen.errors import CinegenError, warn
 from cinegen.model import ForwardKinematics, Mechanism
 from cinegen.model.plausible import ImplausibleError, check_joint
 from cinegen.tolerances import CLOSURE
+from cinegen.typed_json import unique_keys
 from raff2urdf.errors import raised_as
 
 _CHUNK = 1 << 16  # bytes read at once
@@ -99,12 +100,12 @@ class _NoValuesError(Exception):
 
 def _values(line: str) -> dict[str, float]:
     try:
-        values = json.loads(line)
+        values = json.loads(line, object_pairs_hook=unique_keys)
     except json.JSONDecodeError as error:
         if not line.strip():
             return {}
         raise _NoValuesError(f"invalid JSON: {error.msg.lower()} in column {error.colno}") from None
-    except (ValueError, RecursionError) as error:  # numbers without end, brackets without end
+    except (ValueError, RecursionError) as error:  # numbers without end, brackets without end, a joint twice
         raise _NoValuesError(f"invalid JSON: {error}") from None
     if not isinstance(values, dict):
         raise _NoValuesError('not an object of joints and values, such as {"joint1": 0.1}')

@@ -149,7 +149,7 @@ class Forces:
     @property
     def _holding(self) -> str:
         if self.singularity is None:
-            return "the actuated joints hold the load"
+            return f"{'the actuated joints' if self.mechanism.actuated else 'its bodies'} hold the load"
         near, value = self.singularity, f"smallest singular value {self.singular_value:.2g}"
         moves, is_at = near.uncontrolled, not self.is_held or self.singular_value <= SINGULAR
         can, cannot = ("can", "can't") if is_at else ("can nearly", "can hardly")

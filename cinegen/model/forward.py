@@ -254,9 +254,10 @@ class ForwardKinematics(OneThread):
         at = ", ".join(
             f"{joint} at {end[i]:.6g} {self._unit(joint)}" for i, joint in enumerate(self._actuated) if moves[i] != 0.0
         )
+        where = "with" if self._memory.is_proved else "past"  # steps that are not proved are not shortened up to it
         return LimitError(
             name,
-            f"{name} would pass its limit {limit:.6g} {self._unit(name)}, as it follows, with {at} "
+            f"{name} would pass its limit {limit:.6g} {self._unit(name)}, as it follows, {where} {at} "
             f"({100.0 * part:.3g} % of the motion): nothing moves",
         )
 

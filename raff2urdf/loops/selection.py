@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +12,9 @@ from raff2urdf.closure import passive, rank
 
 _CLEAR = 1e-3
 """Part of a column that must remain beside those chosen before, at all configurations."""
+
+_FOLLOWS = 1e-9
+"""The same of a joint that follows others: its coupling determines it, however large the coefficients of these are."""
 
 
 class Candidate(NamedTuple):
@@ -61,13 +64,14 @@ def determined(jacobians: Sequence[Array], candidates: Sequence[Candidate], comp
 
     names = {joint.column: joint.name for joint in candidates}
     order = [*compound, *(joint.column for joint in sorted(reversed(candidates), key=preference))]
-    first = [] if stated else _clearly_independent(jacobians, order)
+    margins = {joint.column: _FOLLOWS for joint in candidates if joint.follows}
+    first = [] if stated else _clearly_independent(jacobians, order, margins)
     chosen = passive(jacobians[-1], [*first, *(column for column in order if column not in first)])
     return [names[column] for column in chosen if column in names]
 
 
-def _clearly_independent(jacobians: Sequence[Array], order: Sequence[int]) -> list[int]:
-    """Return columns that are independent at all configurations by a clear margin, those earlier in `order` first."""
+def _clearly_independent(jacobians: Sequence[Array], order: Sequence[int], margins: Mapping[int, float]) -> list[int]:
+    """Return columns that are independent at all configurations by their margin, those earlier in `order` first."""
     most = rank(jacobians[-1])
     bases = [np.zeros((len(jacobian), 0)) for jacobian in jacobians]
     chosen: list[int] = []
@@ -77,7 +81,7 @@ def _clearly_independent(jacobians: Sequence[Array], order: Sequence[int]) -> li
         rests = [_remainder(jacobian[:, column], basis) for jacobian, basis in zip(jacobians, bases, strict=True)]
         sizes = [float(np.linalg.norm(rest)) for rest in rests]
         wholes = [float(np.linalg.norm(jacobian[:, column])) for jacobian in jacobians]
-        if all(size > _CLEAR * whole > 0.0 for size, whole in zip(sizes, wholes, strict=True)):
+        if all(size > margins.get(column, _CLEAR) * whole > 0.0 for size, whole in zip(sizes, wholes, strict=True)):
             chosen.append(column)
             parts = zip(bases, rests, sizes, strict=True)
             bases = [np.column_stack([basis, rest / size]) for basis, rest, size in parts]

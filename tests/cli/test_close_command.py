@@ -112,10 +112,12 @@ def test_limits_are_kept_of_joints_that_follow_too(filtered, tmp_path):
 <joint name="follower" type="revolute"><parent link="b"/><child link="c"/><axis xyz="0 0 1"/>
 <limit lower="-1" upper="1" effort="1" velocity="1"/><mimic joint="drive" multiplier="2"/></joint></robot>"""
     (tmp_path / "gear.urdf").write_text(mimic)
-    said = filtered('{"drive": 0.5}\n{"drive": 0.6}\n{}\n', str(tmp_path / "gear.urdf"))
+    lines = '{"drive": 0.5}\n{"drive": 0.6}\n{}\n{"drive": 0.1, "drive": 0.2}\n'
+    said = filtered(lines, str(tmp_path / "gear.urdf"))
     assert said[0] == said[2] == {"drive": 0.5, "follower": 1.0}
     passed = "follower would pass its limit 1 rad, as it follows, with drive at 0.5 rad (0 % of the motion)"
     assert said[1] == {"error": f"{passed}: nothing moves"}
+    assert said[3] == {"error": "invalid JSON: key 'drive' occurs twice in a table"}
 
 
 def test_degrees_and_millimetres_are_no_radians_and_metres(filtered):

@@ -37,6 +37,18 @@ def test_velocities_are_in_degrees_and_the_power_is_printed(typed):
     assert "note: forces leave out the masses of link1, link2, link3\n" in text
 
 
+def test_what_cannot_move_holds_itself(typed, text_file):
+    truss = """RAFF truss
+robot truss {
+  link 1 { parameters { theta 60 } type 2 pred 0 inertial { mass 1 } }
+  frame 2 { parameters { d 100 } pred 1 }
+  link 3 { parameters { d 100 theta 120 } type 2 pred 0 inertial { mass 1 } }
+  frame 4 { parameters { d 100 } pred 3 }
+  constraint { frame 2 frame 4 type 2 }
+}"""
+    assert "truss: its bodies hold the load" in typed(str(text_file("truss.raff", truss)))
+
+
 def test_torques_along_a_recorded_motion(typed, printed):
     """Three times the mass needs three times the torque, at the same times."""
     printed("plan", "disc", "-o", "run.jsonl")

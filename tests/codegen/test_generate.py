@@ -154,6 +154,8 @@ def test_several_tasks_and_positions(robot, tmp_path):
 def test_what_cannot_be_generated_is_named(robot, settings, message):
     with pytest.raises(cinegen.CinegenError, match=message):
         generate(robot("arm7"), Language.C, **settings)
+    with pytest.raises(GenerationError, match=r"no actuated joints, .*; --actuated JOINTS .* names some"):
+        generate(cinegen.load(urdf(links=("a", "b"), joints=("c",)), actuated=[]), Language.C)
     assert issubclass(GenerationError, cinegen.CinegenError)
 
 

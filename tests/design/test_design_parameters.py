@@ -199,6 +199,14 @@ def test_designs_go_to_other_processes():
 
 FEW = ["arm7", "delta4", "sr400", "differential_wrist"]
 RSSR = raff2urdf.loads(rssr())  # a loop with a ball joint
+CAM = """RAFF cam
+robot cam {
+  link 1 { parameters { theta 20 } type 2 pred 0 actuated 1 limits { 0 60 } }
+  link 2 { parameters { alpha 30 d 50 theta 24 } type 2 pred 1 limits { 0 60 } }
+  frame 3 { parameters { d 40 r 10 } pred 2 }
+  coupling { link 2 link 1 polynomial ( 0.2 0.06 -0.0005 ) }
+}
+"""
 STEPS = np.array([1.0, -1.0, 2.0, -2.0, 3.0, -3.0])
 WEIGHTS = np.array([45.0, -45.0, -9.0, 9.0, 1.0, -1.0]) / 60.0  # of a sixth-order difference
 
@@ -370,3 +378,31 @@ def test_own_variables_are_offsets_of_encoders(seed: int):
         mechanism.jacobian(mechanism.q_home, node)[:, mechanism.v_index(variable.joint)],
         atol=1e-12,
     )
+
+
+@pytest.mark.parametrize("name", ["five_bar", "differential_wrist", "belt_five_bar", "cam"])
+def test_encoders_move_what_follows(name: str) -> None:
+    """An offset of an actuated joint's encoder is a motion of this joint; loops and couplings are closed after it."""
+    robot = raff2urdf.loads(CAM) if name == "cam" else name
+    whole = Parameters(robot)
+    parameters = Parameters(robot, [whole.own_variable(joint).name for joint in whole.mechanism.actuated])
+    design, mechanism = Design(parameters), parameters.mechanism
+    at_q, node, step = design.evaluate(q=mechanism.random_closed(1, 5)[-1]), mechanism.end, 1e-3
+    by_p = at_q.amplification_derivative(node)[0]
+    torques_by = holding_torques(at_q, {node: WRENCH}, massless=True)[1][0]
+    dynamics = InverseDynamics(mechanism, [Payload(node, wrench=tuple(WRENCH))], massless=True)
+    nominal = mechanism.placement(at_q.q[0], node)
+    for k, joint in enumerate(parameter.joint for parameter in parameters.free):
+        moved = [at_q.q[0].copy() for _ in STEPS]
+        for q, size in zip(moved, STEPS, strict=True):
+            q[mechanism.q_index(joint)] += size * step
+        moved = [mechanism.close(q, design.fixed) for q in moved]
+        poses = [pin.log6(nominal.actInv(mechanism.placement(q, node))).vector for q in moved]
+        np.testing.assert_allclose(at_q.pose_derivative(node)[0, :, k], difference(poses, step), atol=1e-8)
+        jacobians = [jacobian_by(mechanism, q, node, design.fixed) for q in moved]
+        np.testing.assert_allclose(by_p[..., k], difference(jacobians, step), atol=1e-8)
+        held = [dynamics.torques(q) for q in moved]
+        np.testing.assert_allclose(torques_by[:, k], difference(held, step), atol=1e-7)
+        passive = [v for v in range(mechanism.model.nv) if v in design.moving]
+        changed = [mechanism.difference(at_q.q[0], q)[passive] for q in moved]
+        np.testing.assert_allclose(at_q.joint_derivative[0, passive, k], difference(changed, step), atol=1e-8)

@@ -52,16 +52,20 @@ def test_a_2r_arm(two_r):
 
 
 def coupler_point(a, b, c, g, e, slant, angle):
-    """Return the coupler point of a four-bar, in closed form: the joint between coupler and rocker is where two circles
-    intersect. For complex lengths, too."""
+    """Return the coupler point of a four-bar, in closed form. For complex lengths, too."""
     ax, ay = a * np.cos(angle), a * np.sin(angle)
-    dx, dy = g - ax, -ay
+    bx, by = towards_the_pin(g - ax, -ay, b, c)  # direction of the coupler
+    c, s = e * np.cos(slant), e * np.sin(slant)
+    return np.array([ax + c * bx - s * by, ay + s * bx + c * by])
+
+
+def towards_the_pin(dx, dy, b, c):
+    """Return the direction of a bar of length b, whose end a pin joins to that of a bar of length c, which begins
+    (dx, dy) from it: two circles intersect there."""
     square = dx * dx + dy * dy
     along = (square + b * b - c * c) / (2.0 * square)
     across = np.sqrt(b * b / square - along * along)
-    bx, by = (along * dx - across * dy) / b, (along * dy + across * dx) / b  # direction of the coupler
-    c, s = e * np.cos(slant), e * np.sin(slant)
-    return np.array([ax + c * bx - s * by, ay + s * bx + c * by])
+    return (along * dx - across * dy) / b, (along * dy + across * dx) / b
 
 
 def test_a_four_bar(bars):
@@ -82,6 +86,72 @@ def test_a_four_bar(bars):
     share = {source.name: part for source, part in report.contributors()}
     total = ((jacobian * deviation) ** 2).sum()
     np.testing.assert_allclose(share["frame6.gamma"], ((jacobian[:, 5] * deviation[5]) ** 2).sum() / total, rtol=1e-8)
+
+
+DRIVE = "link 1 { parameters { theta %s } type 2 pred 0 actuated 1 }"
+SLIDE = 'link 2 { parameters { alpha 30 r %s } type 1 pred 0 } frame 3 { name "tool" parameters { d 40 } pred 2 }'
+SCREW = f"{DRIVE % 20} {SLIDE % 12.277778} coupling {{ link 2 link 1 lead 5 offset 12 }}"
+CAM = f"{DRIVE % 20} {SLIDE % 7.2} coupling {{ link 2 link 1 polynomial ( 0.2 0.01 -0.0001 ) }}"
+GEARED_FIVE_BAR = f"""{DRIVE % 60} link 2 {{ parameters {{ d 100 theta -21.3 }} type 2 pred 1 }}
+  link 4 {{ parameters {{ d 150 theta 120 }} type 2 pred 0 }} link 5 {{ parameters {{ d 80 theta -68 }} type 2 pred 4 }}
+  frame 3 {{ name "tool" parameters {{ d 250 }} pred 2 }} frame 6 {{ parameters {{ d 220 }} pred 5 }}
+  constraint {{ frame 3 frame 6 type 2 }} coupling {{ link 4 link 1 ratio -2 offset 240 }}"""
+
+
+def on_the_slide(lift):
+    return np.array([0.04 + 0.0 * lift, -0.5 * lift, math.sqrt(0.75) * lift])
+
+
+def screw_driven(angle):
+    return on_the_slide(0.012 + 0.005 * angle / math.tau)
+
+
+def cam_driven(angle):
+    x = np.degrees(1.0) * angle
+    return on_the_slide(1e-3 * (0.2 * x + 0.01 * x**2 - 1e-4 * x**3))
+
+
+def gear_driven(angle, outer=0.25):
+    other = 4.0 / 3.0 * math.pi - 2.0 * angle
+    ax, ay = 0.1 * np.cos(angle), 0.1 * np.sin(angle)
+    bx, by = towards_the_pin(0.15 + 0.08 * np.cos(other) - ax, 0.08 * np.sin(other) - ay, outer, 0.22)
+    return np.array([ax + outer * bx, ay + outer * by, 0.0 * angle])
+
+
+@pytest.mark.parametrize(("robot", "moved"), [(SCREW, screw_driven), (CAM, cam_driven), (GEARED_FIVE_BAR, gear_driven)])
+def test_couplings_pass_on_errors_of_encoders(tmp_path, robot, moved):
+    """By couplings alone, and together with a loop; to second order, and in samples."""
+    (tmp_path / "coupled.raff").write_text(f"RAFF coupled\nrobot coupled {{ {robot} }}")
+    report = tolerance(tmp_path / "coupled.raff", encoder={"joint1": "0.1deg"}, node="tool", samples=2000)
+    sigma, angle, step = math.radians(0.1), report.q[0], 1e-3
+    slope = moved(angle + 1e-30j).imag / 1e-30
+    bend = (moved(angle + step) - 2.0 * moved(angle) + moved(angle - step)) / step**2
+    np.testing.assert_allclose(report.pose[:3, 3], moved(angle), atol=1e-12)
+    np.testing.assert_allclose(report.covariance[:3, :3], sigma**2 * np.outer(slope, slope), rtol=1e-9, atol=1e-20)
+    np.testing.assert_allclose(report.second_order[:3], 4.5 * sigma**2 * np.abs(bend), rtol=1e-3, atol=1e-12)
+    np.testing.assert_allclose(report.monte_carlo.largest[:3], 3.0 * sigma * np.abs(slope), rtol=0.05, atol=1e-15)
+    assert report.covariance_error < 0.1
+    assert report.monte_carlo.failed == report.monte_carlo.outside == 0
+    reading = tolerance(tmp_path / "coupled.raff", encoder={"joint2": 1e-3}, node="tool")
+    assert reading.idle == ("joint2 (encoder)",)  # a follower's encoder moves nothing
+
+
+def test_dimensions_of_a_geared_five_bar(tmp_path):
+    (tmp_path / "geared.raff").write_text(f"RAFF geared\nrobot geared {{ {GEARED_FIVE_BAR} }}")
+    report = tolerance(tmp_path / "geared.raff", {"tool.d": 1e-4}, node="tool")
+    slope = gear_driven(report.q[0], 0.25 + 1e-30j).imag / 1e-30
+    np.testing.assert_allclose(report.covariance[:3, :3], 1e-8 * np.outer(slope, slope), rtol=1e-9, atol=1e-20)
+
+
+def test_encoders_of_joints_that_are_coupled_are_forced(tmp_path):
+    """And what remains open of a gear is an angle, of a screw a length."""
+    both = SCREW.replace("pred 0 }", "pred 0 actuated 1 }")
+    gear = f"{DRIVE % 10} {DRIVE.replace('link 1', 'link 2') % -20} coupling {{ link 2 link 1 ratio -2 }}"
+    for robot, position, angle in ((both, 0.005 / math.tau, 0.0), (gear, 0.0, 2.0)):
+        (tmp_path / "both.raff").write_text(f"RAFF both\nrobot both {{ {robot} }}")
+        forced = tolerance(tmp_path / "both.raff", encoder={"joint1": 1e-3}).forced
+        assert forced.names == ("joint1 (encoder)",)
+        np.testing.assert_allclose([forced.position[0], forced.angle[0]], [3e-3 * position, 3e-3 * angle], rtol=1e-9)
 
 
 def test_covariance_and_worst_case_hold_for_samples_of_a_spatial_loop():

@@ -16,7 +16,7 @@ from ticking import beside
 
 import cinegen
 from cinegen import Solver, Status
-from cinegen.ik import PointInPlane, RelativePose
+from cinegen.ik import JointValues, PointInPlane, RelativePose
 
 
 def random_levels(solver: Solver, rng: np.random.Generator, levels: int) -> None:
@@ -177,13 +177,18 @@ def test_two_arms_carry_an_object_within_limits():
     assert limited > 500
 
 
-def test_an_objective_acts_below_all_levels():
+@pytest.mark.parametrize("below", ["objective", "level"])
+def test_what_is_below_two_levels_moves_neither(below):
     arm = load("arm7", "arm")
     solver = Solver(arm, 0.01)
     solver.add_task("tool", rotation=0)
     level = solver.add_task(PointInPlane("link4", priority=1))
     level.through = solver.state.frame("link4").translation
-    solver.objectives = [posture := cinegen.Posture(arm.q_home + 0.3, rate=5.0)]
+    posture = cinegen.Posture(arm.q_home + 0.3, rate=5.0)
+    if below == "objective":
+        solver.objectives = [posture]
+    else:
+        solver.add_task(JointValues(dict(zip(arm.joints, arm.q_home + 0.3, strict=True)), priority=2))
     before = posture.value(solver.state)
     for _ in range(200):
         step = solver.step()

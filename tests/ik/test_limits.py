@@ -101,6 +101,19 @@ def test_all_limits_are_kept_however_the_target_leaps(robot, name, every, accele
         assert fastest > 0.97
 
 
+def test_braking_that_closing_loops_adds_to_is_scaled_to_the_limit(robot):
+    """Where nothing but braking is left, what closes the loops would exceed the limit."""
+    mechanism, rng = robot("planar_hybrid"), np.random.default_rng(31)
+    node, solver = mechanism.nodes[-1], Solver(mechanism, 0.05, acceleration=allowed(mechanism, 1.0))
+    task = solver.add_task(node, rotation=0)
+
+    def leap(tick):
+        if tick % 10 == 0:
+            task.target = away(mechanism, node, rng, 0.5)
+
+    assert worst_acceleration(solver, mechanism, 1.0, 30, leap) <= ROUNDING
+
+
 def test_let_go_on_its_way_a_robot_brakes(robot):
     for name in ("rx90", "delta4"):
         mechanism, rng = robot(name), np.random.default_rng(6)
@@ -208,6 +221,17 @@ def test_pressed_against_a_wall_a_robot_rests_on_its_limits_and_leaves_them_at_o
     step = ticked(solver, 1500)
     assert step.status is Status.FOLLOWING
     assert step.errors[0][0] < 1e-6 * mechanism.length
+
+
+def test_without_limits_of_acceleration_a_joint_of_a_loop_is_at_its_limit_in_one_tick(robot):
+    bar = robot("four_bar")
+    crank = bar.q_index(bar.actuated[0])
+    beyond, limit = bar.q_home.copy(), bar.q_home[crank] + 1e-3
+    beyond[crank] += 0.1
+    solver = Solver(bar, DT)
+    solver.position_limits[bar.actuated[0]] = (-9.0, limit)
+    solver.add_task(bar.end, bar.placement(bar.close(beyond, locked=bar.actuated), bar.end), rotation=0)
+    assert solver.step().q[crank] == limit
 
 
 # --- limits at run time -----------------------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from repository import load
 from test_barriers import Objective
-from ticking import ticked
+from ticking import beside, ticked
 
 import cinegen
 from cinegen import Solver, Status
@@ -114,6 +114,31 @@ def test_with_nothing_pulled_a_posture_is_reached_and_loops_stay_closed(name):
     solver.objectives = ()
     before = solver.q
     assert (solver.step().q == before).all()
+
+
+def test_an_objective_that_overshoots_comes_to_rest():
+    """Each tick leads three times as far as the wish: the swing is halved wherever it turns back."""
+    arm = load("planar_3r")
+    solver, wished = Solver(arm, DT), arm.q_home + 0.02
+    solver.objectives = [Objective(lambda state: 3.0 / DT * (wished - state.q))]
+    assert ticked(solver, 60).q == pytest.approx(wished, abs=1e-9)
+
+
+def test_an_arm_that_rests_outstretched_costs_no_other_joint_a_tick(raff):
+    """A target further out, no gradient, an elbow at its limit, attempts to escape that fail: a joint beside the arm
+    goes back as if alone."""
+    arm = raff("""
+      robot r { base { }
+        link 1 { type 2 pred 0 }
+        link 2 { parameters { d 400 } type 2 pred 1 limits { 0 90 } }
+        frame 3 { name "tool" parameters { d 300 } pred 2 }
+        link 4 { type 2 pred 0 } }""")
+    solver = Solver(arm, DT, q=[0.0, 0.0, 0.6])
+    task = solver.add_task("tool", weights=[1, 0, 0, 0, 0, 0], axes="world")
+    task.target = beside(task.target, (0.5, 0.0, 0.0))
+    solver.objectives = [Posture(rate=2.0)]
+    for tick in range(1, 13):
+        assert solver.step().q == pytest.approx([0.0, 0.0, 0.6 * math.exp(-2.0 * DT * tick)], abs=1e-12)
 
 
 def test_only_the_joints_that_are_named_go_back():

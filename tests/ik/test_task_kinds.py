@@ -228,6 +228,28 @@ def test_a_task_of_ones_own_in_twenty_lines(name):
     assert step.errors[0][0] < 1e-9
 
 
+class Bent:
+    """Its square is r^2 - 2 r q + 4 q^2 at the joint's angle q, least at r / 4. From q = 0 its slope leads to r."""
+
+    priority, weight, unit = 0, 1.0, "rad"
+    reach = 0.05
+
+    def error(self, state):
+        return np.sqrt([self.reach**2 - 2.0 * self.reach * state.q[0] + 4.0 * state.q[0] ** 2])
+
+    def jacobian(self, state):
+        return [(4.0 * state.q - self.reach) / self.error(state)]
+
+
+def test_a_step_that_loses_is_shortened_to_the_minimum_of_a_parabola(raff):
+    bar = raff('robot r { base { } link 1 { type 2 pred 0 } frame 2 { parameters { d 300 } pred 1 name "tool" } }')
+    solver = Solver(bar, 0.01)
+    task = solver.add_task(Bent())
+    step = solver.step()
+    assert step.q == pytest.approx([task.reach / 4.0], rel=1e-9)
+    assert step.errors[0][1] == pytest.approx(task.reach * np.sqrt(0.75), rel=1e-9)
+
+
 def raises(state):
     raise RuntimeError("out of order")
 

@@ -13,8 +13,10 @@ from small_robots import four_bar
 
 import cinegen
 from cinegen.devices import Lines
+from cinegen.errors import LimitError
 from cinegen.model import ForwardKinematics
 from cinegen.session.motion import ConfigurationMotion, JointMotion
+from raff2urdf import closure
 
 AGAIN = re.compile(r"(\w+) would pass its limit (\S+) (?:rad|m), as it follows, with (.*) \((\S+) % of the motion\)")
 
@@ -165,30 +167,81 @@ def test_a_parallelogram_is_not_led_through_its_flat_position():
         assert motion.is_proved
     with pytest.raises(cinegen.ClosureError, match=r"the motion ends at .*, near a singularity"):
         motion.move({mechanism.actuated[0]: 6.0})
+    flat = ForwardKinematics(cinegen.load(four_bar((0, 0, 0), (100, 200, 200, 100))))
+    with pytest.raises(cinegen.ClosureError):  # nor away from it: both linkages begin there
+        flat.move({mechanism.actuated[0]: 0.05})
+
+
+def loops_at(mechanism, q):
+    """Of each loop its rows, its DoF, D, and w of each of its joints, by Pinocchio's Jacobians."""
+    system, row = mechanism.structure.system, 0
+    system.evaluate(q)
+    columns = np.asarray(system.data.J) * system.scale
+    for dofs, loop, anchor in zip(system.columns, system.loops, system.anchors, strict=True):
+        end = (system.data.oMi[anchor[2]] * anchor[3]).translation
+        speed = np.linalg.norm(columns[:3, dofs].T + np.cross(columns[3:, dofs].T, end), axis=1) / system.length
+        turned = np.linalg.norm(columns[3:, dofs], axis=0)
+        lever = max(1.0, (speed / np.where(turned > 0.0, turned, np.inf)).max())
+        yield slice(row, row + loop.rows), dofs, lever, np.where(turned > 0.0, turned, speed)
+        row += loop.rows
 
 
 @pytest.mark.parametrize("name", ["delta4", "tssm", "sr400"])
 def test_derivatives_of_loops_are_bounded_as_the_proof_says(robot, name):
-    """|F''[v, v]| <= h S^2 with levers and widths from Pinocchio's Jacobians, at random closed configurations."""
+    """|F''[v, v]| <= h S^2 at random closed configurations."""
     mechanism = robot(name)
     system, rng, size = mechanism.structure.system, np.random.default_rng(0), 1e-3
     for q in mechanism.random_closed(5, 1):
         v = rng.normal(size=mechanism.model.nv)
         ahead, back = (system.evaluate(system.integrate(q, sign * size * v))[0] for sign in (1.0, -1.0))
         second = (ahead + back) / size**2
-        system.evaluate(q)
-        columns, row = np.asarray(system.data.J) * system.scale, 0
-        for i, (loop, anchor) in enumerate(zip(system.loops, system.anchors, strict=True)):
-            cols = system.columns[i]
-            end = (system.data.oMi[anchor[2]] * anchor[3]).translation
-            speed = np.linalg.norm(columns[:3, cols].T + np.cross(columns[3:, cols].T, end), axis=1) / system.length
-            turned = np.linalg.norm(columns[3:, cols], axis=0)
-            width = np.where(turned > 0.0, turned, speed)
-            lever = max(1.0, (speed / np.where(turned > 0.0, turned, np.inf)).max())
-            travelled = float(width @ np.abs(v[cols]))
-            norm = np.linalg.norm(second[row : row + loop.rows])
-            assert norm <= np.hypot(lever, 1.0) * travelled**2 * (1.0 + 1e-2)
-            row += loop.rows
+        for rows, dofs, lever, width in loops_at(mechanism, q):
+            travelled = float(width @ np.abs(v[dofs]))
+            assert np.linalg.norm(second[rows]) <= np.hypot(lever, 1.0) * travelled**2 * (1.0 + 1e-2)
+
+
+def contraction(mechanism, change):
+    """The proof's bound of k for a step from home, in numpy: with the least r for k = 1/2. All joints turn, and loops
+    are rigid."""
+    system, q, v = mechanism.structure.system, mechanism.q_home, np.zeros(mechanism.model.nv)
+    moves = np.isin(np.arange(len(v)), [mechanism.v_index(joint) for joint in mechanism.actuated])
+    jacobian = system.evaluate(q)[1]
+    inverse = np.linalg.pinv(jacobian[:, ~moves])
+    v[moves] = change
+    v[~moves] = -inverse @ jacobian[:, moves] @ v[moves]
+    end = closure.close(system, q + v, ~moves, 20).q
+    off, curved, spread = np.linalg.norm(end - q - v), 0.0, 0.0
+    bound = np.linalg.norm(np.eye(len(inverse)) - inverse @ system.evaluate(end)[1][:, ~moves])
+    for rows, dofs, lever, width in loops_at(mechanism, end):
+        travelled, wide = float(width @ np.abs(v[dofs])), np.linalg.norm(width[~moves[dofs]])
+        bent = np.linalg.norm(inverse[:, rows]) * np.hypot(lever / (1.0 - travelled - 0.1), 1.0)
+        bound += bent * wide * travelled**2 / 8.0
+        curved += bent * travelled**3 / 40.0
+        spread += bent * wide**2
+    return bound + spread * (off + 2.0 * (1.5 * off + curved))
+
+
+def test_the_longest_step_that_is_made_at_once_is_the_longest_that_is_proved(robot):
+    mechanism = robot("delta4")
+    motion, longest, too_long = ForwardKinematics(mechanism), 0.0, 0.1
+    while too_long - longest > 1e-7:
+        change, motion.q = 0.5 * (longest + too_long), mechanism.q_home
+        motion.move(goals(mechanism, change))
+        is_made_at_once = motion._memory.tangent[mechanism.v_index("joint1")] == pytest.approx(change)
+        longest, too_long = (change, too_long) if is_made_at_once else (longest, change)
+    assert contraction(mechanism, longest) == pytest.approx(0.5, abs=1e-4)
+
+
+def test_where_steps_are_not_proved_the_limit_is_passed_further_on(raff):
+    """A follower of 0.9 x - 0.0025 x^2 degrees passes 75 degrees at x = 130.98; nothing is proved of polynomials."""
+    arm = raff("""robot arm {
+      link 1 { type 2 pred 0 actuated 1 }
+      link 2 { type 2 pred 1 limits { 0 75 } }
+      coupling { link 2 link 1 polynomial ( 0.9 -0.0025 ) }
+    }""")
+    with pytest.raises(LimitError, match=r"as it follows, past joint1 at (\S+) rad") as caught:
+        ForwardKinematics(arm, within_limits=True).move({"joint1": 3.0})
+    assert float(re.search(r"past joint1 at (\S+)", str(caught.value))[1]) < np.radians(130.98)
 
 
 def test_where_nothing_can_be_proved_that_is_said(robot):

@@ -135,6 +135,18 @@ def test_joint_values_are_reached_exactly_from_a_start_within_their_tolerance():
     assert mechanism.values(planned.path[-1]) == pytest.approx(end, abs=1e-12)
 
 
+def test_a_coupled_robot_that_moves_by_little_is_planned(raff):
+    small = raff("""robot cam {
+      link 1 { type 2 pred 0 parameters { theta 1.5 } limits { 0 3 } actuated 1 }
+      link 2 { type 1 pred 0 parameters { d 100 r 10 } limits { 0 20 } }
+      coupling { link 2 link 1 lead 2400 }
+    }""")
+    planned = plan(
+        scene_of({"start": {"joints": {"joint1": 0.02}}, "goal": {"joints": {"joint1": 0.04}}}, mechanism=small)
+    )
+    assert planned.status is PlanStatus.REACHED
+
+
 def test_joints_that_do_not_move_the_node_are_locked_by_default():
     assert scene_of({"node": "panda_hand", "goal": {"point": [0.5, 0, 0.5]}}, mechanism=load(PANDA)).locked == (
         "panda_finger_joint1", "panda_finger_joint2",

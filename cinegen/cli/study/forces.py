@@ -92,7 +92,7 @@ def _text(name: str, forces: Forces, with_reactions: bool) -> str:
         line for part in others for line in textwrap.wrap(part, 108, initial_indent="  ", subsequent_indent="    ")
     ]
     if forces.is_held:
-        wide = max(8, *map(len, forces.mechanism.actuated)) + 2
+        wide = max([8, *map(len, forces.mechanism.actuated)]) + 2
         lines.append("")
         rows = zip(forces.mechanism.actuated, forces.torques, forces.band, forces.used, strict=True)
         for joint, torque, band, used in rows:

@@ -73,7 +73,7 @@ class Trees:
             else:
                 space = ob.ProjectedStateSpace(space, _Closed(self._count, equations, close))
                 information = ob.ConstrainedSpaceInformation(space)
-                space.setDelta(_STRIDE)
+                space.setDelta(min(_STRIDE, 0.1 * space.getMaximumExtent()))
 
             def state(point: Array) -> ob.State:
                 made = space.allocState()
