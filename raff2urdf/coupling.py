@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -89,6 +89,12 @@ class Coupling:
             derivative[joint] = slope
         return residual, derivative
 
+    def roots(self, joint: str, values: Mapping[str, float]) -> list[complex]:
+        """Return all complex values of a joint (rad, m) that fulfil the coupling with the values of the others: the
+        roots x of p(x) + sum of the others' p_i(q_i) - c_0."""
+        lack, _ = self.evaluate({**values, joint: 0.0})
+        return [complex(root) for root in np.roots([*reversed(self.terms[joint]), lack])]
+
 
 def _steepest(slope: Polynomial, scale: float, low: float, high: float) -> float:
     """Return the value of a slope that is largest by its amount, within limits; see above."""
@@ -133,7 +139,7 @@ def followed(couplings: Iterable[Coupling], values: Mapping[str, float]) -> dict
     Leaders that follow others themselves move first. A follower of whose variable powers occur stays.
     """
     moved = dict(values)
-    for coupling in _leaders_first(couplings):
+    for coupling in leaders_first(couplings):
         (factor, *powers), follower = coupling.terms[coupling.follower], coupling.follower
         lack, _ = coupling.evaluate(moved)
         if not powers and abs(lack) > _EXACT * abs(factor):
@@ -141,7 +147,7 @@ def followed(couplings: Iterable[Coupling], values: Mapping[str, float]) -> dict
     return moved
 
 
-def _leaders_first(couplings: Iterable[Coupling]) -> Iterator[Coupling]:
+def leaders_first(couplings: Iterable[Coupling]) -> Iterator[Coupling]:
     """Yield couplings, each behind those whose followers lead in it; in file order where they lead each other."""
     pending = list(couplings)
     while pending:
@@ -150,6 +156,21 @@ def _leaders_first(couplings: Iterable[Coupling]) -> Iterator[Coupling]:
         first = ready or pending[:1]
         yield from first
         pending = [c for c in pending if not any(c is other for other in first)]
+
+
+def determining(couplings: Iterable[Coupling], known: Iterable[str]) -> list[Coupling]:
+    """Return the couplings that determine a joint each, with this joint first, in whichever order they are written: all
+    other joints are known, or a coupling before determines them. Where there is a choice, linear terms come first."""
+    pending, ordered, determined = list(couplings), list[Coupling](), set(known)
+    while True:
+        pending = [coupling for coupling in pending if coupling.terms.keys() - determined]
+        ready = [(c, joint) for c in pending for joint in c.terms if c.terms.keys() - determined == {joint}]
+        if not ready:
+            return ordered
+        coupling, joint = min(ready, key=lambda pair: len(pair[0].terms[pair[1]]))
+        terms = {joint: coupling.terms[joint], **coupling.terms}
+        ordered.append(replace(coupling, terms=terms))
+        determined.add(joint)
 
 
 def coupling_entry(name: str, terms: Mapping[str, Sequence[float]], constant: float = 0.0) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from cinegen.arrays import Array
 from cinegen.assembly.errors import ModesError
 from cinegen.model import Mechanism
 from raff2urdf import closure
-from raff2urdf.coupling import Coupling
+from raff2urdf.coupling import Coupling, determining, leaders_first
 from raff2urdf.readers.actuation import syntax_of
 
 
@@ -28,30 +28,30 @@ class _Mimic(NamedTuple):
     offset: float
 
 
-def followers(mechanism: Mechanism) -> tuple[set[str], dict[str, _Mimic]]:
-    """Return the joints that follow the actuated ones in couplings, directly or one after another; and those that
-    follow others.
+def followers(mechanism: Mechanism) -> tuple[list[Coupling], dict[str, _Mimic]]:
+    """Return the couplings in which a joint follows the actuated ones, directly or one after another, with that joint
+    first; and the joints that follow passive ones.
 
     Raises:
-        ModesError: a coupling has joints that do neither.
+        ModesError: a coupling has joints that do neither, or that have the roots of a polynomial as values.
     """
-    known, mimics = set(mechanism.actuated), dict[str, _Mimic]()
-    for coupling in mechanism.couplings:
-        leaders = [joint for joint in coupling.terms if joint != coupling.follower]
-        if known.issuperset(leaders) and len(coupling.terms[coupling.follower]) == 1:
-            known.add(coupling.follower)
-    for coupling in mechanism.couplings:
+    followed, mimics = determining(mechanism.couplings, mechanism.actuated), dict[str, _Mimic]()
+    several = {coupling.follower for coupling in followed if len(coupling.terms[coupling.follower]) > 1}
+    known = {*mechanism.actuated, *(coupling.follower for coupling in followed)} - several
+    for coupling in leaders_first(mechanism.couplings):
         unknown = [joint for joint in coupling.terms if joint not in known]
         mimic = _mimic(mechanism, coupling, mimics) if len(unknown) == len(coupling.terms) else None
         if mimic is not None:
             mimics[coupling.follower] = mimic
         elif unknown:
+            leaders = [joint for joint in unknown if joint != coupling.follower] or unknown
             raise ModesError(
                 f"{mechanism.name}: coupling '{coupling.name}' does not determine {list_of(unknown)}: assembly modes "
-                "are computed where the first joint of each coupling follows actuated joints, or joints of couplings "
-                "before it, or one passive joint by a ratio of 1 or -1" + remedy(mechanism, leaders, "actuated")
+                "are computed where a coupling determines a joint by a linear term, from actuated joints or from those "
+                "that others determine so, or one passive joint follows another by a ratio of 1 or -1"
+                + remedy(mechanism, leaders, "actuated")
             )
-    return known - set(mechanism.actuated), mimics
+    return followed, mimics
 
 
 def _mimic(mechanism: Mechanism, coupling: Coupling, mimics: Mapping[str, _Mimic]) -> _Mimic | None:

@@ -75,6 +75,7 @@ class Linkage:
     ) -> None:
         self.mechanism = mechanism
         self.work = 0.0
+        self._following, self._mimics = ([], {}) if as_built else followers(mechanism)
         if not mechanism.loops:
             raise ModesError(f"{mechanism.name} has no loops: each value of its joints has one configuration")
         model = mechanism.model
@@ -82,7 +83,7 @@ class Linkage:
         self._joints = range(1 + self.root, model.njoints)
         names = self.joint_names = [model.names[j] for j in self._joints]
         columns = {name: mechanism.v_index(name) for name in names}
-        following, self._mimics = (set(), {}) if as_built else followers(mechanism)
+        following = {coupling.follower for coupling in self._following}
         self._distinct = {*distinct, *self._mimics, *(mimic.leader for mimic in self._mimics.values())}
         system = mechanism.structure.system
         equations = system.rows - len(mechanism.couplings)  # of loops: couplings only declare where joints are
@@ -238,7 +239,7 @@ class Linkage:
         """Return the values (locked,) of the locked joints in q (nq,), dimensionless; joints that follow others in
         couplings are where these drive them."""
         values = dict(zip(self.joint_names, q[self._index].tolist(), strict=True))
-        all_values = followed(self.mechanism.couplings, values)
+        all_values = followed(self._following, values)
         return np.array([all_values[name] for name in self.locked]) / self._unit[self._locked]
 
     def actuated_values(self, q: Array) -> Array:

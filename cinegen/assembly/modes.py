@@ -103,7 +103,8 @@ class ModesSolver:
         try:
             self._linkage = linkage_of(mechanism, distinct)
         except ModesError:
-            _check_rods(mechanism)
+            if mechanism.loops:
+                _check_rods(mechanism)
             raise
         family = recognise(self._linkage)
         self._rods = SixRods(self._linkage, family) if family is not None and family.name == "hexapod" else None
@@ -152,7 +153,7 @@ def _check_rods(mechanism: Mechanism) -> None:
     """Name what is special about six rods whose actuated joints don't determine them.
 
     Raises:
-        ModesError: that, or that there are no loops.
+        ModesError: that.
     """
     linkage = Linkage(mechanism, as_built=True)
     family = recognise(linkage)

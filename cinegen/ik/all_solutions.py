@@ -125,17 +125,19 @@ class _Assembly:
         counts = _product(groups)
         if counts.real > _MOST and min(map(len, groups)):
             raise IKError(f"{self._mechanism.name}: {counts.real} solutions; lock some joints")
-        configurations, times, wrong = [], [], 0
+        configurations, times, wrong, unexamined = list[Array](), list[int](), 0, {*parts.driven.unexamined}
         chosen = [[part.values(part.near(q)) for q in modes] for part, modes in zip(parts.parts, groups, strict=True)]
         coincident = itertools.product(*(modes.coincident for modes in groups))
         for values, together in zip(itertools.product(*chosen), coincident, strict=True):
             q = self._mechanism.configuration({k: v for some in values for k, v in some.items()}, self._start)
-            closed = self._coupled(self._unwound(self._polished(q)))
-            if closed is not None and self._error(closed) < _WRONG:
-                configurations.append(closed)
-                times.append(math.prod(together))
-            else:
+            if self._error(polished := self._unwound(self._polished(q))) >= _WRONG:
                 wrong += 1
+                continue
+            closed, lost, double = parts.driven.configurations(polished)
+            configurations += closed
+            times += [math.prod(together)] * len(closed)
+            wrong += lost
+            unexamined |= double
         complete = all(modes.complete for modes in groups) or any(modes.complete and not modes for modes in groups)
         proved = all(modes.proved for modes in groups) or any(modes.proved and not modes for modes in groups)
         remarks = [f"; {wrong} were lost in polishing"] if wrong else []
@@ -145,10 +147,14 @@ class _Assembly:
         if not any(_CURVE in modes.method for modes in groups) and any(map(self._can_move, configurations)):
             remarks.append(f"; solutions are singular: {_CURVE} is not excluded")
             complete = False
-        coupled = {name for coupling in self._mechanism.couplings for name in coupling.terms}
-        still = [name for name in parts.idle if name not in coupled]
-        if still:
-            remarks.append(f"; joints that do not move it stay where they are: {', '.join(still)}")
+        if parts.driven.features:
+            bent = ", ".join(feature.joint for feature in parts.driven.features)
+            remarks.append(f"; with all real roots of the polynomials by which couplings determine {bent}")
+        if unexamined:
+            remarks.append(f"; other solutions of couplings are not excluded: {', '.join(sorted(unexamined))}")
+            complete = False
+        if parts.driven.staying:
+            remarks.append(f"; joints that do not move it stay where they are: {', '.join(parts.driven.staying)}")
         if self._mechanism.floating:
             remarks.append("; the base stays where it is")
         tests = [modes.trace_test for modes in groups if modes.trace_test is not None]
@@ -168,10 +174,11 @@ class _Assembly:
             for motion in modes.self_motions if all(others) else ():
                 values = [*(some[0] for some in others), part.values(motion.configuration)]
                 q = self._mechanism.configuration({k: v for some in values for k, v in some.items()}, self._start)
-                closed = self._coupled(self._unwound(self._polished(q)))
-                if closed is not None and self._error(closed) < _WRONG:
+                polished = self._unwound(self._polished(q))
+                closed = self._parts.driven.configurations(polished)[0] if self._error(polished) < _WRONG else []
+                if closed:
                     yield replace(
-                        motion, configuration=closed, moving=tuple(n for n in motion.moving if n in part.joints)
+                        motion, configuration=closed[0], moving=tuple(n for n in motion.moving if n in part.joints)
                     )
 
     def _result(
@@ -271,16 +278,6 @@ class _Assembly:
             values = {name: float(near[self._mechanism.q_index(name)]) for name in coupling.terms}
             near[self._mechanism.q_index(coupling.follower)] = followed([coupling], values)[coupling.follower]
         return near
-
-    def _coupled(self, q: Array) -> Array | None:
-        """Return q (nq,) with joints that don't move the node where couplings drive them; None if they can't be
-        fulfilled."""
-        if not self._mechanism.couplings:
-            return q
-        try:
-            return self._mechanism.close(q, (*self._moving, *self._locked))
-        except ClosureError:
-            return None
 
 
 def _product(groups: Sequence[AssemblyModes]) -> SolutionCounts:

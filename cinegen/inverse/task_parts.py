@@ -9,7 +9,7 @@ solution of one goes with each of the others.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from functools import cached_property
 
@@ -22,6 +22,7 @@ from cinegen.assembly.chains import recognise_part
 from cinegen.assembly.errors import FreeMotionError, ModesError
 from cinegen.assembly.modes import ModesSolver
 from cinegen.errors import ClosureError
+from cinegen.inverse.driven_joints import DrivenJoints
 from cinegen.inverse.motion_group import MotionGroup, generated
 from cinegen.inverse.parts import NodeTask, TaskPart, VirtualPose
 from cinegen.joints import kinematic_data
@@ -54,7 +55,7 @@ class TaskParts:
         start: (nq,) home, with locked joints at their values.
         motions: the group that the node's motions from `start` generate.
         every: whether no motion of the joints, in any assembly mode, leaves this group.
-        idle: names of joints that move neither the node nor its loops, and are not locked.
+        driven: the joints that move neither the node nor its loops, and are not locked.
         couplings: those that relate the joints of a part to each other; others only move idle joints.
 
     Raises:
@@ -65,6 +66,7 @@ class TaskParts:
         self.mechanism, self.task = mechanism, task
         model, frame = mechanism.model, mechanism.model.frames[mechanism.frame_id(task.node)]
         self._root, self._end = (1 if mechanism.floating else 0), int(frame.parentJoint)
+        self._kind, self.couplings = LoopKind.BALL, list[Coupling]()
         self.start = self._configuration(locked)
         self._locked = tuple(locked)
         self._samples = self._walk()
@@ -74,22 +76,19 @@ class TaskParts:
         self._frame = frame.placement * task.offset
         self._home = self._at[self._end] * self._frame
         self._frozen = {model.getJointId(name) for name in (*locked, *self._still())}
-        twists = [self._twists(q) @ self._motions(q) for q in self._samples]
         path = [model.joints[j].idx_v for j in self._chain(self._end)]
         if not path:
             raise ModesError(f"{mechanism.name}: no joint moves '{task.node}'")
+        self.couplings = self._related(self._names(self._split()))
+        twists = [self._twists(q) @ self._motions(q, self.couplings) for q in self._samples]
         length, near = mechanism.length, self._home.translation
         self.motions = generated(np.hstack(twists), length, near)
         self.every = self.motions.dimension == generated(self._twists(self.start)[:, path], length, near).dimension
         self._kind, self._axis, self._virtual = self._closing()
-        self.couplings: list[Coupling] = []
         split = self._split()
-        used = {model.names[j] for joints, _ in split for j in joints}
-        self.couplings = self._related(used)
-        if self.couplings:
-            split = self._split()
-            used = {model.names[j] for joints, _ in split for j in joints}
-        self.idle = tuple(name for name in mechanism.joints if name not in used and name not in locked)
+        used = self._names(split)
+        idle = tuple(name for name in mechanism.joints if name not in used and name not in locked)
+        self.driven = DrivenJoints(mechanism, idle, self._in_loops, self.start)
         self._parts = split
 
     @cached_property
@@ -107,7 +106,8 @@ class TaskParts:
         mechanism, parts = self.mechanism, self.parts
         moving = {name for part in parts for name in part.joints}
         moving.update(name for coupling in mechanism.couplings for name in coupling.terms)
-        names = tuple(name for name in mechanism.joints if name in moving and name not in self._locked)
+        kept = {*self._locked, *self.driven.staying}
+        names = tuple(name for name in mechanism.joints if name in moving and name not in kept)
         columns, units = [mechanism.v_index(name) for name in names], np.repeat([[mechanism.length], [1.0]], 3, axis=0)
         ranks = []
         for q in self._samples:
@@ -115,7 +115,7 @@ class TaskParts:
             ranks.append(closure.rank(np.vstack([task / units[: len(task)], loops])[:, columns]))
         features = {feature: None for part in parts for feature in part.solver.body_features}
         real = tuple(feature for feature in features if not feature.joint.startswith(_VIRTUAL))
-        return Unknowns(names, max(ranks), real)
+        return Unknowns(names, max(ranks), (*real, *self.driven.features))
 
     # --- the mechanism --------------------------------------------------------------------------------------------
 
@@ -129,7 +129,7 @@ class TaskParts:
         """Return configurations (nq,) near `start`, with locked joints where they are."""
         rng, walk = np.random.default_rng(0), [self.start]
         for _ in range(_WALK):
-            motions = self._motions(walk[-1])
+            motions = self._motions(walk[-1], self.mechanism.couplings)
             step = motions @ rng.normal(size=motions.shape[1])
             step *= _STEP / max(float(np.abs(step / self.mechanism.scale).max(initial=0.0)), 1e-300)
             try:
@@ -138,8 +138,9 @@ class TaskParts:
                 break
         return walk
 
-    def _motions(self, q: Array) -> Array:
-        """Return the velocities (nv, dof) that the loops allow at q (nq,), rad and m; locked joints are at rest."""
+    def _motions(self, q: Array, couplings: Collection[Coupling]) -> Array:
+        """Return the velocities (nv, dof) that the loops and some couplings allow at q (nq,), rad and m; locked joints
+        are at rest."""
         mechanism = self.mechanism
         free = np.ones(mechanism.model.nv, dtype=bool)
         free[[mechanism.v_index(name) for name in self._locked]] = False
@@ -147,7 +148,9 @@ class TaskParts:
         columns = np.eye(mechanism.model.nv)[:, free] * mechanism.scale[free]
         if not mechanism.is_constrained:
             return np.asarray(columns)
-        jacobian = mechanism.loop_jacobian(q) @ columns
+        loops = mechanism.structure.system.rows - len(mechanism.couplings)
+        used = [*range(loops), *(loops + k for k, c in enumerate(mechanism.couplings) if c in couplings)]
+        jacobian = mechanism.loop_jacobian(q)[used] @ columns
         rank, rows = closure.rank(jacobian), np.linalg.svd(jacobian)[2]
         return np.asarray(columns @ rows[rank:].T)
 
@@ -200,6 +203,17 @@ class TaskParts:
             joints.add(body)
             body = self._carrier(int(self.mechanism.model.parents[body]))
         return joints
+
+    @cached_property
+    def _in_loops(self) -> set[str]:
+        """The names of joints in loops, without frozen ones."""
+        cuts = self.mechanism.structure.system.anchors
+        joints = set[int]().union(*(self._chain(a) ^ self._chain(b) for a, _, b, _ in cuts))
+        return {self.mechanism.model.names[j] for j in joints}
+
+    def _names(self, parts: list[tuple[set[int], set[int]]]) -> set[str]:
+        """Return the names of the joints of all parts."""
+        return {self.mechanism.model.names[j] for joints, _ in parts for j in joints}
 
     def _split(self) -> list[tuple[set[int], set[int]]]:
         """Return the joints and the cuts of each part."""
@@ -315,11 +329,7 @@ class TaskParts:
             source=MechanismSource("", None, None, mechanism.name), couplings=couplings,
         )  # fmt: skip
         chosen = {*mechanism.actuated, *(name for coupling in mechanism.couplings for name in coupling.terms)}
-        looped = set[int]().union(
-            *(self._chain(a) ^ self._chain(b) for a, _, b, _ in mechanism.structure.system.anchors)
-        )
-        inside = {mechanism.model.names[j] for j in looped}
-        distinct = tuple(name for name in names if name in chosen or name not in inside)
+        distinct = tuple(name for name in names if name in chosen or name not in self._in_loops)
         try:
             return TaskPart(part, tuple(names), distinct, ModesSolver(part, recognise_part, distinct, True))
         except FreeMotionError as error:

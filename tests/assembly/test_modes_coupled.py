@@ -1,11 +1,16 @@
 """Assembly modes of mechanisms with couplings."""
 
+import cmath
+import itertools
+import math
 import re
 
+import numpy as np
 import pytest
 from assembled import nothing_beside, sound, traced
 
 import cinegen
+from cinegen.assembly import ModesError
 
 
 def test_a_passive_joint_follows_another_one(root):
@@ -40,6 +45,48 @@ def test_of_a_mechanism_with_two_clusters_a_motor_of_the_coupled_one_is_redundan
     modes = cinegen.assembly_modes(both)
     assert "with 'joint1' following the other actuated joints" in modes.method
     sound(modes, count=4)
+
+
+TRAIN = (
+    "coupling { link 22 link 21 ratio -0.5 offset 20 }",
+    "coupling { link 22 link 13 ratio 2 offset -160 }",  # the joint that follows, theta13, is not the first
+    "coupling { link 24 link 13 ratio -1 }",
+)
+
+
+@pytest.mark.parametrize("couplings", list(itertools.permutations(TRAIN)))
+def test_joints_follow_a_motor_in_whichever_order_couplings_are_written(couplings):
+    """The rocker of a four-bar is at theta13 = 90 - theta21 / 4 degrees; the crank's pin, where two circles meet."""
+    wheels = "".join(
+        f"link {k} {{ parameters {{ d {100 * k} }} type 2 pred 0 {'actuated 1' * (k == 21)} }}\n" for k in (21, 22, 24)
+    )
+    text = FOUR_BAR.replace("actuated 1", "") + wheels + "\n".join(couplings)
+    geared = cinegen.load(f"RAFF geared robot geared {{ {text} }}")
+    assert (geared.mobility, geared.actuated) == (1, ("joint21",))
+    modes = cinegen.assembly_modes(geared, [-0.4])
+    sound(modes, count=2)
+    pin = 0.4 + 0.24 * cmath.exp(1j * (math.pi / 2.0 + 0.1))
+    between = math.acos((0.12**2 + abs(pin) ** 2 - 0.36**2) / (2.0 * 0.12 * abs(pin)))
+    cranks = sorted(cmath.exp(1j * q[geared.q_index("joint11")]).real for q in modes)
+    expected = sorted(math.cos(cmath.phase(pin) + side * between) for side in (-1.0, 1.0))
+    assert np.allclose(cranks, expected, rtol=0.0, atol=1e-12)
+
+
+def test_a_joint_that_has_the_roots_of_a_polynomial_as_values_is_not_called_determined():
+    """The slider is at 0.5 theta + 0.01 theta^2 mm: two angles (degrees) of the cam for each of its places."""
+    text = """RAFF Cam
+    robot cam {
+      link 1 { parameters { theta 10 } type 2 pred 0 }
+      link 2 { parameters { d 100 r 6 } type 1 pred 0 actuated 1 }
+      coupling { link 2 link 1 polynomial ( 0.5 0.01 ) }
+    }
+    """
+    remedy = "'joint2-joint1' does not determine 'joint1'.*: let 'joint1' be actuated"
+    with pytest.raises(ModesError, match=remedy):
+        cinegen.assembly_modes(cinegen.load(text))
+    driven = cinegen.load(text.replace("actuated 1", "").replace("type 2", "type 2 actuated 1"))
+    with pytest.raises(ModesError, match="no loops: each value of its joints has one configuration"):
+        cinegen.assembly_modes(driven)
 
 
 def declared(text: str, joints: tuple[int, ...]) -> str:

@@ -420,6 +420,83 @@ def test_a_joint_that_follows_another_one_keeps_the_tool_upright():
         solved(cinegen.load(text.replace("RATIO", "-0.7 offset -18")), pose, rotation=0)
 
 
+@pytest.mark.parametrize("locked", [{}, {"joint6": RIGHT}])
+def test_of_joints_that_couplings_tie_to_those_that_move_the_tool_one_motor_stays(locked):
+    """A hand on the elbow's bar, on a belt that keeps its angle to the base at half that of a motor."""
+    text = """RAFF Scara
+    robot scara {
+      link 1 { parameters { theta 20 } type 2 pred 0 actuated 1 }
+      link 2 { parameters { theta 40 d 300 } type 2 pred 1 actuated 1 }
+      link 3 { parameters { d 250 } type 2 pred 2 }
+      link 6 { parameters { r 100 } type 2 pred 0 actuated 1 }
+      coupling { link 3 link 6 ratio 0.5 link 2 ratio -1 link 1 ratio -1 }
+      frame 7 { parameters { r 60 } pred 3 name "tool" }
+    }
+    """
+    scara = cinegen.load(text)
+    target = FrameTask("tool", pin.SE3(np.eye(3), np.array([0.3, 0.2, 0.06])), rotation=0)
+    q = scara.close(scara.configuration(locked), locked)
+    solutions = cinegen.inverse_kinematics(scara, [target], q, all=True, locked=tuple(locked))
+    assert (len(solutions), solutions.proved, solutions.certified) == (2, True, 2)
+    assert ("joints that do not move it stay where they are: joint6" in solutions.method) == (not locked)
+    bend = math.acos((0.3**2 + 0.2**2 - 0.3**2 - 0.25**2) / (2.0 * 0.3 * 0.25))
+    motor = q[scara.q_index("joint6")]
+    expected = []
+    for elbow in (bend, -bend):
+        first = math.atan2(0.2, 0.3) - math.atan2(0.25 * math.sin(elbow), 0.3 + 0.25 * math.cos(elbow))
+        expected.append([first, elbow, motor / 2.0 - first - elbow, motor])
+    assert np.allclose(sorted(map(list, solutions)), sorted(expected), rtol=0.0, atol=1e-9)
+
+
+CAM = """RAFF Cam
+robot cam {
+  link 1 { parameters { theta 10 } type 2 pred 0 }
+  link 2 { parameters { d 100 r 6 } type 1 pred 0 actuated 1 }
+  coupling { link 2 link 1 polynomial ( 0.5 0.01 ) }
+}
+"""
+
+
+@pytest.mark.parametrize("height", [0.01, 0.001, -0.006, -0.1])
+def test_the_cam_of_a_slider_has_all_angles_that_its_polynomial_allows(height):
+    """0.5 theta + 0.01 theta^2 = r in degrees and mm, which has two solutions above -6.25 mm and none below."""
+    cam = cinegen.load(CAM)
+    target = FrameTask("link2", pin.SE3(np.eye(3), np.array([0.1, 0.0, height])), rotation=0)
+    solutions = cinegen.inverse_kinematics(cam, [target], all=True)
+    square = 0.5**2 + 0.04 * 1e3 * height
+    angles = [(-0.5 + sign * math.sqrt(square)) / 0.02 for sign in (-1.0, 1.0)] if square > 0.0 else []
+    assert (solutions.proved, solutions.certified) == (True, len(angles))
+    turned = sorted(math.degrees(q[cam.q_index("joint1")]) for q in solutions)
+    assert np.allclose(turned, angles, rtol=0.0, atol=1e-8)
+    assert np.allclose([q[cam.q_index("joint2")] for q in solutions], height, rtol=0.0, atol=1e-12)
+
+
+def test_what_couplings_may_allow_besides_is_not_excluded():
+    """A double root of a polynomial; and a rocker, whose four-bar closes in two ways at each of its angles."""
+    cam = cinegen.load(CAM)
+    at = pin.SE3(np.eye(3), np.array([0.1, 0.0, -0.00625]))
+    solutions = cinegen.inverse_kinematics(cam, [FrameTask("link2", at, rotation=0)], all=True)
+    assert not solutions.complete
+    assert "; other solutions of couplings are not excluded: joint2-joint1" in solutions.method
+    text = """RAFF Geared
+    robot geared {
+      link 11 { parameters { theta 50 } type 2 pred 0 actuated 1 }
+      link 12 { parameters { theta -26 d 120 } type 2 pred 11 }
+      link 13 { parameters { theta 89 d 400 } type 2 pred 0 }
+      link 16 { parameters { theta 89 d 900 } type 2 pred 0 }
+      frame 14 { parameters { d 360 } pred 12 }
+      frame 15 { parameters { d 240 } pred 13 }
+      frame 17 { parameters { d 100 } pred 16 name "tool" }
+      constraint { frame 14 frame 15 type 2 }
+      coupling { link 16 link 13 ratio 1 }
+    }
+    """
+    geared = cinegen.load(text)
+    solutions = solved(geared, geared.placement(geared.q_home, "tool"), rotation=0)
+    assert (len(solutions), solutions.complete) == (1, False)
+    assert solutions.method.endswith("; other solutions of couplings are not excluded: joint16-joint13")
+
+
 def test_solutions_of_which_a_part_is_complete_with_probability_one_are_not_called_proved(robot, monkeypatch):
     arm = robot("rx90")
     pose = arm.placement(arm.q_home, "tool")
