@@ -16,7 +16,7 @@ from cinegen.singularities.ball_joints import CountedLoops, balls
 
 RATE, TICKS = 240.0, 12
 GAIN, DAMPING = 100.0, 0.05
-ROBOTS = ["delta4", "rx90", *slow("sr400", "scara")]
+ROBOTS = ["delta4", "rx90", *slow("sr400", "scara", "planetary_gear")]
 
 pytestmark = needs_three
 
