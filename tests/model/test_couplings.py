@@ -142,3 +142,6 @@ robot r {{
         lacking = q.copy()
         lacking[lift] += 1e-6
         assert mechanism.closure(lacking) > 1e-7  # rad or characteristic lengths
+    parts = np.linspace(0.0, 1.0, 11)  # far from each other for a cam as steep as this
+    lifts = cinegen.evaluate(mechanism, mechanism.end, np.radians(degrees) * parts[:, None]).q[:, lift]
+    assert lifts == pytest.approx(0.02 * (10.0 * parts**3 - 15.0 * parts**4 + 6.0 * parts**5), abs=1e-10)

@@ -124,7 +124,7 @@ def _step(memory: LoopMemory) -> bool:
             furthest = abs(tangent[k])
     if not furthest < _FAR:
         return False
-    part = min(1.0, memory.longest_stride * 0.5**memory.halvings / max(furthest, 1e-300))
+    part = min(1.0, memory.longest_stride / max(furthest, 1e-300)) * 0.5**memory.halvings
     memory.part = part
     if part == 1.0:
         _extrapolate_curvature(memory)
