@@ -10,6 +10,9 @@ import numpy as np
 
 from raff2urdf.arrays import Array, Indices
 
+UNLIMITED = 1e9
+"""Value of a limit that a URDF requires but the robot does not have (rad/s, m/s, N, N m; m for a prismatic joint)."""
+
 STEP_CAP = 0.6
 """rad, or characteristic lengths: a longer step leaves the range of its linearisation."""
 

@@ -17,7 +17,6 @@ characteristic lengths, to the nearest joint values that fulfil it; of a curve i
 from __future__ import annotations
 
 import math
-import sys
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -26,8 +25,9 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from raff2urdf.bounds import UNLIMITED
+
 _EXACT = 1e-14  # rad or m: a follower that is off by less stays as written
-_UNLIMITED = sys.float_info.max  # what Pinocchio reads from a URDF where there is no limit; otherwise it is infinite
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,8 +101,8 @@ class Coupling:
 def _steepest(slope: Polynomial, scale: float, low: float, high: float) -> float:
     """Return the value of a slope that is largest by its amount, within limits; see above."""
     ends = (
-        low if abs(low) < _UNLIMITED else min(high, 0.0) - scale,
-        high if abs(high) < _UNLIMITED else max(low, 0.0) + scale,
+        low if abs(low) < UNLIMITED else min(high, 0.0) - scale,
+        high if abs(high) < UNLIMITED else max(low, 0.0) + scale,
     )
     inside = slope.deriv().trim().roots().real.clip(*ends)
     values = slope(np.array([*ends, *inside]))

@@ -10,7 +10,7 @@ import pinocchio as pin
 from cinegen.collision.body import Body
 from cinegen.model import Mechanism
 from cinegen.model.build import build
-from raff2urdf.readers.urdf import UNLIMITED
+from raff2urdf.bounds import UNLIMITED
 
 X, Y, NODE = "x", "y", "mobile"
 

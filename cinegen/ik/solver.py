@@ -51,7 +51,7 @@ class Linearisation(NamedTuple):
         tasks: (rows, n) of the tasks.
         motions: (k, n + .) orthonormal basis of the motions that all loops allow, those of the cut joints last.
         passive: (., passive joints) columns of the passive joints, and of those that were cut, in the screw matrix of
-            the loops (`Mechanism.screw_matrix`).
+            the loops (`Structure.passive_matrix`).
         task_rank: generic rank of the tasks.
     """
 

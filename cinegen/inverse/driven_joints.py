@@ -7,10 +7,10 @@ have one solution if they are linear. Loops that joints in couplings belong to m
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 
 import numpy as np
+from flint import acb_poly, arb
 
 from cinegen.arrays import Array
 from cinegen.assembly.certify import BodyFeature
@@ -18,9 +18,9 @@ from cinegen.errors import ClosureError
 from cinegen.joints import axis
 from cinegen.model import Mechanism
 from raff2urdf import closure
-from raff2urdf.coupling import determining
+from raff2urdf.coupling import Coupling, determining
 
-_APART = 1e-6  # rad, m: roots that are nearer may be a double one, whose imaginary part is rounding
+_KNOWN = 1e-10  # rad, m: how exactly other joints are known
 _SAME = 1e-6  # rad, m
 _STILL = 1e-9  # steps of a joint for one of a joint that moves the node
 
@@ -96,8 +96,26 @@ class DrivenJoints:
             yield values
             return
         coupling = self._solved[done]
-        roots = coupling.roots(coupling.follower, values)
-        if any(abs(a - b) < _APART * (1.0 + abs(a)) for a, b in itertools.combinations(roots, 2)):
+        try:
+            roots = _isolated(coupling, values)
+        except ValueError:
             double.add(coupling.name)
-        for root in sorted(root.real for root in roots if root.imag == 0.0):
+            roots = [root.real for root in coupling.roots(coupling.follower, values) if root.imag == 0.0]
+        for root in sorted(roots):
             yield from self._values({**values, coupling.follower: root}, double, done + 1)
+
+
+def _isolated(coupling: Coupling, values: Mapping[str, float]) -> list[float]:
+    """Return all real roots of a coupling by its follower (rad, m), proved with ball arithmetic: each ball has one root
+    (F. Johansson, "Arb: efficient arbitrary-precision midpoint-radius interval arithmetic", IEEE Trans. Computers 66,
+    2017). One that meets the real axis has a real root if its mirror image meets no other: the conjugate root is there.
+
+    Raises:
+        ValueError: roots coincide, as exactly as the values of the other joints are known.
+    """
+    lack, _ = coupling.evaluate({**values, coupling.follower: 0.0})
+    balls = acb_poly([arb(lack, _KNOWN * (1.0 + abs(lack))), *coupling.terms[coupling.follower]]).roots()
+    real = [ball for ball in balls if ball.imag.contains(0)]
+    if any(ball.conjugate().overlaps(other) for ball in real for other in balls if other is not ball):
+        raise ValueError(coupling.name)
+    return [float(ball.real.mid()) for ball in real]

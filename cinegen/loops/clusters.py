@@ -74,7 +74,9 @@ def _subsystem(system: ClosedLoops, cluster: LoopCluster) -> tuple[ClosedLoops, 
     for joint in joints:
         parent, placement = carrier(model.parents[joint])
         placement = placement * model.jointPlacements[joint]
-        index_in_part[joint] = part.addJoint(parent, model.joints[joint], placement, model.names[joint])
+        of, at = model.joints[joint], slice(model.idx_qs[joint], model.idx_qs[joint] + model.nqs[joint])
+        most, low, high = np.full(of.nv, np.inf), model.lowerPositionLimit[at], model.upperPositionLimit[at]
+        index_in_part[joint] = part.addJoint(parent, of, placement, model.names[joint], most, most, low, high)
     loops = [system.loops[i] for i in cluster.loops]
     for node in {node for loop in loops for node in (loop.first, loop.second)}:
         frame = model.frames[model.getFrameId(node, pin.FrameType.BODY)]

@@ -16,9 +16,9 @@ are nearest to the axes' centre at home, and the spread of the cluster's own axe
 belong to the mechanism, too, and a small loop on a large robot is measured by its own size.
 
 Rows of couplings are no twists. A locked gear holds its wheel whatever their ratio is, and shafts between them don't
-matter: only the space that the rows span does. So below K are the rows (S S^T)^(-1/2) C of the couplings' derivatives C
-by the columns that count: all, or those of the passive joints. S is C, with the steepest slopes of curves
-(`ClosedLoops.coupling_slopes`). So the singular values of linear couplings without loops are 1, or 0.
+matter: only the space that the rows span does. So below K are the rows (S S^T)^(-1/2) C, but for a rotation of them, of
+the couplings' derivatives C by the columns that count: all, or those of the passive joints. S is C, with the steepest
+slopes of curves (`ClosedLoops.coupling_slopes`). So the singular values of linear couplings without loops are 1, or 0.
 """
 
 from __future__ import annotations

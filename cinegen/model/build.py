@@ -26,6 +26,7 @@ from cinegen.model.urdf import completed, kinematics, simple
 from cinegen.tolerances import AT_LIMIT
 from raff2urdf import closure
 from raff2urdf.axes import UNCHANGED
+from raff2urdf.bounds import UNLIMITED
 from raff2urdf.coupling import coupling_of
 from raff2urdf.errors import raised_as
 from raff2urdf.loops.length import characteristic_length, cut_screws
@@ -34,7 +35,6 @@ from raff2urdf.loops.slips import DRAWN_OPEN, Fault
 from raff2urdf.raff.document import LoopKind
 from raff2urdf.readers.actuation import advice, replaced, syntax_of
 from raff2urdf.readers.srdf import Srdf
-from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.readers.urdf_file import parse
 
 

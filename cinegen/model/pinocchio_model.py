@@ -11,13 +11,13 @@ import pinocchio as pin
 
 from cinegen.errors import LoadError, UnknownNameError
 from cinegen.joints import axis, translations
+from raff2urdf.bounds import UNLIMITED
 from raff2urdf.constraints import Constraints
 from raff2urdf.coupling import Coupling
 from raff2urdf.inertia import Inertia
 from raff2urdf.joint_dynamics import JointDynamics
 from raff2urdf.readers.loops.successive import ROTATIONS
 from raff2urdf.readers.uncounted import note_of
-from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.readers.urdf_builder import UNBOUNDED, UrdfBuilder
 
 _FREE = {"FreeFlyer": "floating", "Spherical": "spherical"}

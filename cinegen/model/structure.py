@@ -116,12 +116,12 @@ class Structure:
 
     @cached_property
     def passive_rank(self) -> int:
-        """The generic rank of these columns of the loops' Jacobian: their number, unless there are joints that neither
-        actuated joints nor loops determine."""
+        """The generic rank of these columns of the loops' Jacobian, with couplings as in `passive_matrix`: their number
+        unless there are joints that neither actuated joints nor loops determine."""
         if not self.mechanism.is_constrained:
             return 0
         rows = (self.screws.passive_rows(self.system.evaluate(q)[1]) for q in self.samples)
-        return max(closure.rank(each[:, self.passive_columns]) for each in rows)
+        return max(closure.rank(jacobian[:, self.passive_columns]) for jacobian in rows)
 
     @cached_property
     def idle(self) -> tuple[Spin, ...]:

@@ -20,7 +20,7 @@ from cinegen.proof.exported_equations import ProofError
 from raff2urdf.errors import RaffError
 from raff2urdf.files import read_bytes
 
-FORMAT = "cinegen proof 1"
+FORMAT = "cinegen proof 2"
 _APART = "it is not connected to the start"  # by boxes with configurations
 
 

@@ -12,12 +12,10 @@ import numpy as np
 from lxml import etree
 
 from raff2urdf.arrays import Array
+from raff2urdf.bounds import UNLIMITED
 from raff2urdf.inertia import Inertia
 from raff2urdf.placement import from_origin
 from raff2urdf.readers.xml_file import error_at
-
-UNLIMITED = 1e9
-"""Value of a limit that a URDF requires but the robot does not have (rad/s, m/s, N, N m; m for a prismatic joint)."""
 
 LARGEST = 1e13
 """Largest number (m, rad): its square must stay precise. Numbers of RAFF are a tenth of it at most."""

@@ -10,12 +10,12 @@ import numpy as np
 from yourdfpy import Dynamics, Geometry, Joint, Limit, Link, Material, Robot, Visual
 
 from raff2urdf.arrays import Array, ArrayLike
+from raff2urdf.bounds import UNLIMITED
 from raff2urdf.constraints import Constraints, loop_entry
 from raff2urdf.coupling import coupling_entry
 from raff2urdf.inertia import Inertia
 from raff2urdf.joint_dynamics import JointDynamics
 from raff2urdf.placement import inverse, joint_motion, translation
-from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.writers.urdf_object import ExactUrdf, geometry, inertial, material_of
 
 UNBOUNDED = (-math.inf, math.inf)

@@ -24,12 +24,12 @@ from numpy.polynomial import Polynomial
 from scipy.spatial.transform import Rotation
 
 from raff2urdf.arrays import Array
+from raff2urdf.bounds import UNLIMITED
 from raff2urdf.coupling import Coupling
 from raff2urdf.errors import RaffError
 from raff2urdf.escape import unique_name
 from raff2urdf.inertia import ROUNDED, Inertia, sum_of
 from raff2urdf.placement import inverse, translation
-from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.tree import BASE_JOINT, WORLD
 from raff2urdf.writers.inertia import Inertias, inertias
 from raff2urdf.writers.mjcf_meshes import MeshAssets

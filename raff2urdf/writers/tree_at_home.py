@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from raff2urdf.arrays import Array
+from raff2urdf.bounds import UNLIMITED
 from raff2urdf.coupling import Coupling, coupling_of
 from raff2urdf.escape import unique_name
 from raff2urdf.placement import joint_motion
-from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.readers.urdf_file import SHAPES
 from raff2urdf.tree import WORLD
 

@@ -20,6 +20,7 @@ from lxml import etree
 from yourdfpy import Collision, Dynamics, Joint, Limit, Link, Robot, Visual
 
 from raff2urdf import constraints as constraints_file
+from raff2urdf.bounds import UNLIMITED
 from raff2urdf.errors import RaffWarning
 from raff2urdf.files import GENERATED
 from raff2urdf.graphics.bodies import BodyDrawing
@@ -31,7 +32,7 @@ from raff2urdf.raff.kleinfinger import transform
 from raff2urdf.raff.masses import RaffMasses
 from raff2urdf.readers.loops.declared_loops import note
 from raff2urdf.readers.loops.sidecar import ENDING
-from raff2urdf.readers.urdf import UNLIMITED, hash_of
+from raff2urdf.readers.urdf import hash_of
 from raff2urdf.readers.xml_file import NAMESPACE
 from raff2urdf.tree import BASE_JOINT, WORLD, effort, joint_dynamics, kleinfinger, limits, moved, velocity
 from raff2urdf.writers.urdf_object import ExactUrdf, geometry, inertial, material_of

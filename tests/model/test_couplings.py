@@ -79,6 +79,14 @@ def test_an_equation_is_shown_as_one_would_write_it():
     assert str(Coupling("a", {"y": (-1.0,), "x": (1.0,)})) == "-y + x = 0"
 
 
+@pytest.mark.parametrize("none", [1e9, np.inf, np.finfo(float).max])  # as a URDF, a SDF, and Pinocchio say it
+def test_a_curve_counts_by_its_steepest_slope_in_its_limits(none):
+    parabola = Coupling("a", {"y": (1.0,), "x": (0.0, -1.0)})
+    for limits, steepest in (((-3.0, 2.0), 6.0), ((-1.0, none), 2.0), ((-none, -4.0), 10.0)):
+        size = parabola.size({"x": 1.0, "y": 1.0}, {"x": limits, "y": (-none, none)})
+        assert size == pytest.approx(np.hypot(1.0, steepest))
+
+
 def test_a_joint_that_only_drives_others_counts_as_much_as_what_it_drives(robot):
     couplings = [Coupling("a", {"y": (1.0,), "x": (-0.01,)})]
     assert coupled_scales(couplings, {"y": 1.0, "x": 1.0}, {"x"}) == {"y": 1.0, "x": 100.0}
@@ -126,22 +134,24 @@ robot any {
 def test_a_steep_cam_is_closed_as_exactly_as_gears(degrees):
     """A 3-4-5 polynomial, a rise of 20 mm: its highest power at 1 rad, far beyond its limits, does not count."""
     c = 20.0 * np.array([10.0, -15.0, 6.0]) / degrees ** np.array([3, 4, 5])
-    mechanism = cinegen.load(f"""RAFF r
-robot r {{
+    cam = f"""
   link 1 {{ type 2 pred 0 parameters {{ theta {degrees / 2} }} limits {{ 0 {degrees} }} actuated 1 }}
   link 2 {{ type 1 pred 0 parameters {{ d 100 r 10 }} limits {{ 0 20 }} }}
-  coupling {{ link 2 link 1 polynomial ( 0 0 {" ".join(map(str, c.tolist()))} ) }}
-}}""")
+  coupling {{ link 2 link 1 polynomial ( 0 0 {" ".join(map(str, c.tolist()))} ) }}"""
+    second = cam.replace("link 1 ", "link 3 ").replace("link 2 ", "link 4 ")  # a cluster of its own
+    mechanism = cinegen.load(f"RAFF r\nrobot r {{{second}{cam}\n}}")
     turned, lift = mechanism.q_index("joint1"), mechanism.q_index("joint2")
     start = np.array(mechanism.q_home)
     start[lift] += 1e-8
     for part in (0.2, 0.5, 0.7):
         start[turned] = np.radians(part * degrees)
-        q = mechanism.close(start, ["joint1"])
+        q = mechanism.close(start, ["joint1", "joint3"])
         assert q[lift] == pytest.approx(0.02 * (10.0 * part**3 - 15.0 * part**4 + 6.0 * part**5), abs=1e-13)
         lacking = q.copy()
         lacking[lift] += 1e-6
         assert mechanism.closure(lacking) > 1e-7  # rad or characteristic lengths
     parts = np.linspace(0.0, 1.0, 11)  # far from each other for a cam as steep as this
-    lifts = cinegen.evaluate(mechanism, mechanism.end, np.radians(degrees) * parts[:, None]).q[:, lift]
+    at_cam = np.column_stack([np.full(11, np.radians(degrees / 2)), np.radians(degrees) * parts])
+    lifts = cinegen.evaluate(mechanism, mechanism.end, at_cam).q[:, lift]
     assert lifts == pytest.approx(0.02 * (10.0 * parts**3 - 15.0 * parts**4 + 6.0 * parts**5), abs=1e-10)
+    assert max(map(mechanism.closure, mechanism.random_closed(4))) < 1e-12

@@ -18,12 +18,12 @@ from yourdfpy import Calibration, Dynamics, Inertial, Joint, Limit, Link, Mimic,
 
 import raff2urdf
 from raff2urdf import RaffError, loads, readers
+from raff2urdf.bounds import UNLIMITED
 from raff2urdf.conversion import Translation, translate
 from raff2urdf.placement import from_origin, roll_pitch_yaw
 from raff2urdf.raff.document import Document, JointType, RaffLink, RaffParameters, RaffRobot
 from raff2urdf.raff.kleinfinger import Kleinfinger
 from raff2urdf.tree import placements
-from raff2urdf.writers.urdf import UNLIMITED
 from raff2urdf.writers.urdf_object import ExactUrdf, geometry, material_of
 
 EXACT = 1e-12  # m and rad: rounding along a chain of some links of up to a metre

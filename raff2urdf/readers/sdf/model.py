@@ -13,11 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from raff2urdf.arrays import Array
+from raff2urdf.bounds import UNLIMITED
 from raff2urdf.errors import RaffError, did_you_mean, limits_reversed, run_all
 from raff2urdf.readers import drives
 from raff2urdf.readers.screw import lead, parameter
 from raff2urdf.readers.sdf.poses import SdfPoses, named, pose
-from raff2urdf.readers.urdf import UNLIMITED, check_friction, direction, limit_value, number
+from raff2urdf.readers.urdf import check_friction, direction, limit_value, number
 from raff2urdf.readers.urdf_builder import UNBOUNDED
 from raff2urdf.readers.urdf_file import MEANT, by_name
 from raff2urdf.readers.xml_file import error_at, own_element
