@@ -10,11 +10,11 @@ from typing import Any
 from lxml import etree
 
 from cinegen.errors import LoadError, warn
+from raff2urdf.bounds import UNLIMITED
 from raff2urdf.constraints import Constraints
 from raff2urdf.errors import did_you_mean
 from raff2urdf.readers.loops import successive
 from raff2urdf.readers.urdf import (
-    UNLIMITED,
     default_value,
     friction,
     joints,
