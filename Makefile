@@ -44,8 +44,7 @@ ready: ## run every check, and compile all kernels: what the tests need
 
 # What takes hours and finds the rare: tests that repeat what others prove with other numbers or robots, hostile input,
 # and random values of generated code and of pages.
-nightly: .venv/test-installed kernels ## run what continuous integration leaves out, one hour of `make campaign` (HOURS) included
-	@.ci/chromium
+nightly: ready docs ## run what continuous integration leaves out, one hour of `make campaign` (HOURS) included
 	$(BIN)/pytest -n $(WORKERS) -m slow
 	@$(MAKE) --no-print-directory campaign
 	$(BIN)/python benchmarks/generated.py $(VALUES)

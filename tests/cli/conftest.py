@@ -76,6 +76,8 @@ def inputs(root, tmp_path_factory):
     folder = tmp_path_factory.mktemp("inputs")
     for name in ("four_bar", "five_bar", "planar_3r"):
         shutil.copy(root / "robots" / f"{name}.raff", folder)
+    tilted = (folder / "four_bar.raff").read_text(encoding="utf-8").replace("d 120.0 }", "d 120.0 alpha 0.003 }")
+    (folder / "tilted.raff").write_text(tilted, encoding="utf-8")
     for name, content in {"empty": b"", "binary": bytes(range(256)), "text.toml": b"hello = 1\n"}.items():
         (folder / name).write_bytes(content)
     (folder / "folder").mkdir()

@@ -68,7 +68,7 @@ VALUES = {
 }  # fmt: skip
 REPLACED = (
     "runpy.run_path", "webbrowser.open", "cinegen.cli.files.check_new", "cinegen.cli.robots.info._text",
-    "cinegen.cli.motion.plan._task", "cinegen.cli.design.calibrate._text", "cinegen.cli.study.map_summary.summary",
+    "cinegen.cli.motion.plan._task", "cinegen.cli.design.calibrate._text", "cinegen.cli.study.map.summary",
     "cinegen.cli.study.forces._along", "cinegen.cli.motion.ik.pose_task", "cinegen.cli.study.modes.pose_task",
     "cinegen.cli.motion.ik._lines", "cinegen.cli.robots.demo.replace", "cinegen.cli.motion.drive.replace",
     "cinegen.cli.motion.plan_recording.replace", "cinegen.cli.served_page.replace", "cinegen.cli.robots.heal.signed",

@@ -43,7 +43,7 @@ CALLS = {
     "cinegen generate": "four_bar.raff --to c -o out",
     "cinegen page": "four_bar.raff -o out.html",
     "cinegen close": "four_bar.raff",
-    "cinegen heal": "four_bar.raff out.raff",
+    "cinegen heal": "tilted.raff out.raff",
     "cinegen validate": "TwoDofs",
     "cinegen sensors": "",
     "cinegen compile": "",
