@@ -9,6 +9,7 @@ from typing import Any
 
 from lxml import etree
 
+from raff2urdf.readers.xml_file import parse_xml
 from raff2urdf.shipped import similar_file
 
 
@@ -68,7 +69,7 @@ class FaultyMjcf:
         for element in self.root.iter("*"):
             element.text, element.tail = "\n" if len(element) else None, "\n"
         text = str(etree.tostring(self.root, encoding="unicode"))
-        lines = [element.sourceline for element in etree.fromstring(text).iter("*")]
+        lines = [element.sourceline for element in parse_xml(text, "").iter("*")]
         self._at = dict(zip(lines, self.root.iter("*"), strict=True))
         return text
 

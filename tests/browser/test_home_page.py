@@ -49,9 +49,11 @@ def address(root, site_builder, tmp_path_factory):
 
 def test_all_that_is_loaded_is_light_and_the_robot_comes_last(address, tab):
     responses = []
-    page = tab(
-        address, WATCH, f"painted['{HERO}'] !== undefined", prepare=lambda page: page.on("response", responses.append)
-    )
+
+    def watch(page):
+        page.on("response", lambda response: responses.append(response))
+
+    page = tab(address, WATCH, f"painted['{HERO}'] !== undefined", prepare=watch)
     live = page.frame_locator("iframe.robot").locator("html[data-view='ready']")
     live.wait_for(state="attached", timeout=180_000)
     asked = page.evaluate("performance.getEntriesByName(document.querySelector('iframe').src)[0].startTime")

@@ -40,7 +40,7 @@ MJCF = """<mujoco>
   </worldbody>
   <actuator>
     <motor joint="two"/>
-    <motor joint="fiur"/>
+    <motor joint="fiur"/><x:motor joint="two"/>
   </actuator>
   <equality>
     <connect name="e" body1="a" body2="c" anchor="0 0 0"/>
@@ -186,7 +186,8 @@ def test_an_mjcf(tmp_path, text_file):
     wanted = (
         (3, "'pox'"), (5, "'revolute' .*: did you mean 'hinge'"), (7, "zero quaternion"), (8, "axis too small"),
         (9, r"range\[0\].*: swap them"), (10, "repeated name 'one'"), (10, "bad format in attribute 'axis'"),
-        (11, "size 1 must be positive"), (17, "target 'fiur'"), (20, "unknown element 'c'"),
+        (11, "size 1 must be positive"), (17, "element .* 'x:motor'"), (17, "target 'fiur'"),
+        (20, "unknown element 'c'"),
     )  # fmt: skip
     said = lines_of(RaffError, raff2urdf.to_raff, path, tmp_path / "a.raff")
     assert_told_at([(f"a.xml:{number}", part) for number, part in wanted], said, tmp_path)
