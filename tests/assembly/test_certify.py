@@ -17,6 +17,7 @@ from mpmath import mp
 from numpy.random import default_rng as rng
 from small_robots import two_bars
 
+import cinegen
 from cinegen.assembly import assembly_modes
 from cinegen.assembly.certify import EndEquations, LoopEquations, Unknowns
 from cinegen.assembly.exact_tree import ExactAxis
@@ -137,13 +138,9 @@ def test_derivatives_are_those_of_the_equations(built, kind, pose):
     assert_derivatives(built(CLOSED_AS[kind](rng(0))), pose)
 
 
-def test_derivatives_of_couplings_are_those_of_their_polynomials(raff):
-    arm = (
-        two_bars()
-        .split("\n", 1)[1]
-        .replace("frame 3", "coupling { link 2 link 1 polynomial ( -1 0.1 ) offset 50 } frame 3")
-    )
-    assert_derivatives(raff(arm), EndEquations())
+def test_derivatives_of_couplings_are_those_of_their_polynomials():
+    coupling = "coupling { link 2 link 1 polynomial ( -1 0.1 ) offset 50 } frame 3"
+    assert_derivatives(cinegen.load(two_bars().replace("frame 3", coupling)), EndEquations())
 
 
 def assert_derivatives(m, pose):

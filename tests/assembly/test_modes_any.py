@@ -129,9 +129,8 @@ def test_a_base_that_can_move_changes_no_mode(built, raff):
     made = legged([[hinge(f, motor=k < 3), hinge(f + along), hinge(0.4 * f + 0.5)] for k, f in enumerate(FEET)])
     text = made.text(joint_digits=None).rstrip().removesuffix("}")
     fixed = built(made)
-    free = raff(
-        f'sensor 1 {{ port "x" translation 3 rotation 3 }}\n{text}\nconstraint {{ base sensor ( 0 1 ) }} }}', "free"
-    )
+    inside, before = "constraint { base sensor ( 0 1 ) }", 'sensor 1 { port "x" translation 3 rotation 3 }'
+    free = raff(f"{before}\n{text}\n{inside} }}", "free")
     assert (fixed.floating, free.floating) == (False, True)
     assert Linkage(fixed).end == Linkage(free).end == 3
     asked = home(fixed) + 0.05
@@ -229,11 +228,11 @@ def test_a_ball_joint_whose_axes_are_in_line_loses_no_mode(built):
     sound(of_locked, ["tool"], len(of_plain))
     assert of_locked.counts.multiple == 1
     traced(of_locked)
-    start = [np.linalg.inv(places(m, m.q_home, ["tool"])[0]) for m in (plain, locked)]
-    alike(
-        [places(plain, q, ["tool"])[0] @ start[0] for q in of_plain],
-        [places(locked, q, ["tool"])[0] @ start[1] for q in of_locked],
-    )
+    moved = []
+    for m, modes in ((plain, of_plain), (locked, of_locked)):
+        start = np.linalg.inv(places(m, m.q_home, ["tool"])[0])
+        moved.append([places(m, q, ["tool"])[0] @ start for q in modes])
+    alike(*moved)
 
 
 def test_what_no_rods_reach_is_said_of_each(robot):
@@ -277,10 +276,9 @@ def test_fewer_modes_than_the_theorem_allows_are_all_with_probability_one(built)
 def test_values_that_are_none_are_refused(robot):
     m = robot("five_bar")
     for wrong, words in (
-        ([0.1], "2 actuated joints"),
         ([0.1, np.nan], "not finite"),
         (["a", "b"], "no numbers"),
-        ([0.1] * 3, "3 values"),
+        ([0.1] * 3, "2 actuated .* 3 values"),
     ):
         with pytest.raises(ModesError, match=words):
             assembly_modes(m, wrong)

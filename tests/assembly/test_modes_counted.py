@@ -1,25 +1,11 @@
 """Assembly modes of mechanisms that are well known, against what is known of each: circles, spheres, polynomials."""
 
+import linkages
 import numpy as np
 import pinocchio as pin
 import pytest
 from assembled import alike, apart, home, nothing_beside, places, sound, traced
-from linkages import (
-    Z,
-    about_a_point,
-    delta,
-    five_bar,
-    hexapod,
-    hinge,
-    legged,
-    points,
-    ring,
-    slide,
-    spherical_legs,
-    three_legs,
-    tripod,
-    tripod_points,
-)
+from linkages import Z, hexapod, hinge, legged, points, ring, slide
 from making import direction
 from numpy.random import default_rng as rng
 
@@ -58,7 +44,7 @@ def on_the_circle(function, degree):
 
 @pytest.mark.parametrize(("seed", "cut"), [(0, "rigid"), (1, "joint")])
 def test_a_five_bars_modes_are_where_two_circles_meet(built, seed, cut):
-    mechanism = five_bar(rng(seed), cut)
+    mechanism = linkages.five_bar(rng(seed), cut)
     m = built(mechanism)
     first_foot, first, middle, second_foot, second = (body.place[:2, 3] for body in mechanism.bodies[:5])
     for shift in ([0.0, 0.0], [0.3, -0.2], [2.0, -1.0], [-0.9, 1.4]):
@@ -111,8 +97,8 @@ def test_a_parallelogram_is_also_an_antiparallelogram(built):
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("lengths", [(2, 2), (3, 2)])
 def test_a_spherical_four_or_five_bars_modes_are_where_two_cones_meet(built, seed, lengths):
-    legs = spherical_legs(rng(seed), lengths)
-    m = built(about_a_point(legs, [0, 0 if lengths == (3, 2) else -1]))
+    legs = linkages.spherical_legs(rng(seed), lengths)
+    m = built(linkages.about_a_point(legs, [0, 0 if lengths == (3, 2) else -1]))
     modes = assembly_modes(m, home(m) + 0.1)
     crank = pin.exp3(0.1 * legs[0][0])
     if lengths == (3, 2):  # the third axis, between the second of one leg and that of the other
@@ -142,7 +128,7 @@ def test_a_spherical_four_or_five_bars_modes_are_where_two_cones_meet(built, see
 
 @pytest.mark.parametrize(("seed", "linear"), [(0, False), (1, True)])
 def test_a_deltas_modes_are_where_three_spheres_meet(built, seed, linear):
-    mechanism, knees, heads = delta(rng(seed), linear)
+    mechanism, knees, heads = linkages.delta(rng(seed), linear)
     m = built(mechanism)
     shift = np.array([0.05, -0.04, 0.03])
     modes = assembly_modes(m, home(m) + shift)
@@ -201,7 +187,7 @@ def planar_poses(feet, heads, lengths):
 
 @pytest.mark.parametrize(("word", "seed"), [("RpR", 0), ("rRR", 1), ("pRR", 0)])
 def test_three_legs_in_a_plane_are_a_sextic(built, word, seed):
-    mechanism = three_legs(rng(seed), word)
+    mechanism = linkages.three_legs(rng(seed), word)
     m = built(mechanism)
     legs = [[b.place for b in mechanism.bodies if b.kind is not None][3 * i : 3 * i + 3] for i in range(3)]
     for shift in (np.zeros(3), rng(seed).uniform(-0.2, 0.2, 3)):
@@ -258,8 +244,8 @@ def spherical_poses(on_base, on_platform, cosines):
 
 
 def test_three_legs_about_a_point_are_an_octic(built):
-    legs = spherical_legs(rng(0), [3, 3, 3])
-    m = built(about_a_point(legs, [0, 0, 0]))
+    legs = linkages.spherical_legs(rng(0), [3, 3, 3])
+    m = built(linkages.about_a_point(legs, [0, 0, 0]))
     shift = rng(0).uniform(-0.2, 0.2, 3)
     modes = assembly_modes(m, home(m) + shift)
     on_base = [pin.exp3(s * leg[0]) @ leg[1] for leg, s in zip(legs, shift, strict=True)]
@@ -311,11 +297,8 @@ def test_six_rods_have_forty_modes_of_which_an_even_number_is_real(built, word):
 def test_rods_that_meet_have_the_modes_of_rods_that_almost_do(built, which):
     feet, heads = points(rng(5))
     two, other = [0, 0, 1, 1, 2, 2], [5, 0, 0, 2, 2, 5]
-    feet, heads = {
-        "3-6": (feet[two], heads),
-        "3-3": (feet[two], heads[other]),
-        "6-4": (feet, heads[[0, 0, 2, 2, 4, 5]]),
-    }[which]
+    ends = {"3-6": (feet[two], heads), "3-3": (feet[two], heads[other]), "6-4": (feet, heads[[0, 0, 2, 2, 4, 5]])}
+    feet, heads = ends[which]
     m = built(hexapod(rng(5), "UpS", feet, heads))
     modes = assembly_modes(m)
     seen = sound(modes, ["tool"])
@@ -346,17 +329,15 @@ def test_a_rod_whose_universal_joint_does_not_reach_has_fewer_modes(built):
 
 def test_a_tripod_is_a_platform_on_three_pairs_of_rods(built):
     """A jack on a hinge holds its head on the circle that two rods from points of the hinge's axis hold it on."""
-    m = built(tripod(rng(0)))
+    m = built(linkages.tripod(rng(0)))
     modes = assembly_modes(m)
-    feet, sides, heads = tripod_points(rng(0))
+    feet, sides, heads = linkages.tripod_points(rng(0))
     base = np.vstack([[f - 0.2 * s, f + 0.2 * s] for f, s in zip(feet, sides, strict=True)])
     lengths = np.linalg.norm(np.repeat(heads, 2, axis=0) - base, axis=1)
     start = places(m, m.q_home, ["tool"])[0]
     seen = sound(modes, ["tool"])
-    alike(
-        [s[0] @ np.linalg.inv(start) for s in seen],
-        list(Hexapod(base, np.repeat(heads, 2, axis=0)).modes(lengths).placements),
-    )
+    expected = Hexapod(base, np.repeat(heads, 2, axis=0)).modes(lengths).placements
+    alike([s[0] @ np.linalg.inv(start) for s in seen], list(expected))
     assert modes.counts.real + modes.counts.complex == 16
     traced(modes)
 

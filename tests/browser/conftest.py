@@ -114,6 +114,17 @@ def tab(browser, spare):
     assert wrong == []
 
 
+@pytest.fixture
+def opened(cockpit, tab):
+    """`session, page = opened("delta4")`: the session of robots, or of a setup, and its page."""
+
+    def open_page(*names, **options):
+        session = cockpit(*names, **options)
+        return session, tab(session)
+
+    return open_page
+
+
 @pytest.fixture(scope="session")
 def site_builder():
     """The module that builds the site."""

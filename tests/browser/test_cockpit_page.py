@@ -25,10 +25,9 @@ def easiest(cockpit, name, node, at):
     return np.linalg.svd(rates)[2][0]
 
 
-def test_a_part_is_named_follows_the_mouse_and_is_undone_the_gizmo_moves_a_pin_holds_and_escape_lets_go(cockpit, tab):
+def test_a_part_is_named_follows_the_mouse_and_is_undone_the_gizmo_moves_a_pin_holds_and_escape_lets_go(opened):
     name, node = "delta4", "link5"  # the platform
-    session = cockpit(name, "five_bar")
-    page = tab(session)
+    session, page = opened(name, "five_bar")
     before = {other: robot.q for other, robot in session.state.robots.items()}
     page.mouse.move(*find(page, name, node)[:2])
     assert becomes(page, lambda: "platform" in page.inner_text(".labels"))
@@ -136,9 +135,8 @@ RING = """([axis, from, to, steps]) => {
 }"""
 
 
-def test_a_padlock_locks_a_joint_a_ring_of_the_gizmo_rotates_and_many_labels_find_room(cockpit, tab):
-    session = cockpit("arm7")
-    page = tab(session)
+def test_a_padlock_locks_a_joint_a_ring_of_the_gizmo_rotates_and_many_labels_find_room(opened):
+    session, page = opened("arm7")
     tools(page, "pose")
     lock = page.locator('[data-lock="arm7/joint2"]')
     slider, text = (page.locator(f'[data-joint="arm7/joint2"] input[type={kind}]') for kind in ("range", "number"))
@@ -185,9 +183,8 @@ def test_a_padlock_locks_a_joint_a_ring_of_the_gizmo_rotates_and_many_labels_fin
     assert becomes(page, lambda: int(page.evaluate("document.documentElement.dataset.frame")) > number + 5)
 
 
-def test_panel_sliders_switches_frames_and_meters(cockpit, tab):
-    session = cockpit("five_bar", follow="circle")
-    page = tab(session)
+def test_panel_sliders_switches_frames_and_meters(opened):
+    session, page = opened("five_bar", follow="circle")
     tools(page, "tasks")
     assert page.eval_on_selector("[data-switch='five_bar/tool'] select", "(box) => box.value") == "path"
     page.select_option("[data-switch='five_bar/tool'] select", "gamepad")
@@ -258,12 +255,11 @@ def test_the_view_only_address_shows_the_robots_and_drives_nothing(cockpit, tab)
     assert page.get_attribute("#page-copy", "href") == session.view_url.replace("?", "snapshot.html?")
 
 
-def test_the_buttons_lead_from_mode_to_mode(robot, cockpit, tab, tmp_path):
+def test_the_buttons_lead_from_mode_to_mode(robot, opened, tmp_path):
     modes = cinegen.assembly_modes(robot("five_bar"))
     record_modes(modes, tmp_path / "modes.jsonl", "five_bar")
     stops = [(0.0 if k == 0 else k + 1.0, f"mode {k + 1} of {len(modes)}") for k in range(len(modes))]
-    session = cockpit(setup=replay_setup(tmp_path / "modes.jsonl", stops=stops))
-    page = tab(session)
+    session, page = opened(setup=replay_setup(tmp_path / "modes.jsonl", stops=stops))
     for button, wanted in (("#after", 2), ("#before", 1)):
         page.click(button)
         assert becomes(page, lambda n=wanted: page.text_content("#stop") == f"mode {n} of {len(modes)}")

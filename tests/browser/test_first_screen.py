@@ -33,23 +33,18 @@ UNCOVERED = """() => {
 POLE = {"name": "pole", "kind": "capsule", "radius": 0.03, "length": 1.0, "point": [0.45, 0.25, 0.5]}
 
 
-@pytest.fixture
-def setup(robot):
-    """`setup("delta4")`: what `cinegen drive` shows; "scene" has an obstacle, "panda" is of another package."""
-
-    def setup_of(name):
-        if name == "scene":
-            said = {"robot": "arm7.raff", "goal": {"point": [0.3, 0.3, 0.3]}, "obstacle": [POLE]}
-            return scene_setup(scene_of(said, mechanism=robot("arm7")))
-        mechanism = cinegen.load(name) if name == "panda" else robot(name)
-        return arrange({name: mechanism}, follow="circle" if name == "delta4" else None)
-
-    return setup_of
+def setup_of(name, robot):
+    """What `cinegen drive` shows; "scene" has an obstacle, "panda" is of another package."""
+    if name == "scene":
+        said = {"robot": "arm7.raff", "goal": {"point": [0.3, 0.3, 0.3]}, "obstacle": [POLE]}
+        return scene_setup(scene_of(said, mechanism=robot("arm7")))
+    mechanism = cinegen.load(name) if name == "panda" else robot(name)
+    return arrange({name: mechanism}, follow="circle" if name == "delta4" else None)
 
 
 @pytest.mark.parametrize("name", ["delta4", "panda", "two_arms", "scene"])
-def test_it_has_few_words_and_controls(cockpit, setup, tab, name):
-    page = tab(cockpit(setup=setup(name)))
+def test_it_has_few_words_and_controls(opened, robot, name):
+    _, page = opened(setup=setup_of(name, robot))
     for width, height in SIZES:
         page.set_viewport_size({"width": width, "height": height})
         assert becomes(page, f"innerWidth === {width}")

@@ -39,12 +39,6 @@ def worn(cockpit, page_with_headset):
     return open_worn
 
 
-def in_robots(way, scale):
-    """A way in the room (m, y up) in the robots' world (z up), of a user who looks along -z of the room."""
-    x, y, z = way
-    return np.array([x, -z, y]) / scale
-
-
 def grasp(session, page, headset, side, name, node, strength=0.75, button="trigger"):
     """Point at a node and press a button; the task, once there is one."""
     headset.aim(side, name, node)
@@ -69,9 +63,8 @@ def test_a_controller_takes_a_part_drags_it_and_lets_it_go_and_the_page_comes_ba
     assert task.weight == pytest.approx(2.0)  # three quarters pressed: 4 ** 0.5
     headset.press("right", 0.25)
     assert becomes(page, lambda: held(session, "delta4")[0].weight == 0.5)
-    way = np.array([0.03, 0.02, 0.02])
-    headset.put("right", np.array(RIGHT) + way)
-    expected = start + in_robots(way, headset.scale())
+    headset.put("right", np.add(RIGHT, [0.03, 0.02, 0.02]))  # in the room, y is up, and the user looks along -z
+    expected = start + np.array([0.03, -0.02, 0.02]) / headset.scale()  # z is up
 
     def off():
         return np.linalg.norm(place(session, "delta4", "link5", task.offset.translation) - expected)

@@ -19,9 +19,8 @@ def announced(page):
     return page.locator("#announcer p").all_inner_texts()
 
 
-def test_arrow_keys_move_a_part_and_are_undone(cockpit, tab):
-    session = cockpit("delta4", follow=None)
-    page = tab(session)
+def test_arrow_keys_move_a_part_and_are_undone(opened):
+    session, page = opened("delta4", follow=None)
     home = session.state.robots["delta4"].q
     page.locator("#scene canvas").focus()
     page.keyboard.press("Shift+N")  # the last part

@@ -1,7 +1,6 @@
 """A newcomer without docs: each task takes three clicks at most, and hints come when they help."""
 
 import numpy as np
-import pytest
 from tabs import READY, becomes, find, grab, held, picture, rests
 
 MOST = 3
@@ -30,10 +29,9 @@ class Hand:
         return clicks
 
 
-def test_each_task_takes_three_clicks_at_most(cockpit, tab, tmp_path, monkeypatch):
+def test_each_task_takes_three_clicks_at_most(opened, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    session = cockpit("delta4", follow=None)
-    page = tab(session)
+    session, page = opened("delta4", follow=None)
     page.context.grant_permissions(["clipboard-read", "clipboard-write"])
     hand, clicks = Hand(page), {}
     robot, home = session.state.robots["delta4"], session.state.robots["delta4"].q
@@ -109,9 +107,8 @@ COLOURS = """() => {
 }"""
 
 
-def test_one_label_says_why_it_stops_an_arc_shows_the_limit_and_no_part_is_repainted(cockpit, tab):
-    session = cockpit("delta4", follow=None)
-    page = tab(session)
+def test_one_label_says_why_it_stops_an_arc_shows_the_limit_and_no_part_is_repainted(opened):
+    session, page = opened("delta4", follow=None)
     before = page.evaluate(COLOURS)
     assert page.evaluate(VISIBLE) == ["Drag any part"]
     x, y, *_ = grab(page, session, "delta4", "link5")
@@ -131,9 +128,8 @@ def test_one_label_says_why_it_stops_an_arc_shows_the_limit_and_no_part_is_repai
     assert becomes(page, lambda: page.inner_text("#hint").startswith("Undo takes it back"))
 
 
-def test_the_base_is_fixed_and_says_so(cockpit, tab):
-    session = cockpit("delta4", follow=None)
-    page = tab(session)
+def test_the_base_is_fixed_and_says_so(opened):
+    session, page = opened("delta4", follow=None)
     x, y, *_ = find(page, "delta4", "base")
     page.mouse.move(x, y)
     page.mouse.down()
@@ -199,14 +195,8 @@ def test_the_hand_drags_a_ghost_of_what_is_at_the_end_while_the_robot_moves(cock
     assert away < 0.2
 
 
-@pytest.fixture
-def arm(cockpit, tab):
-    session = cockpit("arm7", follow=None)
-    return session, tab(session)
-
-
-def test_the_toolbar_stands_beside_its_part_hides_it_and_looks_at_it(arm):
-    _, page = arm
+def test_the_toolbar_stands_beside_its_part_hides_it_and_looks_at_it(opened):
+    _, page = opened("arm7")
     where = find(page, "arm7", "link4")
     page.mouse.click(*where[:2])
     assert becomes(page, lambda: page.is_visible("#selection"))
@@ -231,8 +221,8 @@ def test_the_toolbar_stands_beside_its_part_hides_it_and_looks_at_it(arm):
     assert page.evaluate(seen) is True
 
 
-def test_a_slider_lights_its_part_and_a_part_its_slider(arm):
-    _, page = arm
+def test_a_slider_lights_its_part_and_a_part_its_slider(opened):
+    _, page = opened("arm7")
     lit = """() => {
       let most = 0;
       cockpit.view.group("arm7", "link3").traverse(({ material }) => {

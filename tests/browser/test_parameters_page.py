@@ -4,7 +4,6 @@ import math
 import re
 
 import numpy as np
-import pytest
 
 from raff2urdf.raff.kleinfinger import Kleinfinger, transform
 
@@ -12,24 +11,14 @@ NAMES = ("gamma", "epsilon", "alpha", "d", "theta", "r")
 PATTERN = re.compile(r"(\w+) (-?\d+)")
 
 
-@pytest.fixture(scope="module")
-def file(site_builder, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("site")
-    site_builder.Site(folder).parameters()
-    return folder / "extra/live/six_parameters.html"
-
-
-@pytest.fixture
-def page(tab, file):
-    return tab(file, ready="true", viewport={"width": 800, "height": 900})
-
-
 def shown(page):
     cells = page.locator("table td").all_inner_texts()
     return np.array([float(cell.replace("−", "-")) for cell in cells]).reshape(4, 4)
 
 
-def test_the_matrix_is_that_of_python(page):
+def test_the_matrix_is_that_of_python(tab, site_builder, tmp_path):
+    site_builder.Site(tmp_path).parameters()
+    page = tab(tmp_path / "extra/live/six_parameters.html", ready="true", viewport={"width": 800, "height": 900})
     random = np.random.default_rng(7)
     for _ in range(8):
         values = [int(random.integers(-180, 181)) if k % 2 == 0 else int(random.integers(-200, 201)) for k in range(6)]

@@ -20,56 +20,32 @@ robot arm {
 """
 
 
-class Edited:
-    """A file that is driven in a page, and what an editor does to it."""
-
-    def __init__(self, path, cockpit, tab):
-        self.path = path
-        self.write(ARM)
-        setup, files = SetupFiles.of(lambda: arrange({"arm": cinegen.load(path)}))
-        self.cockpit = cockpit(setup=setup, files=files)
-        self.page = tab(self.cockpit)
-
-    def write(self, text):
-        self.path.write_text(text)
-
-    def rename(self, text):
-        """Save as vim does."""
-        new = self.path.with_suffix(".new")
-        new.write_text(text)
-        os.replace(new, self.path)
-
-    def shows(self, condition):
-        return becomes(self.page, lambda: self.page.evaluate(condition))
-
-
-@pytest.fixture
-def edited(tmp_path, cockpit, tab):
-    return Edited(tmp_path / "arm.raff", cockpit, tab)
-
-
 def drawn(node):
     """JavaScript: whether meshes of a node are in the scene."""
     return f"cockpit.view.group('arm', '{node}').children.some((one) => one.children.length || one.isMesh)"
 
 
-def test_each_save_is_seen_and_errors_stand_over_the_scene(edited):
-    page = edited.page
+def test_each_save_is_seen_and_errors_stand_over_the_scene(tmp_path, opened):
+    path = tmp_path / "arm.raff"
+    path.write_text(ARM)
+    setup, files = SetupFiles.of(lambda: arrange({"arm": cinegen.load(path)}))
+    session, page = opened(setup=setup, files=files)
     before = page.evaluate("cockpit.view.pose('arm', 'tip').position.toArray()")
     length, camera = page.evaluate("[cockpit.hello.robots[0].length, cockpit.view.cameraNumbers()]")
     page.evaluate("cockpit.select('arm', 'tip')")
     page.click("#pin")
-    assert edited.shows("cockpit.state.tasks.length === 1")
+    assert becomes(page, "cockpit.state.tasks.length === 1")
     picture(page, "file_before")
-    edited.rename(ARM.replace("d 300", "d 420"))
-    assert edited.shows(f"cockpit.hello.robots[0].length > {length} && cockpit.report")
-    assert edited.shows(f"{drawn('tip')} && {drawn('link3')}")
+    (tmp_path / "arm.new").write_text(ARM.replace("d 300", "d 420"))
+    os.replace(tmp_path / "arm.new", path)  # as vim saves
+    assert becomes(page, f"cockpit.hello.robots[0].length > {length} && cockpit.report")
+    assert becomes(page, f"{drawn('tip')} && {drawn('link3')}")
     assert page.evaluate("cockpit.state.tasks.map((task) => task.node)") == ["tip"]
     # the pin holds it
-    assert edited.shows(f"Math.abs(cockpit.view.pose('arm', 'tip').position.x - {before[0]}) < 1e-3")
+    assert becomes(page, f"Math.abs(cockpit.view.pose('arm', 'tip').position.x - {before[0]}) < 1e-3")
     assert page.evaluate("cockpit.view.cameraNumbers()") == pytest.approx(camera, abs=1e-6)
-    edited.write(ARM.replace("d 250", "d 2S0").replace("type 2 pred 2", "type 2 pred 9"))
-    assert edited.shows("!document.getElementById('file-problem').hidden")
+    path.write_text(ARM.replace("d 250", "d 2S0").replace("type 2 pred 2", "type 2 pred 9"))
+    assert becomes(page, "!document.getElementById('file-problem').hidden")
     text = page.inner_text("#file-problem")
     assert "arm.raff:5:41: 'd' needs a number, and '2S0' is not one" in text
     picture(page, "file_errors")
@@ -77,16 +53,16 @@ def test_each_save_is_seen_and_errors_stand_over_the_scene(edited):
     page.mouse.move(x, y)
     page.mouse.down()
     page.mouse.move(x + 30, y - 20, steps=4)
-    assert edited.shows("cockpit.state.tasks.some((task) => task.source === 'pointer')")
+    assert becomes(page, "cockpit.state.tasks.some((task) => task.source === 'pointer')")
     page.mouse.up()
     late = page.context.new_page()  # who comes later sees them too
-    late.goto(edited.cockpit.url)
+    late.goto(session.url)
     assert becomes(late, lambda: "2S0" in late.inner_text("#file-problem"))
     late.close()
     if AXE.is_file():
         for scheme in ("light", "dark"):
             page.emulate_media(color_scheme=scheme)
             assert violations(page, "#file-problem") == []
-    edited.write(ARM.replace("d 300", "d 420"))  # the same as before the errors
-    assert edited.shows("document.getElementById('file-problem').hidden")
+    path.write_text(ARM.replace("d 300", "d 420"))  # the same as before the errors
+    assert becomes(page, "document.getElementById('file-problem').hidden")
     picture(page, "file_after")

@@ -3,7 +3,6 @@
 from tabs import READY, becomes, picture, tools
 
 import cinegen
-from cinegen.cockpit import SetupFiles
 from cinegen.session import arrange
 
 ARM = """RAFF arm
@@ -16,12 +15,8 @@ robot arm {
 """
 
 
-def test_axes_are_inverted_swapped_and_scaled_and_survive_a_reload_and_a_save(tmp_path, cockpit, tab):
-    path = tmp_path / "arm.raff"
-    path.write_text(ARM)
-    setup, files = SetupFiles.of(lambda: arrange({"arm": cinegen.load(path)}))
-    cockpit = cockpit(setup=setup, files=files)
-    page = tab(cockpit)
+def test_axes_are_inverted_swapped_and_scaled_and_survive_a_reload(opened):
+    session, page = opened(setup=arrange({"arm": cinegen.load(ARM)}))
     card = page.locator('[data-sensor="1"]')
 
     def row(axis):
@@ -32,7 +27,7 @@ def test_axes_are_inverted_swapped_and_scaled_and_survive_a_reload_and_a_save(tm
         card.locator("summary").click()
 
     def axes():
-        return next(sensor.axes for sensor in cockpit.state.sensors if sensor.id == "1")
+        return next(sensor.axes for sensor in session.state.sensors if sensor.id == "1")
 
     def shown():
         return [
@@ -53,8 +48,7 @@ def test_axes_are_inverted_swapped_and_scaled_and_survive_a_reload_and_a_save(tm
     row("rx").locator("select").select_option("rz")
     row("rx").locator("input[type=number]").fill("0.5")
     row("rx").locator("input[type=number]").press("Enter")
-    changed = "-x, z, -y, 0.5*rz, 0, 0"
-    assert becomes(page, lambda: axes() == changed)
+    assert becomes(page, lambda: axes() == "-x, z, -y, 0.5*rz, 0, 0")
     after = [("x", True, "1"), ("z", False, "1"), ("y", True, "1"), ("rz", False, "0.5")]
     assert becomes(page, lambda: shown() == after)
     picture(page, "sensor_axes")
@@ -62,12 +56,4 @@ def test_axes_are_inverted_swapped_and_scaled_and_survive_a_reload_and_a_save(tm
     assert becomes(page, READY)
     unfold()
     assert becomes(page, lambda: shown() == after)
-    path.write_text(ARM.replace("d 200", "d 250"))
-    assert becomes(page, lambda: cockpit.state.edition == 1)
-    assert axes() == changed
-    unfold()
-    assert becomes(page, lambda: shown() == after)
-    path.write_text(ARM.replace("x, y, -z", "y, x, z"))  # the file has the last word
-    assert becomes(page, lambda: axes() == "y, x, z, 0, 0, 0")
-    assert card.locator("details").count() == 1
     assert not page.locator('[data-sensor="gamepad"] details').is_hidden()

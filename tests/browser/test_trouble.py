@@ -3,14 +3,13 @@
 import pytest
 from hostile_names import urdf
 from tabs import becomes, picture, tools
+from urdf_text import UrdfJoint, urdf_text
 
 import cinegen
 from cinegen.session import arrange
 
-LOST_MESH = """<robot name="arm"><link name="base"/>
-<link name="upper"><visual><geometry><mesh filename="lost.stl"/></geometry></visual></link>
-<joint name="j" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 0 1"/>
-<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
+MESH = '<visual><geometry><mesh filename="lost.stl"/></geometry></visual>'
+LOST_MESH = urdf_text([UrdfJoint("j", "base", "upper")], {"upper": MESH})
 COVER = "document.getElementById('cover')"
 
 

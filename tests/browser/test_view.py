@@ -89,12 +89,6 @@ def chain(count):
     return f"RAFF Chain\nrobot chain {{\nbase {{ }}\n{links}}}\n"
 
 
-@pytest.fixture
-def loaded(robot):
-    made = {"chain": lambda: cinegen.load(chain(60)), "box": lambda: box(2e-8)}
-    return lambda name: made[name]() if name in made else robot(name)
-
-
 def box(size, colour="1 1 1"):
     return cinegen.load(BOX.format(size=size, colour=colour))
 
@@ -113,8 +107,9 @@ def share(page):
         *(("gough", size) for size in ((390, 844), (844, 390), (2200, 700))),
     ],
 )
-def test_robots_fill_most_of_the_view_at_first(loaded, cockpit, tab, name, size):
-    shown = cockpit(setup=arrange({name: loaded(name)}))
+def test_robots_fill_most_of_the_view_at_first(robot, cockpit, tab, name, size):
+    made = {"chain": lambda: cinegen.load(chain(60)), "box": lambda: box(2e-8)}
+    shown = cockpit(setup=arrange({name: made[name]() if name in made else robot(name)}))
     assert 0.62 < share(tab(shown, viewport=dict(zip(("width", "height"), size, strict=True)))) < 0.78
 
 
@@ -178,9 +173,8 @@ def test_parts_that_are_drawn_at_once_look_as_if_each_was_drawn_alone(cockpit, t
     assert (differences > 3).sum() < 10  # of half a million pixels: a matrix is rounded elsewhere
 
 
-def test_nothing_is_drawn_while_nothing_changes_and_motions_leave_nothing_behind(cockpit, tab):
-    shown = cockpit("five_bar")
-    page = tab(shown)
+def test_nothing_is_drawn_while_nothing_changes_and_motions_leave_nothing_behind(opened):
+    shown, page = opened("five_bar")
     page.evaluate("""() => {
       window.drawn = 0;
       const { viewer } = cockpit;
@@ -202,9 +196,8 @@ def test_nothing_is_drawn_while_nothing_changes_and_motions_leave_nothing_behind
     assert find(page, "five_bar", "link4")
 
 
-def test_robots_that_are_drawn_again_and_again_take_no_more_memory(cockpit, tab):
-    shown = cockpit("five_bar")
-    page = tab(shown)
+def test_robots_that_are_drawn_again_and_again_take_no_more_memory(opened):
+    shown, page = opened("five_bar")
     taken = []
     for _ in range(4):
         heard = page.evaluate("cockpit.viewer.num_messages_received")

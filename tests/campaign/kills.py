@@ -249,13 +249,10 @@ class Kills(Campaign):
         if again.status:
             broken.append(("fails afterwards", f"status {again.status}", again.text))
         broken += command.judge_again()
-        counts = {
-            "cases": 1,
-            kind: 1,
-            f"{name.partition(':')[0]} {kind}": int(end.status != 0),
-            f"{kind} that came too late": int(end.status == 0),
-        }
-        counts |= {"new": left == command.new, "temporary files left": sum(map(_is_temporary, left))}
+        is_late = int(end.status == 0)
+        counts = {"cases": 1, kind: 1, f"{name.partition(':')[0]} {kind}": 1 - is_late}
+        counts |= {f"{kind} that came too late": is_late, "new": left == command.new}
+        counts["temporary files left"] = sum(map(_is_temporary, left))
         findings = [Finding(case, what, where, f"{when}: {detail}") for what, where, detail in broken]
         return counts, {"s until the last process ended": [end.orphaned, case]}, findings
 
@@ -467,10 +464,9 @@ class _Door:
                 return False
         elif event not in _CHANGES and (self._pid or event != "os.scandir"):
             return False
-        path = arguments[0]
-        return isinstance(path, (str, bytes, os.PathLike)) and os.path.abspath(os.fsdecode(path)).startswith(
-            self._folder
-        )
+        if not isinstance(path := arguments[0], (str, bytes, os.PathLike)):
+            return False
+        return os.path.abspath(os.fsdecode(path)).startswith(self._folder)
 
     def _wait(self) -> None:
         """Fork a case for each order; return in these."""

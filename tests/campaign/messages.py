@@ -69,19 +69,16 @@ class Messages(Campaign):
 
     Args:
         seed: of the campaign.
-        robots: files of the robots that are driven.
     """
 
     name = "messages"
 
-    def __init__(
-        self, seed: int = 0, robots: tuple[str, ...] = ("robots/planar_3r.raff", "robots/five_bar.raff")
-    ) -> None:
-        self.seed, self.robots = seed, robots
+    def __init__(self, seed: int = 0) -> None:
+        self.seed = seed
 
     def begin(self, worker: int) -> None:
         """Start the server and the honest client."""
-        self.server = Served(self.robots, "--port", str(8500 + 20 * worker))
+        self.server = Served(("robots/planar_3r.raff", "robots/five_bar.raff"), "--port", str(8500 + 20 * worker))
         self.honest = Honest(self.server.url)
         self._first_memory, self._ended = 0.0, 0
         self.names = names_of(self.server.url)

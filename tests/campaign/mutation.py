@@ -9,6 +9,7 @@ import json
 import re
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from itertools import accumulate
 from random import Random
 from typing import Any
 
@@ -418,32 +419,26 @@ def _statements(data: bytes) -> list[tuple[int, int, str]]:
         text = data.decode()
     except UnicodeDecodeError:
         return []
-    starts, at = [], 0
     lines = text.split("\n")
-    for line in lines:
-        starts.append(at)
-        at += len(line) + 1
+    starts = list(accumulate((len(line) + 1 for line in lines), initial=0))
     statements: list[tuple[int, int, str]] = []
     opened: list[tuple[str, int]] = [("", 0)]  # kind of block, start of its present statement
     word, last = "", 0
     for token in tokens(lines):
-        if token.line == 1 or token.kind == "END":
+        if token.line == 1:
             continue
+        block, start = opened[-1]
+        is_word = token.text in STATEMENTS.get(block, ())
+        if start and (is_word or token.kind in ("}", "END")):
+            statements.append((start, last, block))
         at = starts[token.line - 1] + token.column - 1
-        if token.kind == "}":
-            if opened[-1][1]:
-                statements.append((opened[-1][1], last, opened[-1][0]))
-            if len(opened) > 1:
-                opened.pop()
+        if token.kind == "}" and len(opened) > 1:
+            opened.pop()
         elif token.kind == "{":
-            opened.append((word if word in STATEMENTS else opened[-1][0], 0))
-        elif token.text in STATEMENTS.get(opened[-1][0], ()):
-            if opened[-1][1]:
-                statements.append((opened[-1][1], last, opened[-1][0]))
-            word, opened[-1] = token.text, (opened[-1][0], at)
+            opened.append((word if word in STATEMENTS else block, 0))
+        elif is_word:
+            word, opened[-1] = token.text, (block, at)
         last = at + len(token.text)
-    if opened[-1][1]:
-        statements.append((opened[-1][1], last, opened[-1][0]))
     return statements
 
 

@@ -155,10 +155,8 @@ _DIALECTS = ("urdf+", "closing-frames", "mimic", "constraint")
 
 def _robot_yaml(folder: Path) -> list[Seed]:
     seeds = _of_folder(folder / "robot.yaml", ".yaml", ".urdf")
-    return [
-        Seed({name: data for name, data in seed.files.items() if not name.endswith(".json")}, seed.subject, seed.main)
-        for seed in seeds
-    ]
+    kept = [{name: data for name, data in seed.files.items() if not name.endswith(".json")} for seed in seeds]
+    return [seed._replace(files=files) for seed, files in zip(seeds, kept, strict=True)]
 
 
 def _scene(_: Path) -> list[Seed]:
@@ -169,6 +167,10 @@ def _scene(_: Path) -> list[Seed]:
         if b"robot =" not in text or b"planar_3r" in text:
             seeds.append(Seed(robot | {path.name: text}, path.name, path.name))
     return seeds
+
+
+def _recording(folder: Path) -> list[Seed]:
+    return _alone(folder / "recording/mission.jsonl")
 
 
 def _none(_: Path) -> list[Seed]:
@@ -291,14 +293,7 @@ READERS = {
         _mechanism("robot_yaml", _robot_yaml, m.YAML, _YAML_WORDS),
         _mechanism("loop_closures", _none, m.YAML, _YAML_WORDS),
         Reader("scene", _scene, load_scene, m.JSON, _SCENE_WORDS, _wrong_with_scene),
-        Reader(
-            "recording",
-            lambda folder: _alone(folder / "recording/mission.jsonl"),
-            _read_recording,
-            m.PLAIN,
-            _RECORDING_WORDS,
-            _wrong_with_recording,
-        ),
+        Reader("recording", _recording, _read_recording, m.PLAIN, _RECORDING_WORDS, _wrong_with_recording),
         Reader("seam", _none, _read_seam, m.PLAIN, ("x", "nz", "mm", "deg"), _wrong_with_seam),
         Reader("nff", _graphics("nff"), _read_graphics, m.PLAIN, (), _wrong_with_drawings),
         Reader("dxf", _graphics("dxf"), _read_graphics, m.PLAIN, (), _wrong_with_drawings),
@@ -342,12 +337,10 @@ class Files(Campaign):
 
     def __init__(self, folder: Path, seed: int = 0, readers: Sequence[Reader] = ()) -> None:
         self.folder, self.seed, self.readers = folder, seed, tuple(readers or READERS.values())
+        made = folder / "made"
         if any(reader in READERS.values() for reader in self.readers):
-            make_all(folder / "made")
-        self.seeds = {
-            reader.name: [*reader.seeds(folder / "made"), *map(seed_of, entries(reader.name, "read"))]
-            for reader in self.readers
-        }
+            make_all(made)
+        self.seeds = {r.name: [*r.seeds(made), *map(seed_of, entries(r.name, "read"))] for r in self.readers}
 
     def begin(self, worker: int) -> None:
         """Begin in a process of its own, with a folder of its own."""

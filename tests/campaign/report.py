@@ -34,10 +34,8 @@ def write(folder: Path, what: str, result: Result, command: str) -> None:
     for finding in result.findings:
         name = f"{finding.case.replace(':', '-')}-{hashlib.sha1(finding.key.encode()).hexdigest()[:6]}"
         text = f"{finding.key}\n\n{finding.detail}\n".encode(errors="replace")
-        for file, data in {
-            f"{name}.txt": text,
-            **{f"{name}/{file}": data for file, data in finding.files.items()},
-        }.items():
+        files = {f"{name}/{file}": data for file, data in finding.files.items()}
+        for file, data in {f"{name}.txt": text, **files}.items():
             target = folder / "findings" / file
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_bytes(data)
@@ -45,10 +43,7 @@ def write(folder: Path, what: str, result: Result, command: str) -> None:
 
 def table(report: dict[str, Any]) -> str:
     """Return the report as Markdown."""
-    lines = [
-        "| campaign | done | rate a core | worst | causes of findings | command |",
-        "| --- | --- | --- | --- | --- | --- |",
-    ]
+    lines = ["| campaign | done | rate a core | worst | causes of findings | command |", "| --- " * 6 + "|"]
     for what, run in report.items():
         unit = "s" if what == "soak" else what if what in run["counts"] else "cases"
         done = run["counts"].get(unit, 0)

@@ -160,11 +160,8 @@ class _Raises:
         """Fail."""
         if self.how == "raise":
             raise KeyError("x")
-        return {
-            "nan": np.full(len(state.q), np.nan),
-            "shape": np.zeros(3),
-            "huge": np.full(state.mechanism.model.nv, 1e200),
-        }[self.how]
+        wrong = {"nan": np.full(len(state.q), np.nan), "shape": np.zeros(3)}
+        return wrong.get(self.how, np.full(state.mechanism.model.nv, 1e200))
 
 
 class Session:
@@ -364,37 +361,30 @@ class Session:
         for number, count in zip(*np.unique(status, return_counts=True), strict=True):
             word = f"status {int(number)}"
             self.counts[word] = self.counts.get(word, 0) + int(count)
-
-        def at(broken: Array) -> Array:
-            return first + np.flatnonzero(broken)
-
         finite = np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1)
-        if not finite.all():
-            yield "not finite", at(~finite), "q or v"
-        if ((status < 0) | (status > 8) | (status % 1 != 0)).any():
-            yield "status", at((status < 0) | (status > 8)), "unknown"
-        open_ = ~(closure <= CLOSURE)
-        self._measure("closure", closure)
-        if open_.any():
-            yield "open loops", at(open_), f"closure {np.nanmax(closure)}"
+        lower = np.min([mechanism.limits.lower, *self._begun], axis=0)
+        upper = np.max([mechanism.limits.upper, *self._begun], axis=0)
+        beyond = np.maximum(lower - q, q - upper).max(axis=1)
+        speeds = mechanism.model.upperVelocityLimit
+        faster = (np.abs(v) > speeds * (1.0 + _ROUNDING) + 1e-300).any(axis=1)
+        steps = (np.abs(v) * dt / mechanism.scale).max(axis=1)
+        for kind, broken, detail in (
+            ("not finite", ~finite, "q or v"),
+            ("status", (status < 0) | (status > 8) | (status % 1 != 0), "unknown"),
+            ("open loops", ~(closure <= CLOSURE), f"closure {closure.max()}"),
+            ("limit crossed", beyond > AT_LIMIT, f"by {beyond.max()}"),
+            ("too fast", faster, f"by a factor of {(np.abs(v) / speeds).max()}"),
+            ("too far", steps > STEP_CAP * (1.0 + 1e-6), f"{steps.max()} in one tick"),
+        ):
+            if broken.any():
+                yield kind, first + np.flatnonzero(broken), detail
         sampled = range((-first) % _SAMPLED, len(q), _SAMPLED)
         exact = np.array([mechanism.closure(q[i]) for i in sampled if finite[i]])
-        self._measure("closure by Pinocchio", exact)
         if not (exact <= 2.0 * CLOSURE).all():
             yield "open loops", np.array([first]), f"closure by Pinocchio {exact.max()}"
-        lower = np.min([mechanism.limits.lower, *self._begun], axis=0) - AT_LIMIT
-        upper = np.max([mechanism.limits.upper, *self._begun], axis=0) + AT_LIMIT
-        beyond = ((q < lower) | (q > upper)).any(axis=1)
-        self._measure("beyond a limit", np.maximum(lower - q, q - upper).max(axis=1) + AT_LIMIT)
-        if beyond.any():
-            yield "limit crossed", at(beyond), f"by {np.maximum(lower - q, q - upper).max()}"
-        speeds = mechanism.model.upperVelocityLimit
-        faster = np.abs(v) > speeds * (1.0 + _ROUNDING) + 1e-300
-        if faster.any():
-            yield "too fast", at(faster.any(axis=1)), f"by a factor of {(np.abs(v) / speeds).max()}"
-        steps = np.abs(v) * dt / mechanism.scale
-        if (steps > STEP_CAP * (1.0 + 1e-6)).any():
-            yield "too far", at((steps > STEP_CAP * (1.0 + 1e-6)).any(axis=1)), f"{steps.max()} in one tick"
+        for name, values in (("closure", closure), ("closure by Pinocchio", exact), ("beyond a limit", beyond)):
+            if len(values):
+                self.worst[name] = max(self.worst.get(name, [-math.inf]), [float(np.max(values))])
         if mechanism.model.nq == mechanism.model.nv and len(q) > 1:
             ticks = first + 1 + np.arange(len(q) - 1)
             free = ~np.isin(ticks, [*self.jumps])
@@ -405,7 +395,3 @@ class Session:
             least = [self.solver.clearance.least(q[i]) for i in range(0, len(q), 10)]
             if min(least) < self.solver.barrier.safety - 1e-6:
                 yield "too near an obstacle", np.array([first]), f"{min(least)} m"
-
-    def _measure(self, name: str, values: Array) -> None:
-        if len(values):
-            self.worst[name] = max(self.worst.get(name, [-math.inf]), [float(np.max(values))])

@@ -6,6 +6,7 @@ import sys
 from functools import partial
 
 import pytest
+from calibration_data import planar_arm
 
 import cinegen.cockpit
 import raff2urdf.cli
@@ -42,26 +43,16 @@ def session_in_a_thread(monkeypatch):
 def terminal(monkeypatch):
     """`terminal()`, called in the test itself: standard error as a terminal, where progress is shown at once."""
 
-    class Terminal(io.StringIO):
-        def isatty(self):
-            return True
-
     def open_terminal() -> io.StringIO:
+        monkeypatch.setattr(sys, "stderr", screen := io.StringIO())
+        monkeypatch.setattr(screen, "isatty", lambda: True, raising=False)
         monkeypatch.setenv("TERM", "xterm")
-        monkeypatch.setattr(sys, "stderr", Terminal())
         monkeypatch.setattr(progress, "_PATIENCE", 0.0)
-        return sys.stderr
+        return screen
 
     return open_terminal
 
 
-MEASUREMENTS = """pose,joint1 [deg],joint2 [deg],joint3 [deg],tool.x [mm],tool.y [mm]
-sigma,,,,1,1
-a,0,0,0,900.5,0.2
-b,90,0,0,0.1,901
-c,0,90,0,400.2,500.4
-d,0,0,90,700.1,200.3
-"""
 TASK = """
 starts = 1
 parameters = { "link2.d" = "150..500mm" }
@@ -83,7 +74,7 @@ def inputs(root, tmp_path_factory):
     (folder / "folder").mkdir()
     (folder / "unreachable.toml").write_text("robot = 'planar_3r.raff'\ngoal = { point = [0.9, 0.9] }\n")
     (folder / "task.toml").write_text(TASK)
-    (folder / "measurements.csv").write_text(MEASUREMENTS, encoding="utf-8")
+    (folder / "measurements.csv").write_text(planar_arm(), encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         for made in (

@@ -8,6 +8,7 @@ import sys
 
 import numpy as np
 import pytest
+from urdf_text import UrdfJoint, urdf_text
 
 from cinegen.cli import main
 from cinegen.model import ForwardKinematics
@@ -106,12 +107,9 @@ def test_it_goes_on_where_it_was_left(filtered, tmp_path):
 
 def test_limits_are_kept_of_joints_that_follow_too(filtered, tmp_path):
     """The second joint turns twice as far as the first: 0.6 rad are 1.2 there, and its limit is 60 degrees."""
-    mimic = """<robot name="r"><link name="a"/><link name="b"/><link name="c"/>
-<joint name="drive" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
-<limit lower="-1.5" upper="1.5" effort="1" velocity="1"/></joint>
-<joint name="follower" type="revolute"><parent link="b"/><child link="c"/><axis xyz="0 0 1"/>
-<limit lower="-1" upper="1" effort="1" velocity="1"/><mimic joint="drive" multiplier="2"/></joint></robot>"""
-    (tmp_path / "gear.urdf").write_text(mimic)
+    mimic = '<mimic joint="drive" multiplier="2"/>'
+    joints = UrdfJoint("drive", "a", "b"), UrdfJoint("follower", "b", "c", limit=(-1.0, 1.0), more=mimic)
+    (tmp_path / "gear.urdf").write_text(urdf_text(joints))
     lines = '{"drive": 0.5}\n{"drive": 0.6}\n{}\n{"drive": 0.1, "drive": 0.2}\n'
     said = filtered(lines, str(tmp_path / "gear.urdf"))
     assert said[0] == said[2] == {"drive": 0.5, "follower": 1.0}

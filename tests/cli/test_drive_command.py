@@ -1,12 +1,8 @@
 """`cinegen drive`, `replay` and `export` as people call them."""
 
-import json
 import os
 import re
 import socket
-import subprocess
-import sys
-import time
 
 import pytest
 
@@ -37,8 +33,7 @@ def test_the_name_of_a_file_need_not_be_utf8(run, root, tmp_path):
 
 @pytest.mark.usefixtures("session_in_a_thread")
 def test_a_mission_is_recorded_replayed_and_exported(run, tmp_path):
-    code, out, _ = run("drive", "five_bar", "--no-browser", "--seconds", "1", "--record", "run.jsonl")
-    assert code == 0
+    assert run("drive", "five_bar", "--no-browser", "--seconds", "1", "--record", "run.jsonl")[0] == 0
     code, out, _ = run("replay", "run.jsonl", "--no-browser", "--seconds", "0.2")
     assert code == 0
     assert "page: http://127.0.0.1:" in out
@@ -63,28 +58,11 @@ def test_a_scene_is_driven_recorded_and_shown_again(run, root, tmp_path):
     assert "mobile: 2 joints, 0 loops, mobility 2" in out
     assert "keeps 0.05 m clear of 6 obstacles" in out
     assert "<title>mobile</title>" in (tmp_path / "page.html").read_text(encoding="utf-8")
-    code, out, _ = run("replay", "run.jsonl", "--no-browser", "--seconds", "0.3")
-    assert code == 0
+    assert run("replay", "run.jsonl", "--no-browser", "--seconds", "0.3")[0] == 0
     recording = Recording.load("run.jsonl")
     assert recording.robots == ("mobile",)
     assert tuple(recording.obstacles) == ("triangle", "rod", "angle", "block", "hexagon", "post")
     assert recording.q["mobile"][-1] == pytest.approx([0.5, 0.8])
-
-
-def test_a_session_that_is_killed_leaves_its_recording_whole(tmp_path):
-    words = ["drive", "five_bar", "--no-browser", "--record", "run.jsonl", "--seconds", "60"]
-    process = subprocess.Popen([sys.executable, "-m", "cinegen", *words], cwd=tmp_path, stdout=subprocess.PIPE)
-    assert process.stdout is not None
-    while b"page:" not in process.stdout.readline():
-        pass
-    while (tmp_path / "run.jsonl").read_bytes().count(b"\n") < 100:
-        assert process.poll() is None
-        time.sleep(0.02)
-    process.kill()
-    process.communicate()  # until its children, who hold the stream, have ended
-    assert Recording.load(tmp_path / "run.jsonl").seconds > 0.5
-    lines = (tmp_path / "run.jsonl").read_bytes().split(b"\n")
-    assert all(isinstance(json.loads(line), dict) for line in lines[:-1])
 
 
 def test_the_token_can_come_from_the_environment(run, monkeypatch):

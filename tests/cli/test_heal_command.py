@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from urdf_text import UrdfJoint, urdf_text
 
 import cinegen
 from cinegen.cli import main
@@ -35,24 +36,11 @@ def test_each_number_that_changes_is_listed(tilted, tmp_path, typed, capsys):
     assert raff2urdf(["--check", "--exact", str(out)]) == 0
 
 
-def test_raff2urdf_tells_what_it_heals(tilted, capsys):
-    assert raff2urdf(["--check", str(tilted)]) == 0
-    assert "warning: " in (said := capsys.readouterr().err)
-    assert "healed: placements changed by up to" in said
-
-
 def test_nothing_to_heal(root, tmp_path, typed):
     for robot in ("four_bar", "arm7"):
         said = typed("heal", root / f"robots/{robot}.raff", tmp_path / "out.raff", code=1)
         assert "there is nothing to heal" in said.err
         assert not (tmp_path / "out.raff").exists()
-
-
-def test_what_is_no_rounding_is_not_healed(root, tmp_path, typed):
-    path = tmp_path / "bent.raff"
-    text = (root / "robots/four_bar.raff").read_text(encoding="utf-8")
-    path.write_text(text.replace("d 120.0 }", "d 120.0 alpha 5.0 }"), encoding="utf-8")
-    assert "cinegen: " in typed("heal", path, tmp_path / "out.raff", code=1).err
 
 
 def test_existing_files_and_other_formats_are_refused(tilted, tmp_path, typed):
@@ -92,22 +80,15 @@ def test_what_could_not_be_closed_is_not_written(tilted, tmp_path, typed):
 @pytest.fixture
 def bars(tmp_path):
     """A four-bar as a URDF, its coupler's axis tilted by a little and its loop in a file of the same name."""
-    joints = {
-        "crank": ("continuous", "ground", "0 0 0"),
-        "coupler": ("continuous", "crank", "0 0.1 0"),
-        "rocker": ("continuous", "ground", "0.3 0 0"),
-        "pin": ("continuous", "coupler", "0.4 0.2 0"),
-        "hole": ("fixed", "rocker", "0.1 0.3 0"),
-    }
-    lines = ['<robot name="bars">', *(f'<link name="{name}"/>' for name in ("ground", *joints))]
-    for name, (kind, parent, place) in joints.items():
-        axis = f"0 {math.radians(TILTED)!r} 1" if name == "coupler" else "0 0 1"
-        lines += [
-            f'<joint name="to_{name}" type="{kind}"><parent link="{parent}"/><child link="{name}"/>'
-            f'<origin xyz="{place}"/><axis xyz="{axis}"/></joint>'
-        ]
+    joints = [
+        UrdfJoint("to_crank", "ground", "crank", kind="continuous"),
+        UrdfJoint("to_coupler", "crank", "coupler", "0 0.1 0", f"0 {math.radians(TILTED)!r} 1", "continuous"),
+        UrdfJoint("to_rocker", "ground", "rocker", "0.3 0 0", kind="continuous"),
+        UrdfJoint("to_pin", "coupler", "pin", "0.4 0.2 0", kind="continuous"),
+        UrdfJoint("to_hole", "rocker", "hole", "0.1 0.3 0", kind="fixed"),
+    ]
     path = tmp_path / "bars.urdf"
-    path.write_text("\n".join([*lines, "</robot>"]), encoding="utf-8")
+    path.write_text(urdf_text(joints), encoding="utf-8")
     path.with_suffix(".yaml").write_text("closed_loop: [[pin, hole]]\ntype: ['6d']\n", encoding="utf-8")
     return path
 

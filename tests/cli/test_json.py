@@ -6,6 +6,7 @@ import re
 import jsonschema
 import numpy as np
 import pytest
+from calibration_data import planar_arm
 
 import raff2urdf.cli
 import raff2urdf.urdf2raff.cli
@@ -114,12 +115,7 @@ def test_forces_along_a_recorded_motion(checked):
 
 
 def test_calibrate(checked, tmp_path):
-    lines = ["pose,joint1 [deg],joint2 [deg],joint3 [deg],tool.x [mm],tool.y [mm]", "sigma,,,,1,1"]
-    for i, (a, b, c) in enumerate(np.random.default_rng(0).uniform(-90.0, 90.0, (12, 3))):
-        arms = zip((405.0, 300.0, 200.0), np.radians(np.cumsum([a, b, c])), strict=True)
-        x, y = np.sum([(r * np.cos(t), r * np.sin(t)) for r, t in arms], axis=0)
-        lines.append(f"{i},{a},{b},{c},{x},{y + 30.0 * (i == 5)}")
-    (tmp_path / "m.csv").write_text("\n".join(lines), encoding="utf-8")
+    (tmp_path / "m.csv").write_text(planar_arm(), encoding="utf-8")
     words = "calibrate", "planar_3r", "m.csv", "--vary", "link*.d"
     assert [outlier["pose"] for outlier in checked(*words)["outliers"]] == ["5"]
     checked(*words, "--propose", "3")
@@ -149,11 +145,12 @@ def test_singular_of_a_recording(robot, checked, tmp_path):
     checked("singular", "run.jsonl", number=1)
 
 
-def test_maps(checked):
+def test_maps(checked, tmp_path):
     region = ("planar_3r", "--over", "x=-0.3..0.3:4", "--at", "y=0.2")
     checked("map", *region, "-o", "a.zarr")
     checked("map", *region, "--vary", "link2.d=0.3..0.5:2", "-o", "sweep", number=1)
-    checked("compare", "a.zarr", "a.zarr")
+    checked("compare", "a.zarr", "a.zarr", "--plot", "both.png")
+    assert (tmp_path / "both.png").stat().st_size > 10_000
 
 
 def test_proofs(checked):

@@ -24,10 +24,7 @@ PROGRAMS = {"cinegen": cinegen.cli.main, "raff2urdf": raff2urdf.cli.main, "urdf2
 # what is typed, its exit code, and what the answer must contain, beside the file or option
 MISTAKES: list[tuple[str, int, str]] = [
     # commands, options, choices
-    ("cinegen modse four_bar.raff", 2, "unknown command 'modse' (did you mean 'modes'?)"),
     ("cinegen four_bar.raff", 2, "(did you mean 'info four_bar.raff'?)"),
-    ("cinegen info", 2, "missing argument 'FILE'"),
-    ("cinegen info four_bar.raff --jsn", 2, "unknown option '--jsn' (did you mean '--json'?)"),
     ("cinegen modes five_bar.raff --method monodrom", 2, "(did you mean 'monodromy'?)"),
     ("cinegen map five_bar.raff --orientation up", 2, "'free', 'axis', 'fixed', 'home'"),
     ("cinegen export run.jsonl", 2, "missing option '--to'"),
@@ -39,14 +36,10 @@ MISTAKES: list[tuple[str, int, str]] = [
     ("cinegen demo delt4", 1, "no robot, scene or example 'delt4': did you mean 'delta4'?"),
     ("cinegen info folder", 1, "folder: can't be read: Is a directory"),
     ("cinegen info secret.raff", 1, "secret.raff: can't be read: Permission denied"),
-    ("cinegen info empty.raff", 1, "a RAFF file begins with 'RAFF <name>'"),
     ("cinegen info binary.raff", 1, "this is a binary file"),
     ("cinegen info urdf.raff", 1, "a URDF, SDF or MJCF is read by its ending"),
     ("cinegen info page.urdf", 1, "this is not a robot (known: <robot>, <sdf>, <mujoco>)"),
-    ("cinegen info typo.raff", 1, "typo.raff:2:20: unknown word 'lnk' in robot a: did you mean 'link'?"),
     ("cinegen info -", 1, "-:1:1: the file ends too early"),
-    ("urdf2raff nothing.urdf", 1, "nothing.urdf: can't be read: No such file"),
-    ("cinegen plan scene.tml", 1, "scene.tml: a scene is a .toml or a .json file"),
     ("cinegen plan empty.toml", 1, "empty.toml: goal is missing: write the goal of the robot"),
     ("cinegen plan dsic", 1, "did you mean 'disc'?"),
     ("cinegen replay runn.jsonl", 1, "runn.jsonl: can't be read: No such file or directory: did you mean 'run.jsonl'?"),
@@ -56,28 +49,18 @@ MISTAKES: list[tuple[str, int, str]] = [
     ("cinegen export mine.csv --to csv", 1, "mine.csv: not a mission: record one with"),
     ("cinegen export '' --to csv", 1, "can't be read: Is a directory"),
     ("cinegen close four_bar.raff --start mine.txt", 1, "--start mine.txt: invalid JSON"),
-    ("cinegen compare folder folder", 1, "not a map"),
     ("cinegen drive", 2, "nothing to drive: name a file of a robot, or a scene"),
     ("cinegen drive four_bar.raff --scene scene.toml", 2, "--scene names its robot: leave FILE out"),
     # robots, nodes, joints, loops, quantities
-    ("cinegen info two_arms.raff --robot lefft", 1, "there is no robot 'lefft': did you mean 'left'?"),
-    ("cinegen modes two_arms.raff --at x=0", 1, "holds several robots: name one by --robot (left, right)"),
     ("cinegen drive four_bar.raff --node tol", 1, "no node 'tol': did you mean 'tool'?"),
     ("cinegen drive five_bar.raff --sensor 7=/dev/ttyUSB0", 1, "no node of these files may follow a sensor 7"),
     ("cinegen drive five_bar.raff --sensor tol=spnav:", 1, "no node 'tol': did you mean 'tool'"),
     ("cinegen drive five_bar.raff --base five_bar", 1, "write NAME=ROBOT.NODE"),
-    ("cinegen drive five_bar.raff --base five_bar=five_bar.tool", 1, "carry each other"),
-    ("cinegen drive five_bar.raff --no-browser --host 'no such host'", 1, "no such host"),
     ("cinegen drive five_bar.raff --no-browser --record folder/../", 1, "can't be written"),
-    ("cinegen sensors --monitor banana://x", 1, "no kind of sensor 'banana:' (known:"),
     ("cinegen info four_bar.raff --loop frame4-frame6=ball", 1, "no loop 'frame4-frame6': did you mean 'frame4-fr"),
-    ("cinegen info five_bar.raff --actuated joint1,jont2", 1, "no joint 'jont2': did you mean 'joint"),
     ("cinegen info five_bar.raff --actuated=,", 2, "--actuated: name joints, such as joint1,joint2"),
     ("cinegen info four_bar.raff --loop frame4-frame5=bal", 1, "did you mean 'ball'?"),
-    ("cinegen singular five_bar.raff --at jont1=10", 1, "(did you mean 'joint1'?)"),
-    ("cinegen map planar_3r.raff -q sigma_9", 1, "unknown quantity 'sigma_9': did you mean"),
     # numbers and regions
-    ("cinegen singular five_bar.raff --at x=900mm", 1, "can't be reached along a straight line from home"),
     ("cinegen modes five_bar.raff --values 1,2,3", 1, "3 values for the 2 actuated joints"),
     ("cinegen modes gough --at 0,0,900", 1, "far beyond the reach of hexapod, at most 3 m: did you mean 900 mm?"),
     ("cinegen modes five_bar.raff --values 125rad,50", 1, "did you mean 125 degrees, which are 2.182 rad?"),
@@ -86,25 +69,17 @@ MISTAKES: list[tuple[str, int, str]] = [
     ("cinegen forces five_bar.raff --massless --payload=-2kg", 1, "the payload on 'tool' has a negative mass"),
     ("cinegen forces five_bar.raff --massless --wrench tol=1,2,3", 1, "no node 'tol': did you mean 'tool'?"),
     ("cinegen forces five_bar.raff --massless --wrench tool=1,2", 2, "write NODE=FX,FY,FZ or NODE=FX,FY,FZ,MX,MY,MZ"),
-    ("cinegen forces five_bar.raff --massless --velocity jont1=3", 1, "no actuated joint 'jont1': did you mean"),
     ("cinegen forces planar_3r.raff", 1, "these links have no mass: 'link1'"),
     ("cinegen forces five_bar.raff --massless --at joint1=9 --trajectory run.jsonl", 2, "exclude each other"),
     ("cinegen plan mm.toml", 1, "mm.toml: goal: point: 600 m is far beyond the reach of arm, at most 0.9 m: did you"),
     ("cinegen plan unit.toml", 1, "unit.toml: safety is wrong: '10 deg' is an angle: a length is wanted"),
-    ("cinegen info metres.raff", 1, "metres.raff:2:43: all lengths of robot 'r' are below 5 mm, the longest is 0.4 mm: "
-     "did you mean metres? Write 'units m' after the first line"),
-    ("cinegen singular five_bar.raff --over x", 1, "name two coordinates"),
-    ("cinegen map planar_3r.raff --over x,y --at x=0", 1, "x is given twice"),
     ("cinegen map planar_3r.raff --over x,y --grid 9999", 1, "Add --yes to start it, or use a coarser --grid"),
     ("cinegen map planar_3r.raff --over x,y --workers 99999999999", 1, "workers (99999999999) must be 1 to "),
-    ("cinegen drive four_bar.raff --port 99999", 2, "invalid value for '--port'"),
     ("cinegen map planar_3r.raff --over x=2..3:5,y=2..3:5", 1, "no cell of this region is reached"),
-    ("cinegen map planar_3r.raff --over xy --at z=-0.9", 1, "can't move along z"),
     ("cinegen map planar_3r.raff --over joint1=-60..60rad", 1, "joint1: -3438 deg is far beyond its limits"),
     ("cinegen map planar_3r.raff --over xq", 1, "did you mean 'x'"),
     ("cinegen map planar_3r.raff --over x,joint1", 1, "can't be mixed"),
     ("cinegen map planar_3r.raff -q clearance", 1, "--scene"),
-    ("cinegen map planar_3r.raff -q solutions", 1, "infinitely many"),
     ("cinegen map planar_3r.raff --vary link2.d+link2.alpha=1..2:3", 1, "must be all lengths or all angles"),
     ("cinegen map planar_3r.raff --over x=0..1:none", 2, "is not a number of cells"),
     ("cinegen map planar_3r.raff --at rz", 2, "write NAME=VALUE"),
@@ -137,8 +112,6 @@ MISTAKES: list[tuple[str, int, str]] = [
      "writes .csv: name run.csv"),
     ("cinegen map planar_3r.raff -o map.png", 2, "--output writes .zarr: name map.zarr, or write --plot map.png"),
     # files that are written
-    ("cinegen modes five_bar.raff --plot mine.png", 1, "mine.png: exists already: name another file, or"),
-    ("cinegen drive four_bar.raff --record run.jsonl", 1, "run.jsonl: exists already"),
     ("cinegen drive four_bar.raff --snapshot four_bar.raff/x.html", 1, "/x.html: can't be written: Not a directory"),
     ("cinegen drive four_bar.raff --snapshot locked/x.html", 1, "locked/x.html: can't be written: Permission denied"),
     ("cinegen drive four_bar.raff --snapshot /dev/full", 1, "/dev/full: can't be written: No space left on device"),
@@ -147,32 +120,25 @@ MISTAKES: list[tuple[str, int, str]] = [
     ("cinegen modes five_bar.raff --plot - --json", 2, "only one output can go to standard output"),
     ("raff2urdf four_bar.raff -o out", 2, "write 'out/' for a folder"),
     ("raff2urdf four_bar.raff -o mine.txt", 2, "'mine.txt' is neither a .urdf file nor a folder"),
-    ("raff2urdf four_bar.raff -o mine.urdf", 1, "mine.urdf: exists already"),
-    ("raff2urdf two_arms.raff -o x.urdf", 1, "holds several robots (left, right): name one with --robot"),
-    ("urdf2raff good.urdf -o four_bar.raff", 1, "four_bar.raff: exists already"),
 ]  # fmt: skip
 
 FILES = {
-    "empty.raff": "",
     "empty.toml": "",
     "binary.raff": "RAFF a\n\0\1\2",
     "urdf.raff": '<robot name="x"/>',
     "page.urdf": "<html></html>",
-    "good.urdf": '<robot name="x"><link name="base"/></robot>',
-    "typo.raff": "RAFF t\nrobot a { base { } lnk 1 { type 2 pred 0 } }\n",
     "mm.toml": "robot = 'planar_3r.raff'\ngoal = { point = [600, 300] }\n",
     "unit.toml": "robot = 'planar_3r.raff'\nsafety = '10 deg'\ngoal = { point = [0.6, 0.3] }\n",
-    "metres.raff": "RAFF t\nrobot r { base { } link 1 { type 2 pred 0 parameters { d 0.4 } } }\n",
     "secret.raff": "RAFF a",
     "five_bar.zip": "",
-} | dict.fromkeys(("mine.txt", "mine.png", "mine.html", "mine.urdf", "mine.csv", "run.jsonl"), "mine")
+} | dict.fromkeys(("mine.txt", "mine.csv", "run.jsonl"), "mine")
 
 
 @pytest.fixture(scope="module")
 def folder(root: Path, tmp_path_factory) -> Path:
     """The files that are named."""
     folder = tmp_path_factory.mktemp("mistakes")
-    for name in ("four_bar", "five_bar", "planar_3r", "two_arms"):
+    for name in ("four_bar", "five_bar", "planar_3r"):
         shutil.copy(root / "robots" / f"{name}.raff", folder)
     for name, text in FILES.items():
         (folder / name).write_text(text)

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -14,17 +15,8 @@ from cinegen.user_units import pose_numbers
 
 def rows(said):
     """Of a table: the mode's number as written, its numbers, and what is noted."""
-    table = []
-    for line in said.splitlines():
-        words = line.split()
-        if words and words[0].rstrip("*").isdecimal() and line.startswith("  "):
-            count = next((k for k, word in enumerate(words[1:], 1) if not _is_number(word)), len(words))
-            table.append((words[0], [float(word) for word in words[1:count]], " ".join(words[count:])))
-    return table
-
-
-def _is_number(word):
-    return word.lstrip("-").replace(".", "", 1).isdecimal() and "." in word
+    row = re.compile(r"^ {2,}(\d+\**)((?: +-?\d+\.\d+)*) *(.*)$", re.MULTILINE)
+    return [(number, [*map(float, numbers.split())], note) for number, numbers, note in row.findall(said)]
 
 
 @pytest.mark.parametrize(

@@ -24,10 +24,7 @@ LOOPBACK = ("127.", "::1")
 MAP = ("delta4", "--over", "x=-1..1:30,y=-1..1:30,z=-2..-1:10", "--yes")
 PAGE = ("--seconds", "0.5", "--no-browser")
 ELSEWHERE = ("drive", "five_bar", "--host", "0.0.0.0", *PAGE)
-PAGES = (
-    ("drive", "five_bar", "--sensor", "tool=tcp://127.0.0.1:0", "--record", "run.jsonl", *PAGE),
-    ELSEWHERE,
-)
+PAGES = [("drive", "five_bar", "--sensor", "tool=tcp://127.0.0.1:0", "--record", "run.jsonl", *PAGE), ELSEWHERE]
 OTHER_PAGES = (
     ("map", "planar_3r", "--over", "xy", "--grid", "10", "--view", *PAGE),
     ("sensors", "--monitor", "tcp://127.0.0.1:0", "--seconds", "0.5"),

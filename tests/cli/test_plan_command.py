@@ -19,6 +19,8 @@ from cinegen.planning import plan
 from cinegen.plotting import draw_plan
 from cinegen.session import scene_setup
 
+DISC = {"kind": "disc", "radius": 0.1}
+
 
 @pytest.fixture
 def typed(printed):
@@ -94,22 +96,14 @@ def test_what_repels_gets_stuck_and_it_is_said_where(root, typed):
 
 
 @pytest.mark.parametrize(
-    ("values", "status", "advice"),
+    ("x", "status", "advice"),
     [
-        (
-            {"obstacle": [{"kind": "disc", "radius": 0.1}]},
-            "start in collision: 'mobile' penetrates 'disc 1' by 0.2 m",
-            "Choose another start",
-        ),
-        (
-            {"obstacle": [{"kind": "disc", "radius": 0.1, "point": [1.205, 0]}]},
-            "goal in collision: 'mobile' is 0.005 m from 'disc 1', below the safety distance of 0.01 m",
-            "move the goal or the obstacle",
-        ),
+        (0.0, "start in collision: 'mobile' penetrates 'disc 1' by 0.2 m", "Choose another start"),
+        (1.205, "goal in collision: 'mobile' is 0.005 m from 'disc 1', below", "move the goal or the obstacle"),
     ],
 )
-def test_what_can_not_be_is_said_at_once_with_what_to_do(typed, scene, values, status, advice):
-    said = typed(scene(**values), code=1)
+def test_what_can_not_be_is_said_at_once_with_what_to_do(typed, scene, x, status, advice):
+    said = typed(scene(obstacle=[{**DISC, "point": [x, 0.0]}]), code=1)
     assert status in said
     assert advice in said
     assert "attempt" not in said
@@ -142,7 +136,7 @@ def test_json_is_json_where_there_is_no_way_and_nothing_to_meet(typed, scene):
     said = json.loads(typed(scene(), "--json"), parse_constant=pytest.fail)
     assert said["clearance"] is None
     assert set(said["clearances"]) == {None}
-    said = json.loads(typed(scene(obstacle=[{"kind": "disc", "radius": 0.1}]), "--json", code=1))
+    said = json.loads(typed(scene(obstacle=[DISC]), "--json", code=1))
     assert (said["status"], said["attempts"]) == ("start in collision", [])
     assert said["path"] == [{"x": 0.0, "y": 0.0}]
 
@@ -169,7 +163,7 @@ def test_a_way_that_ends_early_is_recorded_as_far_as_it_came_and_none_is_not(typ
     assert "up to where the path ends" in typed("rod", "-o", path, code=1)
     assert len(Recording.load(path).times) > 2
     none = tmp_path / "none.jsonl"
-    said = typed(scene(obstacle=[{"kind": "disc", "radius": 0.1}]), "-o", none, code=1)
+    said = typed(scene(obstacle=[DISC]), "-o", none, code=1)
     assert f"there is no path: {none} is not written" in said
     assert not none.exists()
 

@@ -39,9 +39,8 @@ def start(root, tmp_path):
         arguments = [word.replace("ROBOTS", str(robots)) for word in COMMANDS[name]]
         command = ["/bin/sh", "-c", f'exec "$@" {closing}', "sh", sys.executable, *arguments]
         streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | streams
-        feed = {} if "stdin" in streams else {"input": '{"joint1": 0.1}\n'}
         environment = os.environ | {"PYTHONPATH": str(root)}
-        return subprocess.run(command, cwd=tmp_path, env=environment, text=True, timeout=120, **feed, **streams)
+        return subprocess.run(command, cwd=tmp_path, env=environment, text=True, timeout=120, **streams)
 
     return start
 
@@ -156,9 +155,7 @@ def test_an_exception_that_a_library_swallows_is_raised_again(capsys):
 
 def test_a_file_is_read_from_standard_input_and_written_to_standard_output(root, tmp_path):
     """As it is typed: one command's file is the other's."""
-    entry = "import sys; from {} import main; sys.exit(main())"
-    names = "raff2urdf.cli", "cinegen.cli"
-    convert, report = (shlex.join([sys.executable, "-c", entry.format(name)]) for name in names)
+    convert, report = (shlex.join([sys.executable, *_entry(name)]) for name in ("raff2urdf.cli", "cinegen.cli"))
     pipe = f"cat planar_3r.raff | {convert} - -o - | {report} info - --json"
     environment = os.environ | {"PYTHONPATH": str(root)}
     done = subprocess.run(

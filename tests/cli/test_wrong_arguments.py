@@ -10,7 +10,6 @@ import os
 import random
 import shutil
 import sys
-from collections.abc import Iterator
 
 import pytest
 import typer
@@ -60,13 +59,13 @@ PLACES = ("/dev/full", "/dev/zero", "tcp://x", "file:///x", "[]")
 MORE = {"--monitor": ["--seconds", "0.01"]}  # else it waits for a device to be plugged in
 
 
-def command_of(command: str):
+def command_of(command):
     program, *names = command.split()
     top_command = typer.main.get_command(PROGRAMS[program].app)
     return top_command.commands[names[0]] if names else top_command
 
 
-def parameters(command: str) -> list[object]:
+def parameters(command):
     """Those of a command that take a value."""
     left_out = {"help", "version", "install_completion", "show_completion"}
     return [
@@ -74,7 +73,7 @@ def parameters(command: str) -> list[object]:
     ]
 
 
-def mistaken(command: str) -> Iterator[list[str]]:
+def mistaken(command):
     """Calls of a command in which one argument or option is wrong."""
     call, chosen = CALLS[command].split(), random.Random(command)
     declared = parameters(command)

@@ -10,6 +10,7 @@ import pytest
 import trimesh
 from browsers import Browser, becomes
 from test_hub import Line
+from urdf_text import UrdfJoint, urdf_text
 
 import cinegen
 from cinegen.cockpit import Cockpit, SetupFiles
@@ -27,16 +28,11 @@ robot r {
   frame 3 { pred 2 parameters { d 300 } }
 }
 """
-URDF = """<robot name="r">
-  <link name="base"/>
-  <link name="a"><visual><geometry><mesh filename="part.stl"/></geometry></visual></link>
-  <link name="b"/>
-  <joint name="j" type="continuous"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/></joint>
-  <joint name="k" type="continuous">
-    <parent link="a"/><child link="b"/><origin xyz="0.4 0 0"/><axis xyz="0 0 1"/>
-  </joint>
-</robot>
-"""
+MESH = '<mesh filename="part.stl"/>'
+URDF = urdf_text(
+    [UrdfJoint("j", "base", "a", kind="continuous"), UrdfJoint("k", "a", "b", "0.4 0 0", kind="continuous")],
+    {"a": f"<visual><geometry>{MESH}</geometry></visual>"},
+)
 
 
 @pytest.fixture(autouse=True)
@@ -116,7 +112,7 @@ def test_saves_by_renaming_and_of_the_same_text_are_noticed_and_a_file_that_is_g
 
 def test_what_is_next_to_a_file_is_watched_also_where_there_is_none_yet(tmp_path):
     path = tmp_path / "r.urdf"
-    path.write_text(URDF.replace('<mesh filename="part.stl"/>', '<box size="1 1 1"/>'))
+    path.write_text(URDF.replace(MESH, '<box size="1 1 1"/>'))
     files, over = watched(path), threading.Event()
     constraints = tmp_path / "r.constraints.json"
     constraints.write_text("{")
@@ -159,7 +155,7 @@ def test_nothing_is_read_while_a_file_keeps_changing(path):
 
 def test_all_browsers_meet_the_new_robot_of_a_session_in_a_process_of_its_own(tmp_path):
     path = tmp_path / "r.urdf"
-    path.write_text(URDF.replace('<mesh filename="part.stl"/>', '<box size="1 1 1"/>'))
+    path.write_text(URDF.replace(MESH, '<box size="1 1 1"/>'))
     text = path.read_text()
     setup, files = SetupFiles.of(lambda: arrange({"r": cinegen.load(path)}))
     with Cockpit(setup, port=0, files=files) as cockpit:

@@ -20,10 +20,23 @@ SLICE = Region((GridAxis("x", -0.4, 0.4, 8), GridAxis("y", 0.1, 0.5, 5)))
 
 
 @pytest.fixture(scope="module")
-def path(robot, tmp_path_factory):
-    where = tmp_path_factory.mktemp("maps") / "five_bar.zarr"
-    make_map(MapSpecification(robot("five_bar"), SLICE, ("sigma_1", "solutions")), where, workers=1)
-    return where
+def made(robot, tmp_path_factory):
+    """`made("delta4", region, "sigma_1")`: a map on disk, and what xarray says is in it."""
+    folder, known = tmp_path_factory.mktemp("maps"), {}
+
+    def make(name, region, *quantities):
+        key = name, repr(region), quantities
+        if key not in known:
+            path = folder / f"{len(known)}.zarr"
+            known[key] = path, make_map(MapSpecification(robot(name), region, quantities), path, workers=1)
+        return known[key]
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def path(made):
+    return made("five_bar", SLICE, "sigma_1", "solutions")[0]
 
 
 @pytest.fixture
@@ -140,21 +153,6 @@ def test_a_map_has_no_meshes_shown_that_are_far_from_it(tmp_path, monkeypatch):
 
 
 BOX = GridAxis("x", -1.3, 1.3, 6), GridAxis("y", -1.2, 1.2, 5), GridAxis("z", -2.7, -1.2, 6)
-
-
-@pytest.fixture(scope="module")
-def made(robot, tmp_path_factory):
-    """`made(robot, region, *quantities)`: a map on disk, and what xarray says is in it."""
-    folder, known = tmp_path_factory.mktemp("maps"), {}
-
-    def make(name, region, *quantities):
-        key = name, repr(region), quantities
-        if key not in known:
-            path = folder / f"{len(known)}.zarr"
-            known[key] = path, make_map(MapSpecification(robot(name), region, quantities), path, workers=1)
-        return known[key]
-
-    return make
 
 
 def serve(path, most=MOST):

@@ -72,10 +72,8 @@ def random_scene(rng, shapes=SHAPES):
     for j in range(1, tree.model.njoints):
         place = pin.SE3(pin.exp3(rng.normal(size=3)), 0.3 * rng.normal(size=3))
         bodies.append(Body(f"link{j}", j, place, shapes[rng.integers(len(shapes))]))
-    obstacles = [
-        some(kind, pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3)), 0.3)
-        for kind in ("ball", "box", "capsule")
-    ]
+    places = (pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3)) for _ in range(3))
+    obstacles = [some(kind, place, 0.3) for kind, place in zip(("ball", "box", "capsule"), places, strict=True)]
     self_pairs = [(i, k) for k in range(len(bodies)) for i in range(k)]
     return tree, bodies, obstacles_of([*obstacles, wall([0.0, 0.0, 1.0], -1.0)]), self_pairs
 
@@ -99,18 +97,16 @@ def test_distances_are_those_that_coal_measures_between_bodies_where_their_joint
 def test_where_coal_keeps_results_elsewhere_they_are_copied(monkeypatch):
     obstacles, rng = around("arm7", 1), np.random.default_rng(1)
     usual = among("arm7", obstacles)
-    usual.distances(within_limits("arm7", rng))
+    usual.distances(load("arm7").q_home)
     odd = iter(range(10**6))
     monkeypatch.setattr(foreign, "address", lambda array, of=foreign.address: of(array) + 8 * (next(odd) % 64))
     clearance = among("arm7", obstacles)
-    clearance.distances(within_limits("arm7", rng))
+    clearance.distances(load("arm7").q_home)
     monkeypatch.undo()
-    assert usual.results.is_in_place
-    assert usual._kinematics.frames_in_place
-    assert usual._kinematics.screws_in_place
-    assert not clearance.results.is_in_place
-    assert not clearance._kinematics.frames_in_place
-    assert not clearance._kinematics.screws_in_place
+    for made, is_in_place in ((usual, True), (clearance, False)):
+        kinematics = made._kinematics
+        in_place = made.results.is_in_place, kinematics.frames_in_place, kinematics.screws_in_place
+        assert in_place == (is_in_place,) * 3
     for _ in range(5):
         q, to = within_limits("arm7", rng), within_limits("arm7", rng)
         assert (clearance.distances(q) == usual.distances(q)).all()
@@ -172,9 +168,7 @@ def test_rows_of_nearest_points_are_how_distances_change(name):
             assert pairs[i] == pair
             assert distances[i] == at_q[pair]
             shapes = {type(clearance.bodies[int(b)].shape) for b in clearance.pairs[pair]}
-            if (
-                clearance.memory.excess[pair] != 0.0
-            ):  # not of these shapes: in test_exact_distances, to the same tolerance
+            if clearance.memory.excess[pair] != 0.0:  # not of these shapes: in test_exact_distances, as exactly
                 continue
             if at_q[pair] < 1e-3 or curved[pair] > 0.01 or not shapes <= {coal.Capsule, coal.Sphere, coal.Box}:
                 continue

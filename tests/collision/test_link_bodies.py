@@ -12,12 +12,15 @@ from example_robots import PANDA, load
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+from surfaces import outside, placed, seen, shapes, surface
 from urdf_text import UrdfJoint, urdf_text
 
 import cinegen
 from cinegen.collision.body import PlacedShape as Solid
 from cinegen.collision.body import rounded_hull
-from cinegen.collision.convex_hull import hull
+from cinegen.collision.capsule import bounding_capsule
+from cinegen.collision.convex_hull import hull, simplified
 from cinegen.collision.links import TIGHT, is_inside
 from cinegen.collision.links import convex_shape as solid
 from cinegen.collision.links import link_bodies as bodies_of
@@ -28,58 +31,6 @@ SOME = ["delta4", PANDA]
 @cache
 def bodies_named(name):
     return bodies_of(load(name))
-
-
-# --- the tests' own idea of where a shape is -----------------------------------------------------------------------
-
-
-def surface(shape, rng, count=60):
-    """Points on the surface of a shape, in its frame; all corners that it has."""
-    if isinstance(shape, coal.BVHModelOBBRSS):
-        corners = np.array(shape.vertices())
-        picked = [shape.tri_indices(int(i)) for i in rng.integers(shape.num_tris, size=count)]
-        triangles = np.array([[triangle[0], triangle[1], triangle[2]] for triangle in picked])
-        weights = rng.dirichlet([1.0, 1.0, 1.0], size=count)
-        return np.vstack([corners, np.einsum("ij,ijk->ik", weights, corners[triangles])])
-    if isinstance(shape, coal.Box):
-        points = rng.uniform(-1.0, 1.0, (count, 3))
-        points[np.arange(count), rng.integers(3, size=count)] = rng.choice([-1.0, 1.0], count)
-        return np.vstack([points, np.sign(points)]) * np.array(shape.halfSide)
-    if isinstance(shape, coal.Convex):
-        return np.array(shape.points())
-    turn = rng.uniform(0.0, 2.0 * math.pi, count)
-    if isinstance(shape, coal.Cylinder):
-        rim = shape.radius * np.column_stack([np.cos(turn), np.sin(turn)])
-        return np.column_stack([rim, rng.choice([-1.0, 1.0], count) * shape.halfLength])
-    ball = rng.normal(size=(count, 3))
-    ball *= shape.radius / np.linalg.norm(ball, axis=1)[:, None]
-    if isinstance(shape, coal.Capsule):
-        ball[:, 2] += np.sign(ball[:, 2]) * shape.halfLength
-    return ball
-
-
-def outside(points, shape):
-    """(n,) how far points, in the frame of a shape, are outside of it; not more than 0 inside."""
-    if isinstance(shape, coal.Sphere):
-        return np.linalg.norm(points, axis=1) - shape.radius
-    if isinstance(shape, coal.Capsule):
-        beyond = np.maximum(np.abs(points[:, 2]) - shape.halfLength, 0.0)
-        return np.linalg.norm(np.c_[points[:, :2], beyond], axis=1) - shape.radius
-    if isinstance(shape, coal.Cylinder):
-        return np.maximum(np.linalg.norm(points[:, :2], axis=1) - shape.radius, np.abs(points[:, 2]) - shape.halfLength)
-    if isinstance(shape, coal.Box):
-        return (np.abs(points) - np.array(shape.halfSide)).max(axis=1)
-    corners = np.array(shape.points())
-    normals = ConvexHull(corners).equations[:, :3]
-    return (points @ normals.T - (corners @ normals.T).max(axis=0)).max(axis=1)
-
-
-def placed(placement, points):
-    return points @ placement.rotation.T + placement.translation
-
-
-def seen(placement, points):
-    return (points - placement.translation) @ placement.rotation
 
 
 # --- what holds for every robot ------------------------------------------------------------------------------------
@@ -134,10 +85,8 @@ def arm(tmp_path):
 
 def test_a_link_has_its_collision_shapes_and_where_it_has_none_its_visual_ones(arm):
     ball, rod = '<sphere radius="0.1"/>', '<cylinder radius="0.02" length="0.4"/>'
-    mechanism = arm(
-        base=element("visual", '<box size="1 1 1"/>') + element("collision", ball, "0.1 0 0"),
-        upper=element("visual", rod),
-    )
+    of_base = element("visual", '<box size="1 1 1"/>') + element("collision", ball, "0.1 0 0")
+    mechanism = arm(base=of_base, upper=element("visual", rod))
     base, upper = bodies_of(mechanism)
     assert (base.name, base.joint, upper.name, upper.joint) == ("base", 0, "upper", 1)
     assert isinstance(base.shape, coal.Sphere)
@@ -162,8 +111,8 @@ def test_without_any_shapes_the_bars_of_the_stick_figure_count_and_no_link_is_wi
 
 
 def test_sticks_collide_for_a_missing_collision_mesh_though_the_visual_one_is_there(arm):
-    shapes = element("visual", '<sphere radius="0.1"/>') + element("collision", '<mesh filename="x.stl"/>')
-    mechanism = arm(upper=shapes)
+    of_link = element("visual", '<sphere radius="0.1"/>') + element("collision", '<mesh filename="x.stl"/>')
+    mechanism = arm(upper=of_link)
     assert len(mechanism.visual.geometryObjects) == 1
     with pytest.warns(cinegen.CinegenWarning, match=r"arm.urdf:3: .*mesh 'x.stl' is not found"):
         bodies = {body.name: body.shape for body in bodies_of(mechanism)}
@@ -192,15 +141,6 @@ def test_the_hollow_of_a_mesh_is_filled_and_its_scale_counts(arm, tmp_path):
 
 
 # --- one solid -----------------------------------------------------------------------------------------------------
-
-
-shapes = st.one_of(
-    st.builds(coal.Sphere, st.floats(0.05, 0.5)),
-    st.builds(coal.Capsule, st.floats(0.05, 0.3), st.floats(0.1, 0.8)),
-    st.builds(coal.Cylinder, st.floats(0.05, 0.5), st.floats(0.1, 0.8)),
-    st.builds(coal.Box, st.floats(0.1, 0.8), st.floats(0.1, 0.8), st.floats(0.1, 0.8)),
-    st.integers(0, 10**6).map(lambda seed: hull(np.random.default_rng(seed).normal(size=(12, 3)) * 0.2).shape),
-)
 
 
 @settings(max_examples=80)
@@ -237,3 +177,60 @@ def test_what_is_said_to_be_inside_is_and_what_sticks_out_is_not(inner, outer, s
     elif worst < 0.0:  # many points of it are inside, perhaps not all; a cylinder counts as a prism around it
         slack = 0.005 * inner.radius if isinstance(inner, coal.Cylinder) else 0.0
         assert worst >= -0.03 - slack
+
+
+# --- capsules ---------------------------------------------------------------------------------------------------------
+# The tightest capsule around points: it holds them all, and finds capsules again that are known.
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 10**6), st.integers(1, 200), st.floats(-4.0, 1.0), st.floats(-6.0, 0.0), st.floats(-6.0, 0.0))
+def test_every_point_is_inside(seed, count, size, width, height):
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(count, 3)) * [1.0, 10.0**width, 10.0**height] * 10.0**size
+    points = Rotation.random(random_state=seed).apply(points) + rng.normal(size=3)
+    capsule = bounding_capsule(points)
+    assert outside(seen(capsule.placement, points), capsule.shape).max() <= 1e-12
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 10**6), st.floats(0.02, 0.3), st.floats(0.05, 2.0))
+def test_a_capsule_is_found_again_from_points_of_its_surface(seed, radius, length):
+    rng, pose = np.random.default_rng(seed), Rotation.random(random_state=seed)
+    points = pose.apply(surface(coal.Capsule(radius, length), rng, 2000)) + rng.normal(size=3)
+    capsule = bounding_capsule(points)
+    assert capsule.volume <= 1.01 * math.pi * radius**2 * (length + 4.0 / 3.0 * radius)
+    assert capsule.radius == pytest.approx(radius, rel=0.02)
+    assert capsule.length + 2.0 * capsule.radius == pytest.approx(length + 2.0 * radius, rel=0.02)
+    if length > radius:
+        assert abs(capsule.axis @ pose.as_matrix()[:, 2]) > math.cos(0.03)
+
+
+# --- convex hulls -----------------------------------------------------------------------------------------------------
+# Convex hulls: of points however flat, and with fewer corners around them.
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 10**6), st.integers(1, 900), st.booleans(), st.floats(-9.0, 0.0), st.floats(-9.0, 0.0))
+def test_every_point_is_inside_of_both_and_coal_makes_both(seed, count, round_, width, height):
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(count, 3))
+    if round_:  # then all are corners
+        points /= np.linalg.norm(points, axis=1)[:, None]
+    points = Rotation.random(random_state=seed).apply(points * [1.0, 10.0**width, 10.0**height]) + rng.normal(size=3)
+    exact = hull(points)
+    fewer = simplified(exact)
+    assert len(fewer.corners) <= 256
+    assert fewer.volume >= exact.volume * (1.0 - 1e-9)
+    for made in (exact, fewer):
+        assert outside(points, made.shape).max() <= 1e-9
+        assert made.shape.computeVolume() == pytest.approx(made.volume, rel=1e-6, abs=1e-15)
+
+
+@pytest.mark.parametrize("points", [[[1, 2, 3]], [[0, 0, 0], [1, 1, 1]], [[0, 0, 0], [1, 0, 0], [0, 1, 0]]])
+def test_what_has_no_volume_is_made_a_little_thick(points):
+    points = np.array(points, dtype=float)
+    made = hull(points)
+    assert outside(points, made.shape).max() <= 0.0
+    assert 0.0 < made.volume < 1e-4
+    assert made.shape.num_points >= 6

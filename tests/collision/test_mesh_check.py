@@ -39,17 +39,8 @@ def meshes():
     return MeshContact(panda(), rng.uniform(model.lowerPositionLimit, model.upperPositionLimit, size=(100, model.nq)))
 
 
-def touch_along(path, parts=5):
-    return any(
-        meshes().touches(pin.interpolate(panda().model, begin, end, part / parts))
-        for begin, end in pairwise(path)
-        for part in range(parts + 1)
-    )
-
-
-def straight(mechanism, begin, end, count=50):
-    ends = mechanism.configuration(begin), mechanism.configuration(end)
-    return np.array([pin.interpolate(mechanism.model, *ends, part) for part in np.linspace(0.0, 1.0, count + 1)])
+def between(ends, count):
+    return [pin.interpolate(panda().model, *ends, part) for part in np.linspace(0.0, 1.0, count + 1)]
 
 
 # --- the check -----------------------------------------------------------------------------------------------------
@@ -57,7 +48,7 @@ def straight(mechanism, begin, end, count=50):
 
 def test_first_contact_is_where_coal_finds_it():
     check = MeshCheck(scene(panda(), READY, panda().configuration(READY)))
-    path = straight(panda(), READY, FOLDED)
+    path = np.array(between([panda().configuration(READY), panda().configuration(FOLDED)], 50))
     contact = check.first_contact(path)
     first = next(i for i, q in enumerate(path) if meshes().touches(q))
     assert contact is not None
@@ -98,10 +89,10 @@ def test_links_whose_solids_always_overlap_are_checked_by_their_meshes():
 
 def test_links_that_touch_in_every_configuration_are_not_checked_and_named():
     """The last link of two stays inside of a ball on the base, which it does not join."""
-    shape = '<collision><geometry><sphere radius="{}"/></geometry></collision>'
     radii = {"a": 2, "b": 0.1, "c": 0.1}
+    balls = {name: f'<collision><geometry><sphere radius="{r}"/></geometry></collision>' for name, r in radii.items()}
     joints = [UrdfJoint(child, parent, child, "0.5 0 0", limit=(-1.0, 1.0)) for parent, child in ("ab", "bc")]
-    arm = cinegen.load(urdf_text(joints, {name: shape.format(radius) for name, radius in radii.items()}))
+    arm = cinegen.load(urdf_text(joints, balls))
     check = MeshCheck(scene(arm, {}, arm.q_home))
     assert check.unchecked == (("a", "c"),)
     assert check.contact(arm.q_home) == ""
@@ -120,6 +111,19 @@ def test_collisions_that_a_scene_allows_are_not_checked():
     assert names.isdisjoint(map(frozenset, named["allowed_collisions"]))
 
 
+def test_a_sheet_of_a_tenth_of_a_millimetre_is_not_passed_through():
+    """In one step of a path, by a hand that is at rest at neither end of it near the sheet."""
+    model = panda()
+    ends = [model.configuration(READY | {"panda_joint1": angle}) for angle in (-0.6, 0.6)]
+    middle = model.placement(model.configuration(READY), "panda_hand").translation
+    sheet = {"kind": "box", "size": [0.02, 1e-4, 0.02], "point": middle.tolist()}
+    check = MeshCheck(scene(model, READY | {"panda_joint1": -0.6}, ends[0], obstacle=[sheet]))
+    assert check.contact(ends[0]) == check.contact(ends[1]) == ""
+    contact = check.first_contact(np.array(ends))
+    assert contact is not None
+    assert "box 1" in contact.reason
+
+
 # --- plans ---------------------------------------------------------------------------------------------------------
 
 
@@ -131,4 +135,4 @@ def test_a_path_with_contact_is_never_reported_as_reached(monkeypatch):
     assert [attempt.status for attempt in planned.attempts] == [PlanStatus.IN_COLLISION] * 2
     assert not planned
     assert "check against the meshes" in planned.reason
-    assert not touch_along(planned.path)
+    assert not any(meshes().touches(q) for ends in pairwise(planned.path) for q in between(ends, 5))

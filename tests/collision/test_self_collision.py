@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from clearings import apart
-from example_robots import PANDA, SHARE, load
+from example_robots import PANDA, SHARE, UR5, load
 from lxml import etree
 from mesh_contact import adjacent_links
 from urdf_text import UrdfJoint, urdf_text
@@ -19,6 +19,7 @@ from variants import FEWER
 import cinegen
 from cinegen.collision import clearance_of, load_scene
 from cinegen.collision.clearance import links_of
+from cinegen.collision.mesh_pairs import mesh_pairs
 from cinegen.collision.self_collision import PairReason, disabled_by_srdf, link_pairs
 from cinegen.collision.self_collision import adjacent_joints as neighbours
 
@@ -131,11 +132,7 @@ def test_neighbours_that_are_none_in_the_tree_or_by_a_loop_share_a_point(name):
 
 
 @pytest.mark.parametrize(
-    ("name", "srdf"),
-    [
-        (PANDA, "panda_description/srdf/panda.srdf"),
-        ("ur_description/urdf/ur5_robot.urdf", "ur_description/srdf/ur5.srdf"),
-    ],
+    ("name", "srdf"), [(PANDA, "panda_description/srdf/panda.srdf"), (UR5, "ur_description/srdf/ur5.srdf")]
 )
 def test_all_pairs_of_links_that_an_srdf_watches_are_watched(name, srdf):
     _, bodies, pairs = pairs_of(name)
@@ -171,11 +168,8 @@ PANDA_URDF, PANDA_SRDF = SHARE / "panda_description/urdf/panda.urdf", SHARE / "p
 
 LINKS = "abcde"
 BOX = '<collision><geometry><box size="0.1 0.1 0.3"/></geometry></collision>'
-CHAIN = urdf_text(
-    [UrdfJoint(parent + other, parent, other, "0 0 0.4", "0 1 0") for parent, other in pairwise(LINKS)],
-    dict.fromkeys(LINKS, BOX),
-    "chain",
-)
+JOINTS = [UrdfJoint(parent + other, parent, other, "0 0 0.4", "0 1 0") for parent, other in pairwise(LINKS)]
+CHAIN = urdf_text(JOINTS, dict.fromkeys(LINKS, BOX), "chain")
 
 
 @pytest.fixture
@@ -208,10 +202,8 @@ def test_a_pair_that_the_srdf_next_to_the_urdf_disables_is_not_checked(chain):
     with_srdf = cinegen.load(chain(AC))
     assert disabled(with_srdf) == {"ac"}
     assert reasons(with_srdf)["ac"] is PairReason.SRDF
-    (chain(AC).with_suffix(".srdf")).unlink()
-    without = reasons(cinegen.load(chain(None)))
-    assert without["ac"] is PairReason.CHECKED
-    assert without == reasons(with_srdf) | {"ac": PairReason.CHECKED}
+    chain(AC).with_suffix(".srdf").unlink()
+    assert reasons(cinegen.load(chain(None))) == reasons(with_srdf) | {"ac": PairReason.CHECKED}
 
 
 def test_the_srdf_that_is_named_replaces_the_one_next_to_the_urdf(chain, tmp_path):
@@ -253,21 +245,15 @@ def test_an_srdf_that_is_wrong_is_refused_with_its_place(chain, body, message):
 def test_other_files_are_not_taken_for_an_srdf(chain, tmp_path):
     urdf = chain(None)
     chain("", "scene.srdf", root="scene")
-    for other, message in (
-        (tmp_path / "scene.srdf", "<scene>"),
-        (urdf, "this is a URDF"),
-        (tmp_path / "no.srdf", "no.srdf"),
-    ):
+    for other, message in (("scene.srdf", "<scene>"), (urdf.name, "this is a URDF"), ("no.srdf", "no.srdf")):
         with pytest.raises(cinegen.CinegenError, match=message):
-            cinegen.load(urdf, srdf=other)
+            cinegen.load(urdf, srdf=tmp_path / other)
 
 
 def test_moveits_srdf_of_the_panda_is_read_as_its_file_lists_it():
     mechanism = cinegen.load(PANDA_URDF, srdf=PANDA_SRDF)
-    listed = {
-        frozenset((entry.get("link1"), entry.get("link2"))): entry.get("reason")
-        for entry in etree.parse(PANDA_SRDF).iter("disable_collisions")
-    }
+    entries = etree.parse(PANDA_SRDF).iter("disable_collisions")
+    listed = {frozenset((entry.get("link1"), entry.get("link2"))): entry.get("reason") for entry in entries}
     assert disabled_by_srdf(mechanism) == listed
     assert len(listed) == 35
     links = mechanism.structure.derived(link_pairs)
@@ -310,3 +296,40 @@ def test_a_scene_names_the_srdf_of_its_robot(chain, tmp_path):
 def test_an_srdf_may_hold_nothing_but_states_of_joints(chain):
     path = chain('<group_state name="bent" group="all"><joint name="ab" value="1"/></group_state>')
     assert disabled(cinegen.load(path)) == set()
+
+
+# --- pairs that are checked by meshes ---------------------------------------------------------------------------------
+# They are found apart from those of `Clearance`, with which they must agree.
+
+
+def names(bodies, pairs):
+    return {frozenset((bodies[i].name, bodies[k].name)) for i, k in pairs}
+
+
+@pytest.mark.parametrize("name", ["delta4", "two_arms", PANDA])
+def test_both_selections_of_pairs_agree_but_for_links_at_a_constant_distance(name):
+    mechanism = load(name)
+    mesh_based, others = mechanism.structure.derived(mesh_pairs), mechanism.structure.derived(link_pairs)
+    by_meshes = names(mesh_based.bodies, mesh_based.pairs)
+    by_distance = names(others.bodies, others.of(PairReason.CHECKED))
+    rigid = names(others.bodies, others.of(PairReason.RIGID))
+    assert by_distance - by_meshes == set()
+    assert by_meshes - by_distance <= rigid
+    assert len(by_meshes) >= 5
+
+
+@pytest.mark.parametrize(
+    ("srdf", "is_checked"),
+    [
+        ("", True),
+        (AC, True),  # "Never": checking verifies it
+        (AC.replace("Never", "Adjacent"), True),  # they are not
+        (AC.replace("Never", "Default"), True),
+        (AC.replace("Never", "User"), False),
+    ],
+)
+def test_the_reason_of_an_srdf_is_verified(chain, srdf, is_checked):
+    mechanism = cinegen.load(chain(srdf))
+    selection = mechanism.structure.derived(mesh_pairs)
+    assert (frozenset("ac") in names(selection.bodies, selection.pairs)) == is_checked
+    assert (("a", "c") in selection.unchecked) != is_checked

@@ -15,7 +15,10 @@ from mouse_streams import magellan_keys, magellan_motion, spaceball_motion
 
 
 class Device:
-    """On a pseudo-terminal whose name a link at `path` leads to, as a port's name stays when it is plugged in anew."""
+    """On a pseudo-terminal whose name a link at `path` leads to, as a port's name stays when it is plugged in anew.
+
+    A kind of device answers questions (`answer`), and sends counts of its axes (`move`).
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -66,12 +69,6 @@ class Device:
                 if not self.deaf:
                     self.answer(question)
 
-    def answer(self, question: bytes) -> None:
-        raise NotImplementedError
-
-    def move(self, counts: tuple[int, ...]) -> None:
-        raise NotImplementedError
-
 
 class PlayedMagellan(Device):
     keys = 0
@@ -96,8 +93,6 @@ class PlayedMagellan(Device):
 
 
 class PlayedSpaceball(Device):
-    binary = False
-
     def answer(self, question: bytes) -> None:
         if question == b"@RESET":
             self.send(b"\r@1 Spaceball alive and well after a software reset.\r")

@@ -140,7 +140,7 @@ def test_the_list_of_sensors_shows_the_axes(raff, tmp_path, typed):
 
 
 def test_a_mouse_moves_the_node_that_it_is_switched_to_and_its_axes_are_turned_back_while_it_drives(robot, tmp_path):
-    """Unplugged, it leaves the node at rest, where it is held; plugged in again it goes on."""
+    """Unplugged and plugged in again it goes on."""
     device = PlayedMagellan(tmp_path / "mouse").plug()
     delta = robot("delta4")
     sensors = [f"1={device.path}#axes=x,y,-z"]
@@ -167,15 +167,6 @@ def test_a_mouse_moves_the_node_that_it_is_switched_to_and_its_axes_are_turned_b
             assert becomes(lambda: sensor().state.value in ("lost", "silent", "opening"))
             runner.send(c.ChangeSensor("1", "x y z"))
             assert becomes(lambda: sensor().axes == "x, y, z, 0, 0, 0")
-            rest = []
-
-            def rests(rest=rest):
-                rest.append(height())
-                return len(rest) > 100 and rest[-1] == rest[-100]
-
-            assert becomes(rests)
-            (task,) = runner.state.robots["delta"].tasks
-            assert abs(task.target.translation[2] - height()) < 1e-6
             device.plug()
             assert becomes(lambda: sensor().state.value == "live", 20.0)
     device.unplug()

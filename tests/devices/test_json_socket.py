@@ -111,10 +111,7 @@ def test_what_a_program_can_say(sensor):
         (b"[" * 4000, "Expected `object`"),
         (b'{"quaternion": [' + b"[" * 4000, "at `$.quaternion[0]`"),
         (b'{"twits": [0, 0, 0, 0, 0, 0]}', "unknown field `twits`"),
-        (b'{"placement": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 2]]}', "at `$.placement[3]`"),
-        (b'{"placement": [[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}', "rotation"),
         (b'{"placement": [[-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}', "reflection"),
-        (b'{"placement": [[1, 0, 0, 1e9], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}', "within 1e+06 m"),
         (b'{"translation": [0, 0, 0], "quaternion": [0, 0, 0, 0]}', "quaternion"),
         (b'{"buttons": [64]}', "<= 63 - at `$.buttons[0]`"),
     ],
@@ -138,8 +135,9 @@ def test_all_problems_of_a_line_are_answered_at_once(sensor):
         fields = [problem.rpartition("`$")[2] for problem in program.answer().split("\n")]
         assert fields[1:] == [".twist[1]`", ".twist[4]`", ".translation`", ".buttons[0]`", ".buttons[2]`"]
         wanted = ["[0, 0, 0, 1]", "a rotation, with orthonormal columns", "a position within 1e+06 m"]
-        answers = [problem.partition(" - ")[0] for problem in program.answer().split("\n")]
-        assert answers == [f"Expected {text}" for text in wanted]
+        answers = program.answer().split("\n")
+        assert [answer.partition(" - ")[0] for answer in answers] == [f"Expected {text}" for text in wanted]
+        assert answers[0].endswith("at `$.placement[3]`")
         assert program.answer() == "Expected `placement`, or both `translation` and `quaternion`"
         assert program.answer().endswith(" more")
 

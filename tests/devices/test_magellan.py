@@ -89,9 +89,7 @@ def test_every_whole_packet_is_used_and_nothing_else(sent):
     expected = [event for packet in whole for event in Magellan().feed(packet)]
     allowed = [event for packet, received in sent for event in Magellan().feed(packet)]
     for kind, before in ((MouseMotion, []), (MouseKeys, [MouseKeys(frozenset())])):
-        must, may, used = (
-            [event for event in events if isinstance(event, kind)] for events in (expected, allowed, decoded)
-        )
+        must, may, used = ([e for e in events if isinstance(e, kind)] for events in (expected, allowed, decoded))
         assert _within(must, used)
         # A damage that leaves the packet itself whole (noise in front of it) may leave it used.
         assert _within(used, [*before, *may])

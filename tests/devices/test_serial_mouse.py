@@ -31,22 +31,13 @@ def played(request, tmp_path):
     device.unplug()
 
 
-@pytest.fixture
-def magellan(tmp_path):
-    device = PlayedMagellan(tmp_path / "port").plug()
-    mouse = SerialMouse(str(device.path), patience=0.3)
+@pytest.mark.parametrize(
+    ("url", "state"), [("://x", SensorState.LOST), ("hwgrep://(", SensorState.LOST), ("loop://", SensorState.REFUSED)]
+)
+def test_a_malformed_url_and_a_port_that_hears_itself_are_a_status_and_no_defect(url, state):
+    mouse = SerialMouse(url, patience=0.1)
     mouse.start()
-    assert becomes(lambda: mouse.status.state is SensorState.LIVE)
-    yield device, mouse
-    mouse.close()
-    device.unplug()
-
-
-@pytest.mark.parametrize("url", ["://x", "hwgrep://("])
-def test_a_malformed_url_is_a_status_and_no_defect(url):
-    mouse = SerialMouse(url)
-    mouse.start()
-    assert becomes(lambda: mouse.status.state is SensorState.LOST)
+    assert becomes(lambda: mouse.status.state is state)
     mouse.close()
     assert not mouse.exception_log.messages
 
@@ -130,8 +121,9 @@ def test_garbage_and_halves_do_no_harm(played):
     assert mouse.status.state is SensorState.LIVE
 
 
-def test_presses_are_kept_for_a_slow_reader_and_of_motion_the_newest(magellan):
-    device, mouse = magellan
+@pytest.mark.parametrize("played", ["Magellan SpaceMouse"], indirect=True)
+def test_presses_are_kept_for_a_slow_reader_and_of_motion_the_newest(played):
+    device, mouse, _, _ = played
     assert becomes(lambda: device.heard.endswith(b"kQ\r"))
     for keys in (1, 0, 2, 3, 0):
         device.press(keys)
@@ -147,8 +139,8 @@ def test_presses_are_kept_for_a_slow_reader_and_of_motion_the_newest(magellan):
     assert mouse.read() is None
 
 
-def test_nobody_answers(magellan):
-    device, mouse = magellan
+def test_nobody_answers(played):
+    device, mouse, _, _ = played
     mouse.close()
     device.deaf = True
     mouse.start()
@@ -170,10 +162,3 @@ def test_no_port_and_closing_at_once(tmp_path):
     mouse.close()
     mouse.close()
     assert mouse.status.state is SensorState.CLOSED
-
-
-def test_a_port_that_hears_itself_is_no_mouse():
-    mouse = SerialMouse("loop://", patience=0.1)
-    mouse.start()
-    assert becomes(lambda: mouse.status.state is SensorState.REFUSED)
-    mouse.close()

@@ -4,7 +4,6 @@ import ast
 import runpy
 import shutil
 import sys
-from pathlib import Path
 
 import pytest
 from pages import ROOT
@@ -18,21 +17,15 @@ LONG = {
 }
 
 
-def has_what_it_needs(path: Path):
-    if "(needs gcc)" in path.read_text(encoding="utf-8") and shutil.which("gcc") is None:
-        pytest.skip("there is no gcc")
-
-
 @pytest.mark.parametrize(
     "path",
     [*(path for path in EXAMPLES if path.stem not in LONG), *slow(*(path for path in EXAMPLES if path.stem in LONG))],
     ids=lambda path: path.stem,
 )
-def test_an_example_runs_and_says_something(
-    path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-):
+def test_an_example_runs_and_says_something(path, monkeypatch, capfd):
     """As `python PATH` runs it, without a second for all imports."""
-    has_what_it_needs(path)
+    if "(needs gcc)" in path.read_text(encoding="utf-8") and shutil.which("gcc") is None:
+        pytest.skip("there is no gcc")
     monkeypatch.chdir(ROOT)
     monkeypatch.setattr(sys, "argv", [str(path.relative_to(ROOT))])
     runpy.run_path(sys.argv[0], run_name="__main__")
@@ -42,7 +35,7 @@ def test_an_example_runs_and_says_something(
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_an_example_is_short_and_says_what_it_shows(path: Path):
+def test_an_example_is_short_and_says_what_it_shows(path):
     text = path.read_text(encoding="utf-8")
     assert len(text.splitlines()) <= 40
     assert ast.get_docstring(ast.parse(text))

@@ -11,7 +11,7 @@ ROBOTS = sorted(path.stem for path in (ROOT / "robots").glob("*.raff"))
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_links_lead_somewhere(name: str):
+def test_links_lead_somewhere(name):
     page = ROOT / name
     for link in links(page):
         if link.startswith(("https://", "http://")):
@@ -25,14 +25,14 @@ def test_links_lead_somewhere(name: str):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_modules_that_a_page_names_exist(name: str):
+def test_modules_that_a_page_names_exist(name):
     named = re.findall(r"`([\w./]+/[\w.]+\.(?:py|mjs|js))`", (ROOT / name).read_text(encoding="utf-8"))
     roots = [ROOT, ROOT / "cinegen", ROOT / "raff2urdf"]
     assert [path for path in named if not any((root / path).exists() for root in roots)] == []
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_a_robot_has_a_picture_in_the_gallery(robot: str):
+def test_a_robot_has_a_picture_in_the_gallery(robot):
     path = ROOT / "docs" / "pictures" / f"{robot}.webp"
     assert path.stat().st_size <= 60_000
     with Image.open(path) as picture:
@@ -42,7 +42,7 @@ def test_a_robot_has_a_picture_in_the_gallery(robot: str):
 
 
 @pytest.mark.parametrize("page", [name for name in NAMES if name.startswith("docs/howto/")])
-def test_a_how_to_page_has_a_picture(page: str):
+def test_a_how_to_page_has_a_picture(page):
     text = (ROOT / page).read_text(encoding="utf-8")
     assert re.search(r"^!\[[^]]{20,}\]\(\.\./pictures/[\w.]+\)$", text, re.MULTILINE)
 

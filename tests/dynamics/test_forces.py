@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 from gough_lines import lines_of
 from random_masses import massive, random_motion
+from small_robots import two_bars
 
 import cinegen
 from cinegen.dynamics import InverseDynamics, Payload, forces
@@ -322,7 +323,7 @@ def test_frequencies(arm, robot):
     assert Elasticity(body, q, springs).frequencies() == pytest.approx(expected)
 
 
-def test_wrong_input(arm, raff):
+def test_wrong_input(arm):
     dynamics = InverseDynamics(arm, gravity=STILL)
     for error, message, call in (
         (ConfigurationError, "torques of arm are 3 finite", lambda: node_wrench(dynamics, np.zeros(3), [1.0, 2.0])),
@@ -332,10 +333,7 @@ def test_wrong_input(arm, raff):
     ):
         with pytest.raises(error, match=message):
             call()
-    swing = raff(
-        "robot swing { link 1 { type 2 pred 0 actuated 1 } link 2 { parameters { d 300 } type 2 pred 1 actuated 0 } "
-        "frame 3 { parameters { d 200 } pred 2 } }"
-    )
+    swing = cinegen.load(two_bars(words=("actuated 1", "actuated 0")))
     with pytest.raises(MotionError, match="moves without deforming a spring"):
         Elasticity(InverseDynamics(swing, gravity=STILL), swing.q_home, {"joint1": 5.0})
     assert Elasticity(dynamics, np.zeros(3), {}).compliance() == pytest.approx(np.zeros((6, 6)))

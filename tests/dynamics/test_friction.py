@@ -34,7 +34,7 @@ def test_a_pendulum_needs_what_textbooks_have():
     assert smooth == pytest.approx([pendulum_torque(0.3, 1.2, -2.0) - DAMPING * 1.2 - DRY], rel=1e-12)
 
 
-def test_at_rest_coulomb_friction_is_a_band(tmp_path, typed):
+def test_at_rest_coulomb_friction_is_a_band(text_file, typed):
     mechanism = cinegen.load(PENDULUM)
     still, moving = (cinegen.forces(mechanism, [0.3], [v], [0.0]) for v in (0.0, 0.1))
     assert still.torques == pytest.approx([pendulum_torque(0.3, 0.0, 0.0)])
@@ -42,8 +42,7 @@ def test_at_rest_coulomb_friction_is_a_band(tmp_path, typed):
     assert "pin is at rest: its Coulomb friction is undetermined and left out" in still.message
     assert (moving.resting, moving.band.tolist()) == ((), [0.0])
     assert "rest" not in moving.message
-    path = tmp_path / "pendulum.xml"
-    path.write_text(PENDULUM)
+    path = text_file("pendulum.xml", PENDULUM)
     assert f"{-MASS * G * ARM:.4g} ± 0.7 N m" in typed("forces", path).out
     report = json.loads(typed("forces", path, "--json").out)
     assert (report["resting"], report["torques"][0]["band"], report["notes"]) == (["pin"], DRY, [])

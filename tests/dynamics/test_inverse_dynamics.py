@@ -29,11 +29,8 @@ def heavy(robot):
 
 
 def load_cases(mechanism):
-    body = np.diag([0.02, 0.03, 0.04])
-    return (
-        Payload(mechanism.end, 2.0, (0.1, -0.05, 0.02), body, LOAD),
-        Payload(mechanism.nodes[1], 0.3, wrench=LOAD[::-1], axes="node"),
-    )
+    load = Payload(mechanism.end, 2.0, (0.1, -0.05, 0.02), np.diag([0.02, 0.03, 0.04]), LOAD)
+    return load, Payload(mechanism.nodes[1], 0.3, wrench=LOAD[::-1], axes="node")
 
 
 def loaded_model(mechanism, payloads):
@@ -187,10 +184,8 @@ def test_spherical_joints_and_a_base_that_floats(raff, floats):
 @pytest.mark.parametrize("name", ["delta4", "arm7"])
 def test_mass_matrices_are_what_accelerates_from_rest_and_those_of_the_composite_rigid_body_algorithm(heavy, name):
     mechanism = heavy(name)
-    dynamics, samples = (
-        InverseDynamics(mechanism, [Payload(mechanism.end, 3.0)], (0, 0, 0)),
-        mechanism.random_closed(10),
-    )
+    dynamics = InverseDynamics(mechanism, [Payload(mechanism.end, 3.0)], (0, 0, 0))
+    samples = mechanism.random_closed(10)
     opened = samples[0].copy()
     opened[0] += 0.3
     matrices = dynamics.mass_matrices_of([*samples, opened])

@@ -84,13 +84,9 @@ class Anything(str):
         pass
 
 
-def _any(*_: object) -> Any:
-    return Anything()
-
-
 _OPERATIONS = "add radd sub rsub mul rmul truediv rtruediv floordiv mod pow neg invert abs or and matmul round ne"
 for _name in _OPERATIONS.split():
-    setattr(Anything, f"__{_name}__", _any)
+    setattr(Anything, f"__{_name}__", lambda *_: Anything())
 for _name in ["lt", "le", "gt", "ge"]:
     setattr(Anything, f"__{_name}__", lambda *_: True)
 
@@ -104,17 +100,10 @@ def _plain(value: Any) -> str:
     return re.sub(" at 0x[0-9a-f]+", "", repr(value))
 
 
-_zip = zip
-
-
-def _loose(*these: Any, strict: bool = False) -> Any:
-    return _zip(*these, strict=False)
-
-
 @contextmanager
 def library_of_anything(modules: tuple[str, ...]) -> Iterator[list[str]]:
     """Let functions of modules import `Anything` instead of what computes; yield what they ask of it."""
-    original = builtins.__import__
+    original, original_zip = builtins.__import__, zip
 
     def load(name: str, globals: Any = None, locals: Any = None, wanted: Any = (), level: int = 0) -> Any:
         caller = sys._getframe(1)
@@ -126,5 +115,5 @@ def library_of_anything(modules: tuple[str, ...]) -> Iterator[list[str]]:
     _ASKED.clear()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(builtins, "__import__", load)
-        patch.setattr(builtins, "zip", _loose)
+        patch.setattr(builtins, "zip", lambda *these, strict=False: original_zip(*these))
         yield _ASKED

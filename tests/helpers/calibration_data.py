@@ -1,9 +1,6 @@
 """Synthetic measurements of robots whose parameters differ from their description."""
 
-from collections.abc import Mapping, Sequence
-
 import numpy as np
-import pinocchio as pin
 
 from cinegen.design import Calibration, Design, Measurements, Parameters
 from cinegen.design.calibration.frames import MeasuringFrames
@@ -12,6 +9,17 @@ from cinegen.design.poses import random_poses
 
 POSE = ("x", "y", "z", "rx", "ry", "rz")
 POSITION_NOISE, ANGLE_NOISE = 5e-5, float(np.radians(0.01))
+
+
+def planar_arm() -> str:
+    """Return readings of `planar_3r`, whose first bar is 405 mm long instead of 400, by plane geometry; that of y in
+    pose 5 is off by 30 mm."""
+    lines = ["pose,joint1 [deg],joint2 [deg],joint3 [deg],tool.x [mm],tool.y [mm]", "sigma,,,,1,1"]
+    for i, (a, b, c) in enumerate(np.random.default_rng(0).uniform(-90.0, 90.0, (12, 3))):
+        bars = zip((405.0, 300.0, 200.0), np.radians(np.cumsum([a, b, c])), strict=True)
+        x, y = np.sum([(r * np.cos(t), r * np.sin(t)) for r, t in bars], axis=0)
+        lines.append(f"{i},{a},{b},{c},{x},{y + 30.0 * (i == 5)}")
+    return "\n".join(lines)
 
 
 def everything(name: str) -> Parameters:
@@ -23,14 +31,7 @@ def errors_of(parameters: Parameters) -> np.ndarray:
     return np.array([3e-4 if parameter.unit == "m" else np.radians(0.05) for parameter in parameters.all])
 
 
-def exact(
-    parameters: Parameters,
-    columns: Sequence[str],
-    truth: np.ndarray,
-    poses: int = 40,
-    seed: int = 0,
-    places: Mapping[str, pin.SE3] | None = None,
-) -> Measurements:
+def exact(parameters, columns, truth, poses=40, seed=0, places=None):
     """Return what a robot with true values (parameters,) reads, without noise: the actuated joints, then columns; of
     devices and targets that stand at places."""
     mechanism = parameters.mechanism

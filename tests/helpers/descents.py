@@ -8,7 +8,7 @@ import clearings
 import numpy as np
 import pinocchio as pin
 
-from cinegen.collision import load_scene, scene_of
+from cinegen.collision import load_scene
 from cinegen.collision.links import link_bodies
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
@@ -19,22 +19,19 @@ def figure(name):
     return load_scene(ROBOTS / "scenes" / f"{name}.toml")
 
 
-def point(obstacles, radius=0.0, start=(0.0, 0.0), goal=(4.0, 0.0), **more):
-    """A mobile robot."""
-    document = {"name": "point", "mobile": {"radius": radius}, "safety": 0.02, "influence": 0.6, **more}
-    document |= {"start": {"point": list(start)}, "goal": {"point": list(goal)}, "obstacle": obstacles}
-    return scene_of(document)
-
-
 def moved(scene, q, step):
     """q moved by a step without unit."""
     return pin.integrate(scene.mechanism.model, q, np.asarray(step) * scene.mechanism.scale)
 
 
+def slopes_at(value, point, step):
+    """Central differences by coordinates."""
+    return np.array([value(point + e) - value(point - e) for e in step * np.eye(len(point))]) / (2.0 * step)
+
+
 def slopes(scene, value, q, step):
     """Central differences by rad and lengths."""
-    steps = step * np.eye(scene.mechanism.model.nv)
-    return np.array([value(moved(scene, q, e)) - value(moved(scene, q, -e)) for e in steps]) / (2.0 * step)
+    return slopes_at(lambda e: value(moved(scene, q, e)), np.zeros(scene.mechanism.model.nv), step)
 
 
 def apart(scene, q, obstacle):
@@ -58,4 +55,4 @@ def attraction(scene, q):
 
 
 def bodies(scene):
-    return link_bodies(scene.mechanism) if scene.bodies is None else scene.bodies
+    return link_bodies(scene.mechanism)

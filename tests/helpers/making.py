@@ -6,7 +6,7 @@ A mechanism is assembled before it is described: whatever the axes, its loops cl
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -222,13 +222,7 @@ def graph(rng: np.random.Generator, bodies: int, loops: int, kinds: Sequence[int
 # --- rings -------------------------------------------------------------------------------------------------------
 
 
-def ring(
-    axes: Sequence[np.ndarray],
-    kinds: Sequence[int] | None = None,
-    cut: int = -1,
-    how: str = "joint",
-    more: Sequence[str] | None = None,
-) -> Mechanism:
+def ring(axes, kinds=None, cut=-1, how="joint", more=None):
     """One closed loop: joint i joins body i to body i + 1, the last one to the base again. `TOOL` is on the middle one.
 
     Args:
@@ -335,11 +329,7 @@ def leg(word: str, rng: np.random.Generator, foot: np.ndarray, head: np.ndarray)
     return joints
 
 
-def legged(
-    legs: Sequence[Sequence[Joint]],
-    cut: str | Sequence[str] = "rigid",
-    place: Callable[[], np.ndarray] = lambda: axis((0.1, -0.2, 0.3), (0.2, 0.5, 1.0)),
-) -> Mechanism:
+def legged(legs, cut="rigid", place=lambda: axis((0.1, -0.2, 0.3), (0.2, 0.5, 1.0))):
     """A platform on legs, joints from the base to the platform; all legs but the first are cut at the platform. `TOOL`
     is a frame on it.
 

@@ -1,11 +1,8 @@
 """Forward dynamics of closed mechanisms by Pinocchio's constraintDynamics."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pinocchio as pin
 
-import cinegen
 from raff2urdf.raff.document import LoopKind
 
 
@@ -21,9 +18,7 @@ def constraints_of(mechanism):
     return constraints
 
 
-def constraint_dynamics(
-    mechanism: cinegen.Mechanism, gravity=(0.0, 0.0, -9.81)
-) -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
+def constraint_dynamics(mechanism, gravity=(0.0, 0.0, -9.81)):
     """Return a function of q, v and the torques of the actuated joints: the accelerations (nv,) of all joints."""
     assert {loop.kind for loop in mechanism.loops} <= {LoopKind.RIGID, LoopKind.REVOLUTE, LoopKind.BALL}
     model, models, datas = pin.Model(mechanism.model), constraints_of(mechanism), pin.StdVec_RigidConstraintData()

@@ -1,14 +1,10 @@
 """Small closed robots, as text."""
 
-from collections.abc import Sequence
-
 FLOATING = "constraint { base sensor ( 0 1 ) }", 'sensor 1 { port "/dev/ttyS0" }'
 """Statements within and after a robot whose base floats."""
 
 
-def two_bars(
-    angles: Sequence[float] = (30, 50), lengths: Sequence[float] = (400, 300), words: Sequence[str] = ("", "")
-) -> str:
+def two_bars(angles=(30, 50), lengths=(400, 300), words=("", "")):
     """Two bars in a plane as RAFF, with a tool at their end.
 
     Args:
@@ -27,13 +23,7 @@ robot arm {{
 """
 
 
-def four_bar(
-    angles: Sequence[float] = (50, -26, 89),
-    lengths: Sequence[float] = (120, 400, 360, 240),
-    words: Sequence[str] = ("", "", ""),
-    more: str = "",
-    after: str = "",
-) -> str:
+def four_bar(angles=(50, -26, 89), lengths=(120, 400, 360, 240), words=("", "", ""), more="", after=""):
     """A planar four-bar as RAFF: a crank, a coupler, and a rocker whose pin is the loop.
 
     Args:
@@ -60,7 +50,7 @@ robot bars {{
 """
 
 
-def rssr(turn: str = "", back: str = "") -> str:
+def rssr(turn="", back=""):
     """A crank and a rocker about axes that do not meet, and a rod with a ball at either end; the first is a joint.
 
     Args:
@@ -81,7 +71,7 @@ robot rssr {{
 """
 
 
-def parallelogram(drive: str = "", pin: str = "", swing: str = "", moment: float = 1.0, coupler: float = 1e-9) -> str:
+def parallelogram(drive="", pin="", swing="", moment=1.0, coupler=1e-9):
     """A parallelogram as MJCF without gravity: both cranks turn alike, and the pin of the coupler backwards.
 
     Args:

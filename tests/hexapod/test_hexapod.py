@@ -37,10 +37,8 @@ def pose(rng, far=2.0):
 
 def reach(base, platform, placement):
     """The six lengths, leg after leg."""
-    ends = [placement[:3, :3] @ point + placement[:3, 3] for point in np.asarray(platform, dtype=float)]
-    return np.array(
-        [np.linalg.norm(end - point) for end, point in zip(ends, np.asarray(base, dtype=float), strict=True)]
-    )
+    ends = np.asarray(platform) @ placement[:3, :3].T + placement[:3, 3]
+    return np.linalg.norm(ends - base, axis=1)
 
 
 def circle(degrees, radius):

@@ -2,18 +2,10 @@
 
 import numpy as np
 import pytest
+from hexapod_start import find
 
 from cinegen.hexapod.paths import PathEnd, follow_surely
-from cinegen.hexapod.study import (
-    coefficients,
-    distances,
-    family,
-    lengths_at,
-    placements,
-    residual,
-    squares,
-    start_system,
-)
+from cinegen.hexapod.study import coefficients, distances, family, lengths_at, placements, residual, start_system
 
 
 def random(rng, *shape):
@@ -44,7 +36,7 @@ def test_the_equations_are_distances(seed):
     placement = placements(x[None])[0]
     np.testing.assert_allclose(placement[:3, :3] @ placement[:3, :3].T, np.eye(3), atol=1e-13)
     reach = np.linalg.norm(platform @ placement[:3, :3].T + placement[:3, 3] - base, axis=1)
-    s = squares(base, platform) - reach**2
+    s = (base**2 + platform**2).sum(axis=1) - reach**2
     np.testing.assert_allclose(left_sides(base, platform, s, x), 0.0, atol=1e-11)
     np.testing.assert_allclose(lengths_at(base, platform, x), s, atol=1e-11)
     assert residual(coefficients(base, platform, s), x[None])[0] < 1e-11
@@ -70,3 +62,10 @@ def test_the_start_system_is_solved_by_40():
     assert apart.shape == (40, 40)
     assert apart.min() > 1e-2
     assert np.abs((kept.x[:, :4] ** 2).sum(axis=1)).min() > 1e-5
+
+
+def test_the_start_system_can_be_found_again():
+    again, kept = find(), start_system()
+    np.testing.assert_allclose(again.s, kept.s, rtol=1e-12)
+    assert distances(again.x, kept.x).min(axis=1).max() < 1e-10
+    assert len(again.x) == 40

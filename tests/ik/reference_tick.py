@@ -1,39 +1,24 @@
 """The linear algebra of one tick in plain numpy, lexicographic: loops exactly, joint limits exactly, tasks as well as
 possible. Everything is dimensionless. The compiled kernels are tested against it."""
 
-from collections.abc import Sequence
-
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from cinegen.ik.task import FrameTask
 from cinegen.ik.thresholds import FULL, REST, RESTING, SPARE_SPEED
 from cinegen.loops.motions import free_motions, orthonormal
 from cinegen.tolerances import NEAR_SINGULAR
 
-Array = NDArray[np.float64]
-
 _TOUCH = 1e-12  # rad: a step that ends this little beyond a bound ends on it
 
 
-def relative_weights(tasks: Sequence[FrameTask]) -> Array:
+def relative_weights(tasks):
     """Return the weights (k,) of the rows of tasks, as fractions of the heaviest task's, which may have no rows."""
     weights = np.concatenate([np.zeros(0), *(task.row_weights for task in tasks)])
     return np.asarray(weights / max((task.memory.weight for task in tasks), default=1.0))
 
 
-def emphasis(u: Array, weights: Array) -> Array:
-    """Return |W u_i| of left singular vectors u (k, k) of weighted rows W A, (k,), with the diagonal of W.
-
-    Singular values count for the damping as s_i / |W u_i| = |A^T x|, with the unit vector x along W u_i: those of light
-    tasks are not small for being light. The damping is multiplied by |W u_i|^2.
-    """
-    return np.asarray(np.linalg.norm(weights[:, None] * u, axis=0))
-
-
-def damping(sigma: Array, error: float, near: float = NEAR_SINGULAR) -> Array:
-    """Return what is added to each squared singular value, (k,): exactly 0 from `near` on.
+def damping(sigma, error):
+    """Return what is added to each squared singular value, (k,): exactly 0 from near = `NEAR_SINGULAR` on.
 
     (1 - (sigma / near)^2)^2 (near^2 / 4 + error) below: only singular directions that are about to be lost are damped
     (A. A. Maciejewski and C. A. Klein, "Numerical filtering for the operation of robotic manipulators through
@@ -45,22 +30,12 @@ def damping(sigma: Array, error: float, near: float = NEAR_SINGULAR) -> Array:
     Args:
         sigma: (k,) singular values.
         error: size of the desired motion, dimensionless.
-        near: singular value from which on nothing is damped.
     """
-    part = np.maximum(0.0, 1.0 - (sigma / near) ** 2) ** 2
-    return np.asarray(part * (0.25 * near * near + error))
+    part = np.maximum(0.0, 1.0 - (sigma / NEAR_SINGULAR) ** 2) ** 2
+    return np.asarray(part * (0.25 * NEAR_SINGULAR * NEAR_SINGULAR + error))
 
 
-def resolve(
-    loops: Array,
-    rank: int,
-    levels: Sequence[tuple[Array, Array, Array, int]],
-    low: Array,
-    high: Array,
-    longest: Array,
-    cut_rates: Array | None = None,
-    barriers: tuple[Array, Array] | None = None,
-) -> Array | None:
+def resolve(loops, rank, levels, low, high, longest, cut_rates=None, barriers=None):
     """Return the step (nv,) by levels of tasks, while every loop stays closed and every joint within its bounds.
 
     In the coordinates y of the free motions V, with the SVD A = rows V = U S W^T, the step of a level minimises
@@ -101,7 +76,8 @@ def resolve(
         sigmas[:used], along[:used] = sigma[:used], (u.T @ residual)[:used]
         size, true_size = float(np.linalg.norm(residual)), float(np.linalg.norm(residual / weights))
         emphases = np.ones(width)
-        emphases[:used] = emphasis(u, weights)[:used]
+        # singular values s_i count for the damping as s_i / |W u_i|: those of light tasks are not small for being light
+        emphases[:used] = np.linalg.norm(weights[:, None] * u, axis=0)[:used]
         squared = sigmas**2 + emphases**2 * damping(sigmas / emphases, true_size)
         squared[own_rank:] = RESTING
         scale = np.sqrt(squared + carry)
@@ -135,7 +111,7 @@ def resolve(
     return step
 
 
-def _nearest(wanted: Array, joints: Array, low: Array, high: Array) -> Array:
+def _nearest(wanted, joints, low, high):
     """Return the point x nearest to `wanted` with low <= joints x <= high.
 
     Least distance programming by non-negative least squares (C. L. Lawson and R. J. Hanson, "Solving least squares

@@ -1,13 +1,13 @@
 """Barriers: bounds of velocity that no task and no objective breaks."""
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from reference_tick import resolve
 from scipy.optimize import linprog
 from test_kernel import plain_levels
+from ticking import away
 
 from cinegen import CinegenError, Solver, Status
 from cinegen.ik import Posture
@@ -48,15 +48,10 @@ def linear(rows, most):
     return Barrier(lambda state: Bounds(rows, most))
 
 
-def away(mechanism, q, rng, lengths):
-    pose = mechanism.placement(q, mechanism.nodes[-1])
-    return pin.SE3(pose.rotation, pose.translation + lengths * mechanism.length * rng.normal(size=3))
-
-
 def pulled(mechanism, rng, lengths=0.3, rotation=0, **options):
     solver = Solver(mechanism, DT, **options)
     task = solver.add_task(mechanism.nodes[-1], rotation=rotation, axes="world")
-    task.target = away(mechanism, solver.q, rng, lengths)
+    task.target = away(mechanism, mechanism.nodes[-1], rng, lengths)
     return solver, task
 
 
@@ -118,7 +113,7 @@ def test_bounds_are_kept_together_with_all_else(robot, name, seed, wishing, acce
         assert (step.q <= high + 1e-9).all()
         assert step.closure <= EXACT
         if rng.random() < 0.2:
-            task.target = away(mechanism, solver.q, rng, 0.3)
+            task.target = away(mechanism, mechanism.nodes[-1], rng, 0.3)
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -164,7 +159,7 @@ def test_where_joints_cant_go_back_so_fast_they_go_as_fast_as_they_can(robot):
 @given(seed=seeds)
 def test_within_its_bounds_a_step_does_most_for_the_pulls(robot, name, seed):
     mechanism, rng = robot(name), np.random.default_rng(seed)
-    solver, _ = pulled(mechanism, rng, lengths=0.005, rotation=0 if name in ("five_bar", "delta4") else 3)
+    solver, _ = pulled(mechanism, rng, lengths=0.005, rotation=0 if name == "delta4" else 3)
     rows, most = random_rows(mechanism, rng, int(rng.integers(1, 5)))
     most = 0.05 * np.maximum(most, 0.0)
     system, memory, free = mechanism.structure.system, solver._memory, np.full(mechanism.model.nv, np.inf)

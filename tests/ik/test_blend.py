@@ -1,7 +1,5 @@
 """Blending: from one target or weight to another without a jerk, and nobody is held who takes over."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -15,27 +13,24 @@ from cinegen.ik.tasks.blend import eased
 DT = 1e-3
 
 
-@pytest.fixture(scope="module")
-def delta(robot) -> cinegen.Mechanism:
-    return robot("delta4")
-
-
-@pytest.fixture(scope="module")
-def arm(robot) -> cinegen.Mechanism:
-    return robot("arm7")
+@pytest.fixture
+def platform(robot):
+    """A solver of a delta robot, and the task of its platform."""
+    solver = cinegen.Solver(robot("delta4"), DT)
+    return solver, solver.add_task("platform")
 
 
 @given(st.floats(-0.5, 1.5), st.floats(1e-4, 0.1))
-def test_it_begins_and_ends_at_rest_and_never_turns_back(part: float, more: float) -> None:
+def test_it_begins_and_ends_at_rest_and_never_turns_back(part, more):
     assert eased(part + more) >= eased(part)
     assert eased(more) <= 10.0 * more**3
     assert 1.0 - eased(1.0 - more) <= 10.0 * more**3 + 1e-12
     assert eased(part) == pytest.approx(1.0 - eased(1.0 - part), abs=1e-12)
 
 
-def test_the_target_arrives_in_time_on_a_straight_line_and_the_node_with_it(arm: cinegen.Mechanism) -> None:
-    solver = cinegen.Solver(arm, DT)
-    task = solver.add_task(arm.end)
+def test_the_target_arrives_in_time_on_a_straight_line_and_the_node_with_it(robot):
+    solver = cinegen.Solver(robot("arm7"), DT)
+    task = solver.add_task("tool")
     begin = task.target.copy()
     end = beside(begin, [-0.03, 0.02, 0.02], (0.1, -0.2, 0.1))
     solver.blend(task, end, seconds=0.3)
@@ -55,10 +50,9 @@ def test_the_target_arrives_in_time_on_a_straight_line_and_the_node_with_it(arm:
     assert np.abs(np.diff(speed)).max() <= 5.9 / 0.3**2 * DT  # the least jerk's largest acceleration is 5.77 / T^2
 
 
-def test_a_fading_pull_gives_way_smoothly_and_ends(arm: cinegen.Mechanism) -> None:
-    solver = cinegen.Solver(arm, DT)
-    middle, end = arm.nodes[4], arm.end
-    fading, other = solver.add_task(middle, rotation=0), solver.add_task(end, rotation=0)
+def test_a_fading_pull_gives_way_smoothly_and_ends(robot):
+    solver = cinegen.Solver(robot("arm7"), DT)
+    fading, other = solver.add_task("link4", rotation=0), solver.add_task("tool", rotation=0)
     other.target.translation += np.array([0.0, 0.05, 0.05])
     fading.target.translation += np.array([0.0, -0.03, 0.0])
     step = ticked(solver, 400)
@@ -82,9 +76,8 @@ def test_a_fading_pull_gives_way_smoothly_and_ends(arm: cinegen.Mechanism) -> No
     ],
     ids=["another target", "moved in place", "let go"],
 )
-def test_who_changes_the_target_meanwhile_takes_over(delta: cinegen.Mechanism, take_over: Callable) -> None:
-    solver = cinegen.Solver(delta, DT)
-    task = solver.add_task("platform")
+def test_who_changes_the_target_meanwhile_takes_over(platform, take_over):
+    solver, task = platform
     solver.blend(task, beside(task.target, [0.0, 0.0, -0.1]), seconds=0.5)
     ticked(solver, 100)
     take_over(solver, task)
@@ -93,9 +86,8 @@ def test_who_changes_the_target_meanwhile_takes_over(delta: cinegen.Mechanism, t
     assert task.target == target
 
 
-def test_who_sets_the_weight_meanwhile_keeps_it(delta: cinegen.Mechanism) -> None:
-    solver = cinegen.Solver(delta, DT)
-    task = solver.add_task("platform")
+def test_who_sets_the_weight_meanwhile_keeps_it(platform):
+    solver, task = platform
     solver.blend(task, seconds=0.05, weight=5.0)
     solver.step()
     task.weight = 2.0
@@ -103,9 +95,8 @@ def test_who_sets_the_weight_meanwhile_keeps_it(delta: cinegen.Mechanism) -> Non
     assert task.weight == 2.0
 
 
-def test_a_later_blend_replaces_the_one_before_and_may_take_no_time(delta: cinegen.Mechanism) -> None:
-    solver = cinegen.Solver(delta, DT)
-    task = solver.add_task("platform")
+def test_a_later_blend_replaces_the_one_before_and_may_take_no_time(platform):
+    solver, task = platform
     end = beside(task.target, [0.05, 0.0, 0.0])
     solver.blend(task, beside(task.target, [0.0, 0.0, -0.1]), seconds=0.5)
     for seconds in (0.2, 0.0):
@@ -116,9 +107,8 @@ def test_a_later_blend_replaces_the_one_before_and_may_take_no_time(delta: cineg
     assert task.weight == 2.0
 
 
-def test_what_makes_no_sense_is_refused(delta: cinegen.Mechanism) -> None:
-    solver = cinegen.Solver(delta, DT)
-    task = solver.add_task("platform")
+def test_what_makes_no_sense_is_refused(platform):
+    solver, task = platform
     home = task.target.copy()
     with pytest.raises(cinegen.CinegenError, match="0 seconds or more"):
         solver.blend(task, home, seconds=-1.0)
@@ -127,7 +117,7 @@ def test_what_makes_no_sense_is_refused(delta: cinegen.Mechanism) -> None:
     with pytest.raises(cinegen.CinegenError, match="weight must be 0"):
         solver.blend(task, weight=float("nan"))
     with pytest.raises(cinegen.CinegenError, match="not one of"):
-        cinegen.Solver(delta, DT).blend(task, home)
+        cinegen.Solver(solver.mechanism, DT).blend(task, home)
     task.twist = np.zeros(6)
     with pytest.raises(cinegen.CinegenError, match="follows a twist"):
         solver.blend(task, home)

@@ -132,11 +132,9 @@ WRONG_BOUNDS = {
     "a row without end": (lambda nv: Bounds(np.full((1, nv), np.inf), ONE), ""),
     "nan for a bound": (lambda nv: Bounds(np.ones((1, nv)), np.array([NAN])), ""),
     "one column": (lambda nv: Bounds(np.ones((2, 1)), np.ones(2)), "rows (2, 1) and most (2,)"),
-    "too many columns": (lambda nv: Bounds(np.ones((1, nv + 1)), ONE), ""),
     "too few bounds": (lambda nv: Bounds(np.ones((3, nv)), np.ones(2)), ""),
     "a number for bounds": (lambda nv: Bounds(np.ones((1, nv)), 1.0), "most ()"),
     "bounds as a column": (lambda nv: Bounds(np.ones((3, nv)), np.ones((3, 1))), ""),
-    "a flat row": (lambda nv: Bounds(np.ones(nv), ONE), ""),
     "words": (lambda nv: Bounds([["a"] * nv], ["b"]), ""),
 }
 WRONG_PARTS = {

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from loop_openings import Openings
 from planar import ROCKER, two_r
+from scipy.linalg import qr
 from small_robots import four_bar, two_bars
 from ticking import ticked
 
@@ -33,10 +34,6 @@ def _world(mechanism, q, node):
     return turn @ mechanism.jacobian(q, node)
 
 
-def _random(mechanism, seed):
-    return mechanism.random_closed(1, seed)[-1]
-
-
 # --- type 1 ----------------------------------------------------------------------------------------------------------
 
 
@@ -57,7 +54,7 @@ def test_a_two_r_arm_loses_what_its_closed_form_says():
 def test_along_the_weakest_joint_direction_pulls_move_by_sigma(robot, seed, name):
     """J v = sigma t, loops closed to first order, both of unit length; nothing moves the tasks less."""
     mechanism = robot(name)
-    q = _random(mechanism, seed)
+    q = mechanism.random_closed(1, seed)[-1]
     solver = Solver(mechanism, DT, q=q)
     solver.add_task(mechanism.end)
     step = solver.step()
@@ -77,7 +74,7 @@ def test_along_the_weakest_joint_direction_pulls_move_by_sigma(robot, seed, name
 def test_several_pulls_of_any_weight_share_one_direction(robot, seed):
     mechanism, rng = robot("hybrid"), np.random.default_rng(seed)
     nodes, weights = ("tool", "link2"), rng.uniform(0.2, 5.0, 2)
-    solver = Solver(mechanism, DT, q=_random(mechanism, seed))
+    solver = Solver(mechanism, DT, q=mechanism.random_closed(1, seed)[-1])
     for node, weight in zip(nodes, weights, strict=True):
         solver.add_task(node, weight=weight, axes=str(rng.choice(["target", "world", "tool"])))
     step = solver.step()
@@ -117,7 +114,7 @@ def test_a_four_bar_driven_by_its_rocker_has_a_dead_point():
 @given(seeds, st.sampled_from(LOOPED))
 def test_along_the_gained_motion_loops_open_by_sigma(robot, seed, name):
     mechanism = robot(name)
-    q = _random(mechanism, seed)
+    q = mechanism.random_closed(1, seed)[-1]
     step = Solver(mechanism, DT, q=q).step()
     gained = step.uncontrolled_dof
     motors = [mechanism.v_index(joint) for joint in mechanism.actuated]
@@ -322,20 +319,12 @@ def test_the_sign_is_that_of_the_determinant_where_the_jacobian_is_square(robot,
         q_next = mechanism.close(mechanism.integrate(q, 0.05 * motion / np.abs(motion).max() * mechanism.scale))
         before, after = (mechanism.loop_jacobian(x)[:, columns] for x in (q, q_next))
         if kept is None:
-            kept = np.array(independent(before))
+            _, r, order = qr(before.T, pivoting=True)
+            kept = order[: np.count_nonzero(np.abs(np.diag(r)) > 1e-9 * abs(r[0, 0]))]
             assert len(kept) == len(columns)
         signs = np.linalg.slogdet(before[kept])[0] * np.linalg.slogdet(after[kept])[0]
         assert passes_toggle(mechanism, q, q_next) == (signs < 0.0)
         q = q_next
-
-
-def independent(matrix):
-    """Rows of a matrix that are a basis of all, by pivoting."""
-    from scipy.linalg import qr
-
-    _, r, order = qr(matrix.T, pivoting=True)
-    diagonal = np.abs(np.diag(r))
-    return sorted(order[: np.count_nonzero(diagonal > 1e-9 * diagonal[0])])
 
 
 # --- persistent -------------------------------------------------------------------------------------------------------

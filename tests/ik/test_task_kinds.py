@@ -210,24 +210,6 @@ def test_the_jacobian_of_a_single_joint_has_one_column(raff):
     assert jacobian == pytest.approx(np.array([[0.0, 0.3, 0.0, 0.0, 0.0, 1.0]]).T)
 
 
-@pytest.mark.parametrize("name", ["arm7", "delta4"])
-def test_a_task_of_ones_own_in_twenty_lines(name):
-    mechanism = load(name, None)
-    node, other = mechanism.end, mechanism.nodes[0]
-    state = State(mechanism, mechanism.q_home, 0.01)
-    apart = float(np.linalg.norm(state.frame(node).translation - state.frame(other).translation))
-    solver = Solver(mechanism, 0.01)
-    task = solver.add_task(Distance(node, other, 1.02 * apart))
-    for _ in range(200):
-        step = solver.step()
-        assert step.closure < 1e-9
-    assert step.errors[0][0] < 1e-9
-    assert solver.tasks == (task,)
-    task.distance = 0.99 * apart
-    step = ticked(solver, 200)
-    assert step.errors[0][0] < 1e-9
-
-
 class Bent:
     """Its square is r^2 - 2 r q + 4 q^2 at the joint's angle q, least at r / 4. From q = 0 its slope leads to r."""
 

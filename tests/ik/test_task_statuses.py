@@ -4,11 +4,11 @@ import contextlib
 import math
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from elementary import ROBOTS
 from ticking import beside
 
 import cinegen
@@ -38,9 +38,6 @@ UNIT = np.eye(3)
         ("weights", [1, 1], r"weights of the task of 'tool' is \[1, 1\]: give six finite numbers"),
         ("translation", 7, "translation of the task of 'tool' is 7: give a number of constrained axes, 0 to 3"),
         ("rotation", "all", "rotation of the task of 'tool' is 'all': give a number of constrained axes"),
-        ("target", np.eye(4), "give a pinocchio.SE3"),
-        ("target", pin.SE3(np.diag([1e308, 1.0, 1.0]), np.zeros(3)), "orientation that is no rotation"),
-        ("target", pin.SE3(UNIT, np.full(3, np.inf)), "give three finite"),
         *(("rotation", value, "give a number of constrained axes") for value in (-1, True)),
         *(("weight", value, "give a positive, finite number") for value in ("a", np.inf)),
         ("weights", np.full(6, np.nan), "give six finite numbers"),
@@ -124,7 +121,6 @@ def test_a_session_tells_people_which_value_is_wrong(robot):
 # A part may be pulled anywhere: `at` is as good as a frame of the file that stands there.
 
 
-ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 GRIP = RaffParameters(theta=30, r=120, d=80, alpha=50, gamma=-20, epsilon=40)  # mm and degrees
 
 

@@ -43,8 +43,7 @@ def test_motions_and_steps_are_those_of_the_whole_matrix(seed, dependent, scale)
     j, tables, rank = blocks(seed, dependent)
     j *= scale
     f, n = j.copy(), j.shape[1]
-    sine = banded.factor_blocks(f, rank, *tables.values())
-    assert 0.0 < sine <= 1.0
+    assert 0.0 < banded.factor_blocks(f, rank, *tables.values()) <= 1.0
     for row, (begin, end) in zip(f, tables["filled"], strict=True):
         assert not row[:begin].any()
         assert not row[end:].any()

@@ -110,8 +110,7 @@ def test_only_what_changes_its_shape_begins_anew():
     memory.resize(count=5)
     assert memory.point.shape == (5, 3)
     assert not memory.point.any()
-    assert memory.sum == 7.0
-    assert memory.handle == memory.words.ctypes.data
+    assert (memory.sum, memory.handle) == (7.0, memory.words.ctypes.data)
 
 
 @compiled
@@ -132,8 +131,7 @@ def test_a_kernel_for_a_part_sees_that_part_of_the_whole():
     bodies = Bodies(count=3)
     bodies.mass[:], bodies.weight[:], bodies.point[:], bodies.label[:] = (1.0, 4.0, 2.0), 9.0, 1.0, 1
     assert prepare(weigh, Bodies)(bodies.handle) == bodies.heaviest == 4.0
-    assert bodies.radius.tolist() == [18.0, 0.0, 0.0]
-    assert bodies.weight.tolist() == [9.0] * 3
+    assert (bodies.radius.tolist(), bodies.weight.tolist()) == ([18.0, 0.0, 0.0], [9.0] * 3)
 
 
 def test_a_kernel_for_a_part_does_not_see_the_rest():
@@ -188,17 +186,13 @@ def test_memory_of_others_must_fit(wrong):
         weighted(3).point_at("other", wrong)
 
 
-# --- bounds ----------------------------------------------------------------------------------------------------------
-
-
 # --- memory of others ------------------------------------------------------------------------------------------------
 
 
 def test_this_build_of_pinocchio_is_read_in_place():
     assert foreign.SE3_DISTANCE is not None
     kinematics = foreign.JointKinematics(pin.buildSampleModelHumanoidRandom().createData())
-    assert kinematics.frames_in_place
-    assert kinematics.screws_in_place
+    assert (kinematics.frames_in_place, kinematics.screws_in_place) == (True, True)
 
 
 def follow_targets(arm) -> np.ndarray:
@@ -231,10 +225,8 @@ def test_frames_and_screws_are_copied_where_they_can_not_be_read_in_place(monkey
     copied = foreign.JointKinematics(data)
     monkeypatch.undo()
     usual = foreign.JointKinematics(data)
-    assert usual.frames_in_place
-    assert usual.screws_in_place
-    assert not copied.frames_in_place
-    assert not copied.screws_in_place
+    assert (usual.frames_in_place, usual.screws_in_place) == (True, True)
+    assert (copied.frames_in_place, copied.screws_in_place) == (False, False)
     for seed in range(3):
         pin.seed(seed)
         pin.computeJointJacobians(model, data, pin.randomConfiguration(model, -np.ones(model.nq), np.ones(model.nq)))

@@ -5,6 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from elementary import ROBOTS
 
 from cinegen import CinegenError, ForwardKinematics
 from cinegen.collision.clearance import Clearance, links_of
@@ -31,58 +32,46 @@ def _clearance(mechanism):
 # name: how it is made, the kernel that it calls, a call that enters the kernel, other calls that use the same memory
 OWNERS = {
     "forward": (
-        lambda mechanism, _: ForwardKinematics(mechanism),
-        "_follow_goal",
+        lambda mechanism: ForwardKinematics(mechanism), "_follow_goal",
         lambda fk: fk.move(_moved(fk.mechanism)),
-        [lambda fk: setattr(fk, "q", fk.mechanism.q_home)],
+        lambda fk: setattr(fk, "q", fk.mechanism.q_home),
     ),
     "inverse kinematics": (
-        lambda mechanism, _: LocalIK(mechanism),
-        "_solve",
+        lambda mechanism: LocalIK(mechanism), "_solve",
         lambda local: local.solve(local.mechanism.q_home, 1e-10) and local.best,
-        [],
     ),
     "batch": (
-        lambda mechanism, _: BatchEvaluator(mechanism, mechanism.end),
-        "_measure",
+        lambda mechanism: BatchEvaluator(mechanism, mechanism.end), "_measure",
         lambda batch: batch.at(_home(batch.mechanism, 3)).singular_values,
-        [lambda batch: batch.follow(np.array([list(_moved(batch.mechanism).values())] * 5))],
+        lambda batch: batch.follow(np.array([list(_moved(batch.mechanism).values())] * 5)),
     ),
     "design": (
-        lambda _, path: Design(Parameters(path)),
-        "_run",
+        lambda _: Design(Parameters(ROBOTS / "delta4.raff")), "_run",
         lambda design: design.evaluate(q=_home(design.mechanism, 3)).poses,
-        [lambda design: design.close(design.values)],
+        lambda design: design.close(design.values),
     ),
     "dynamics": (
-        lambda mechanism, _: InverseDynamics(mechanism, gravity=(0.0, 0.0, -9.81), massless=True),
-        "_find",
+        lambda mechanism: InverseDynamics(mechanism, gravity=(0.0, 0.0, -9.81), massless=True), "_find",
         lambda dynamics: dynamics.torques(dynamics.mechanism.q_home),
-        [
-            lambda dynamics: dynamics.set_loads(),
-            lambda dynamics: dynamics.torques_of(_home(dynamics.mechanism, 4)),
-            lambda dynamics: dynamics.mass_matrix(dynamics.mechanism.q_home),
-            lambda dynamics: forces_at(dynamics, dynamics.mechanism.q_home),
-        ],
+        lambda dynamics: dynamics.set_loads(),
+        lambda dynamics: dynamics.torques_of(_home(dynamics.mechanism, 4)),
+        lambda dynamics: dynamics.mass_matrix(dynamics.mechanism.q_home),
+        lambda dynamics: forces_at(dynamics, dynamics.mechanism.q_home),
     ),
     "clearance": (
-        lambda mechanism, _: _clearance(mechanism),
-        "_approach",
+        _clearance, "_approach",
         lambda clearance: clearance.near(clearance.mechanism.q_home, 1.0).rows.copy(),
-        [
-            lambda clearance: clearance.least(clearance.mechanism.q_home),
-            lambda clearance: clearance.nearer(clearance.mechanism.q_home, 0.01),
-        ],
+        lambda clearance: clearance.least(clearance.mechanism.q_home),
+        lambda clearance: clearance.nearer(clearance.mechanism.q_home, 0.01),
     ),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("owner", OWNERS)
-def test_a_second_thread_gets_an_error_and_leaves_the_first_unharmed(robot, root, owner):
-    make, kernel, enter, others = OWNERS[owner]
-    mechanism = robot("delta4")
-    used, another = (make(mechanism, root / "robots" / "delta4.raff") for _ in range(2))
-    expected = enter(make(mechanism, root / "robots" / "delta4.raff"))
+def test_a_second_thread_gets_an_error_and_leaves_the_first_unharmed(robot, owner):
+    make, kernel, enter, *others = OWNERS[owner]
+    used, another, alone = (make(robot("delta4")) for _ in range(3))
+    expected = enter(alone)
     run, inside, go = getattr(used, kernel), threading.Event(), threading.Event()
 
     def wait_inside(*arguments):
@@ -96,9 +85,7 @@ def test_a_second_thread_gets_an_error_and_leaves_the_first_unharmed(robot, root
         try:
             assert inside.wait(60)
             for use in (enter, *others):
-                with pytest.raises(
-                    CinegenError, match=rf"this {type(used).__name__} is in use: .* one thread at a time"
-                ):
+                with pytest.raises(CinegenError, match=f"this {type(used).__name__} is in use: .* one thread at"):
                     use(used)
             np.testing.assert_array_equal(enter(another), expected)  # as the message proposes
         finally:

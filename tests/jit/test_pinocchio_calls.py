@@ -154,16 +154,13 @@ def test_a_build_without_a_function_warns_once_with_its_name(monkeypatch, robot)
 
 @pytest.mark.usefixtures("unchecked")
 @pytest.mark.filterwarnings("ignore::cinegen.CinegenWarning")
-@pytest.mark.parametrize(
-    ("module", "name", "value", "reason"),
-    [
-        (pinocchio_calls, "_DATA", b"N9pinocchio8DataTplIE", "does not know"),
-        (pinocchio_calls, "_DATA", pinocchio_calls._MODEL, "does not know"),
-        (foreign, "numbers_at", lambda begin, shape: np.zeros(shape), "results differ"),
-        (pin, "integrate", lambda model, q, step: q, "results differ"),
-        (pin, "difference", lambda model, q, end: q, "results differ"),
-    ],
-)
+@pytest.mark.parametrize(("module", "name", "value", "reason"), [
+    (pinocchio_calls, "_DATA", b"N9pinocchio8DataTplIE", "does not know"),
+    (pinocchio_calls, "_DATA", pinocchio_calls._MODEL, "does not know"),
+    (foreign, "numbers_at", lambda begin, shape: np.zeros(shape), "results differ"),
+    (pin, "integrate", lambda model, q, step: q, "results differ"),
+    (pin, "difference", lambda model, q, end: q, "results differ"),
+])  # fmt: skip
 def test_a_build_in_which_anything_differs_is_not_called(monkeypatch, module, name, value, reason):
     monkeypatch.setattr(module, name, value)
     native = pinocchio_calls.native()

@@ -68,8 +68,7 @@ class Owner:
         self.add = starting.start(kernel.add, kernel.Numbers, install=partial(setattr, self, "add"))
 
     def call(self):
-        count = self.add(self.memory.handle)
-        return count, self.memory.total
+        return self.add(self.memory.handle), self.memory.total
 
 
 def test_a_kernel_runs_at_once_and_machine_code_takes_over_between_two_calls(kernel, tmp_path, caplog):
@@ -84,8 +83,7 @@ def test_a_kernel_runs_at_once_and_machine_code_takes_over_between_two_calls(ker
     starting.COMPILATION.wait()
     assert (starting.COMPILATION.done, starting.COMPILATION.count) == (1, 1)
     assert owner.call() == (3, 7.0)
-    assert owner.add is not first  # now it is machine code, without anything in between
-    assert not isinstance(owner.add, starting.InterpretedKernel)
+    assert not isinstance(owner.add, starting.InterpretedKernel)  # now it is machine code, without anything between
     assert owner.call() == (3, 7.0)
 
 
@@ -130,14 +128,11 @@ def test_a_kernel_without_a_place_on_disk_is_compiled_in_this_process(kernel, mo
     monkeypatch.setattr(kernel.add, "_cache", caching.NullCache())
     assert compiled.is_cached(kernel.add, kernel.Numbers)
     caplog.set_level(logging.WARNING)
-    owner = Owner(kernel)
-    assert owner.call() == (3, 7.0)
+    assert Owner(kernel).call() == (3, 7.0)
     assert starting.COMPILATION.done is None
 
 
-def test_where_the_package_cannot_be_written_machine_code_is_kept_in_a_folder_of_the_user(
-    kernel, tmp_path, monkeypatch
-):
+def test_where_the_package_cannot_be_written_machine_code_is_kept_for_the_user(kernel, tmp_path, monkeypatch):
     def refuse(locator):
         raise PermissionError("read-only")
 
@@ -153,9 +148,7 @@ def test_where_the_package_cannot_be_written_machine_code_is_kept_in_a_folder_of
 
 def test_the_compiler_goes_on_when_nobody_reads_its_progress():
     """The process that started it may end before; all kernels are compiled here, so that this takes seconds."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", starting.COMPILER], stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    )
+    command = [sys.executable, "-m", starting.COMPILER]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     process.stdout.close()
-    assert process.stderr.read() == b""
-    assert process.wait(120) == 0
+    assert (process.stderr.read(), process.wait(120)) == (b"", 0)

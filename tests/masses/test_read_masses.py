@@ -13,6 +13,7 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 from urdf_text import joint_at
+from urdf_text import link as link_text
 from urdf_text import robot as urdf
 
 import cinegen
@@ -82,9 +83,7 @@ def test_masses_are_those_that_mujoco_computes(tmp_path: Path, settings: str) ->
     ("", b"no mesh", ("a", "b"), "inertia of body 'b': MuJoCo can't read its meshes"),
     ('settotalmass="7"', None, ("a", "b", "c"), "inertia of body 'd': settotalmass needs the masses of all bodies"),
 ])  # fmt: skip
-def test_masses_that_need_a_missing_mesh_are_unknown(
-    tmp_path: Path, settings: str, content: bytes | None, massless: tuple[str, ...], why: str
-) -> None:
+def test_masses_that_need_a_missing_mesh_are_unknown(tmp_path: Path, settings: str, content, massless, why) -> None:
     path = mjcf(tmp_path, settings)
     ball = tmp_path / "meshes" / "ball.stl"
     ball.unlink()
@@ -168,12 +167,9 @@ def inertial(mass: float, ixx: float = 1.0) -> str:
 
 def chain(links: dict[str, str], kinds: list[str]) -> str:
     """A URDF of links one behind another, with joints of the kinds between them."""
-    bodies = [f'<link name="{name}">{inner}</link>' for name, inner in links.items()]
-    joints = [
-        joint_at(f"to_{child}", parent, child, kind=kind)
-        for (parent, child), kind in zip(pairwise(links), kinds, strict=True)
-    ]
-    return urdf(*bodies, *joints)
+    bodies = [link_text(name, inner) for name, inner in links.items()]
+    ends = zip(pairwise(links), kinds, strict=True)
+    return urdf(*bodies, *(joint_at(f"to_{child}", parent, child, kind=kind) for (parent, child), kind in ends))
 
 
 def test_a_body_has_the_mass_of_any_link_on_it() -> None:
@@ -301,10 +297,9 @@ def test_of_an_open_surface_the_hull_counts_and_a_warning_names_the_file(tmp_pat
 def test_a_density_without_a_volume_is_refused(tmp_path: Path) -> None:
     flat = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], [[0, 1, 2], [1, 3, 2]])
     flat.export(tmp_path / "flat.stl")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of graphics that can't be shown
-        with pytest.raises(RaffError, match=r"a.raff:4:.*but graphics that enclose no volume: give its 'mass'"):
-            loaded(tmp_path, robot('inertial { density 3 } filename { "flat.stl" }'))
+    refused = pytest.raises(RaffError, match=r"a.raff:4:.*but graphics that enclose no volume: give its 'mass'")
+    with warnings.catch_warnings(action="ignore"), refused:  # of graphics that can't be shown
+        loaded(tmp_path, robot('inertial { density 3 } filename { "flat.stl" }'))
 
 
 # --- wrong ones ----------------------------------------------------------------------------------------------------

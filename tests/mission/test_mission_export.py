@@ -12,17 +12,7 @@ from recorded import record, swung
 
 from cinegen.collision import load_scene, scene_of
 from cinegen.errors import UnknownNameError
-from cinegen.mission import (
-    MissionError,
-    MissionRecorder,
-    Player,
-    Recording,
-    RobotSample,
-    check,
-    export,
-    report_text,
-    resampled,
-)
+from cinegen.mission import MissionError, MissionRecorder, Recording, RobotSample, check, export, report_text, resampled
 from cinegen.mission.results import record_plan
 from cinegen.planning import plan
 
@@ -240,7 +230,7 @@ def test_a_recording_holds_the_motion(rod, tmp_path):
     assert recording.robots == (name,)
     assert (recording.q[name] == motion.q).all()
     assert recording.times == pytest.approx(motion.times, abs=2e-9)
-    assert Player(recording).seconds == pytest.approx(motion.times[-1])
+    assert recording.seconds == pytest.approx(motion.times[-1])
     (task,) = recording.tasks[name][0]
     assert (task.node, task.translation, task.rotation) == ("tool", 2, 0)
     assert task.target.isApprox(rod.scene.goal, 1e-12)

@@ -7,7 +7,6 @@ import re
 import warnings
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 from elementary import turn
@@ -68,8 +67,7 @@ def declared(folder: Path, kind: str, joints: str) -> tuple[cinegen.Mechanism, l
     and the warnings about them."""
     path = folder / "p.raff"
     path.write_text(raff(joints), encoding="utf-8")
-    with warnings.catch_warnings(record=True) as met:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as met:
         if kind in ("json", "sdf", "mjcf"):
             (made,) = raff2urdf.convert(path, folder, format="urdf" if kind == "json" else kind)
             path, stated = made.file, made.constraints or made.file
@@ -143,13 +141,6 @@ def test_a_ball_joint_that_nothing_drives_counts_as_its_three_dof(raff):
     assert f"still moves, with {mechanism.model.nv - 1} DoF, 3 of them of ball joints: let joint3 be actuated" in note
 
 
-def test_the_actuated_joints_of_an_mjcf_are_those_of_mujocos_actuators(tmp_path):
-    mechanism, _ = declared(tmp_path, "mjcf", "13")
-    model = mujoco.MjModel.from_xml_path(str(tmp_path / "p.xml"))
-    driven = {model.joint(joint).name for joint in model.actuator_trnid[:, 0]}
-    assert driven == set(mechanism.actuated) == {"joint1", "joint3"}
-
-
 def test_what_an_sdf_says_of_actuated_joints_must_be_true_or_false():
     element = '<raff:robot xmlns:raff="urn:raff2urdf"><raff:joint name="turn" actuated="yes"/></raff:robot>'
     with pytest.raises(cinegen.CinegenError, match="actuated='yes' of a raff:joint must be true or false"):
@@ -182,27 +173,22 @@ def transmissions(*names):
 
 def interfaces(*names):
     """As of ROS 2; the other joints are only measured."""
-    commands = "<command_interface name='position'/>"
-    states = "<state_interface name='position'/>"
-    joints = "".join(f'<joint name="{joint}">{commands if joint in names else ""}{states}</joint>' for joint in "abcd")
-    return f'<ros2_control name="hw" type="system"><hardware/>{joints}</ros2_control>'
+    commands = dict.fromkeys(names, "<command_interface name='p'/>")
+    joints = (f'<joint name="{j}">{commands.get(j, "")}<state_interface name="p"/></joint>' for j in "abcd")
+    return f'<ros2_control name="hw" type="system"><hardware/>{"".join(joints)}</ros2_control>'
 
 
 def plugins(*names):
     """As of Gazebo: a controller for each joint, and one plugin that measures all."""
-    listed = "".join(
-        f'<plugin filename="gz-sim-joint-position-controller-system" name="p_{name}"><joint_name>{name}</joint_name>'
-        "</plugin>"
-        for name in names
-    )
+    plugin = '<plugin filename="gz-sim-joint-position-controller-system" name="p"><joint_name>{}</joint_name></plugin>'
+    listed = "".join(map(plugin.format, names))
     measured = "".join(f"<joint_name>{name}</joint_name>" for name in "abcd")
     return f'<gazebo>{listed}<plugin filename="joint-state-publisher" name="controller">{measured}</plugin></gazebo>'
 
 
 def load_quietly(text, actuated=None):
     """Load a robot without a warning."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         return cinegen.load(text, actuated=actuated)
 
 
@@ -211,8 +197,7 @@ def test_what_drives_a_closed_robot_is_actuated(named):
     for pair in (("a", "b"), ("a", "d"), ("b", "c"), ("c", "d")):
         mechanism = load_quietly(FIVE_BAR.format(named(*pair)))
         assert (mechanism.actuated, mechanism.mobility) == (pair, 2)
-        again = build(mechanism.source.urdf, mechanism.source.constraints)
-        assert again.actuated == pair
+        assert build(mechanism.source.urdf, mechanism.source.constraints).actuated == pair
     assert load_quietly(FIVE_BAR.format(named("a", "d")), ["b", "d"]).actuated == ("b", "d")
 
 
@@ -234,16 +219,14 @@ def test_a_set_that_does_not_determine_the_motion_is_replaced_with_a_warning(nam
     assert {*mechanism.actuated} <= {*named} or {*named} <= {*mechanism.actuated}
     assert (mechanism.uncontrolled, mechanism.dependent) == ((), ())
     assert "--actuated JOINTS (in Python actuated=[...]) names others" in str(warned[0].message)
-    again = build(mechanism.source.urdf, mechanism.source.constraints)
-    assert again.actuated == mechanism.actuated
+    assert build(mechanism.source.urdf, mechanism.source.constraints).actuated == mechanism.actuated
     assert load_quietly(FIVE_BAR.format(transmissions(*named)), ["b", "d"]).actuated == ("b", "d")
 
 
 def test_in_a_tree_every_joint_stays_actuated():
     """A caster has no transmission, and can move all the same."""
-    tree = urdf(
-        links("ground", "left", "up"), joint_at("a", "ground", "left"), joint_at("b", "left", "up", "1 0 0"), "{}"
-    )
+    joints = joint_at("a", "ground", "left"), joint_at("b", "left", "up", "1 0 0")
+    tree = urdf(links("ground", "left", "up"), *joints, "{}")
     mechanism = load_quietly(tree.format(transmissions("a")))
     assert mechanism.actuated == ("a", "b")
     assert mechanism.source.notes == ("nothing in the file drives b: actuated all the same",)

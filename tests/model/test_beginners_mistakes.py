@@ -8,6 +8,7 @@ import re
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import pytest
 
@@ -174,6 +175,15 @@ class Mistake:
     wrong: tuple[tuple[str, str], ...]
     says: str
     mend: Mend
+
+    @property
+    def text(self) -> str:
+        """The robot with the mistake."""
+        text = RIGHT[self.right]
+        for old, new in self.wrong:
+            assert old in text
+            text = text.replace(old, new, 1)
+        return text
 
 
 def one(name: str, right: str, old: str, new: str, says: str, mend: Mend) -> Mistake:
@@ -352,26 +362,25 @@ MISTAKES = [
 ]  # fmt: skip
 
 
-def messages(text: str) -> list[str]:
-    """What loading a text says: warnings, and then an error or notes."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+def messages(
+    call: Callable[..., object], *arguments: object, errors: Any = (cinegen.CinegenError, RaffError, ValueError)
+) -> list[str]:
+    """What a call says: warnings, and then the notes of a mechanism, or the error, unless it is raised."""
+    with warnings.catch_warnings(record=True, action="always") as caught:
         try:
-            last = list(cinegen.load(text).source.notes)
-        except (cinegen.CinegenError, RaffError) as error:
+            result = call(*arguments)
+            last = list(result.source.notes) if isinstance(result, cinegen.Mechanism) and result.source else []
+        except errors as error:
             last = [str(error)]
     return [*(str(warning.message) for warning in caught), *last]
 
 
 @pytest.mark.parametrize("mistake", MISTAKES, ids=lambda mistake: mistake.name.replace(" ", "-"))
 def test_the_first_message_names_the_edit_that_repairs_a_mistake(mistake: Mistake) -> None:
-    wrong = right = RIGHT[mistake.right]
-    for old, new in mistake.wrong:
-        assert old in wrong
-        wrong = wrong.replace(old, new, 1)
-    said = re.search(mistake.says, messages(wrong)[0])
-    assert said is not None, messages(wrong)[0]
-    mended, meant = cinegen.load(mistake.mend(wrong, said)), cinegen.load(right)
+    message = messages(cinegen.load, mistake.text)[0]
+    said = re.search(mistake.says, message)
+    assert said is not None, message
+    mended, meant = cinegen.load(mistake.mend(mistake.text, said)), cinegen.load(RIGHT[mistake.right])
     assert (mended.mobility, len(mended.loops), mended.massless) == (meant.mobility, len(meant.loops), meant.massless)
     assert mended.closure(mended.q_home) <= 1e-10
     assert mended.q_home == pytest.approx(meant.q_home, abs=1e-6)
@@ -384,4 +393,4 @@ def test_the_first_message_names_the_edit_that_repairs_a_mistake(mistake: Mistak
 
 @pytest.mark.parametrize("name", RIGHT)
 def test_a_robot_that_is_right_loads_without_a_word(name: str) -> None:
-    assert messages(RIGHT[name]) == []
+    assert messages(cinegen.load, RIGHT[name]) == []

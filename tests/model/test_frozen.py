@@ -25,8 +25,7 @@ def hand(*fingers):
 
 
 def blocks(text):
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as said:
         cinegen.load(text)
     return [str(warning.message) for warning in said if "let no joint move" in str(warning.message)]
 
@@ -45,8 +44,7 @@ def test_what_can_move_one_way_is_not_frozen():
 def test_what_is_told_is_what_a_drag_meets(low, frozen):
     text = hand((low, 1, None), (-abs(low), 1, -1.0))
     assert bool(blocks(text)) is frozen
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         solver = cinegen.Solver(cinegen.load(text), dt=0.01)
     task = solver.add_task("l0", translation=0)
     target = task.target.copy()
@@ -60,8 +58,7 @@ def test_what_is_told_is_what_a_drag_meets(low, frozen):
 def test_limits_without_a_range_are_told():
     with pytest.warns(cinegen.CinegenWarning, match="'hand': no joint can move: the lower limit of each is its upper"):
         cinegen.load(hand((0, 0, None), (0.5, 0.5, None)))
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         frozen, none = cinegen.load(hand((0, 0, None), (0, 1, None))), cinegen.load(hand((0, 1, None), (0, 1, None)))
     assert frozen.source.notes == ("the lower limit is the upper limit of f0: they can't move",)
     assert none.source.notes == ()
@@ -88,9 +85,8 @@ def bars(gap: float, kind: int = 2, turned: str = "", end: str = "frame 5") -> s
 def test_they_are_closed_in_the_plane_with_one_warning(kind):
     """It moves as the four-bar without the gap; raff2urdf warns of the same."""
     plain = cinegen.load(bars(0.0, kind))
-    with pytest.warns(
-        cinegen.CinegenWarning, match=r"play: 'frame3-frame5' by 0\.45 mm along .* nothing across"
-    ) as caught:
+    says = r"play: 'frame3-frame5' by 0\.45 mm along .* nothing across"
+    with pytest.warns(cinegen.CinegenWarning, match=says) as caught:
         mechanism = cinegen.load(bars(0.45, kind))
     assert len(caught) == 1
     assert mechanism.mobility == plain.mobility == 1

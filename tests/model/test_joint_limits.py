@@ -8,7 +8,6 @@ import math
 import numpy as np
 import pytest
 from small_robots import four_bar
-from ticking import ticked
 from urdf_text import joint_at, links, robot
 
 import cinegen
@@ -56,9 +55,8 @@ def test_rounding_widens_both_limits_by_that_much_and_no_more(arm, value, sign):
 ])  # fmt: skip
 def test_a_revolute_joint_is_outside_where_no_whole_turn_brings_it_within(arm, degrees, expected):
     q = arm.configuration({"joint1": math.radians(degrees)})
-    assert arm.limits.outside(q) == pytest.approx(
-        {joint: math.radians(at) for joint, at in expected.items()}, abs=1e-12
-    )
+    in_radians = {joint: math.radians(at) for joint, at in expected.items()}
+    assert arm.limits.outside(q) == pytest.approx(in_radians, abs=1e-12)
 
 
 def test_whole_turns_are_taken_from_revolute_joints_with_limits_only(arm):
@@ -84,10 +82,8 @@ def test_limits_are_a_mapping_with_arrays_in_the_order_of_q_and_v(arm):
 
 def test_limits_of_velocity_and_effort_are_those_of_a_urdf_and_infinite_where_it_says_0_or_nothing():
     limits = ('effort="0.5" velocity="0.3"', 'effort="0" velocity="0"', 'effort="1e9"')
-    joints = [
-        joint_at(f"j{k}", f"l{k}", f"l{k + 1}", inside=f'<limit lower="-1" upper="1" {limit}/>', kind="revolute")
-        for k, limit in enumerate(limits)
-    ]
+    inside = [f'<limit lower="-1" upper="1" {limit}/>' for limit in limits]
+    joints = [joint_at(f"j{k}", f"l{k}", f"l{k + 1}", inside=inside[k], kind="revolute") for k in range(3)]
     bounds = cinegen.load(robot(links("l0", "l1", "l2", "l3"), *joints)).limits
     nothing = (-1, 1, math.inf, math.inf)
     assert [tuple(bounds[joint]) for joint in bounds] == [(-1, 1, 0.3, 0.5), nothing, nothing]
@@ -122,11 +118,6 @@ def test_another_branch_is_taken_where_the_one_as_written_is_beyond_a_limit():
     assert -170.0 <= np.degrees(below.q_home[below.q_index("joint3")]) <= -10.0
     (note,) = [note for note in below.source.notes if "home was moved" in note]
     assert f"joint3 ({near:.4g} deg, limit -10)" in note
-    solver = cinegen.Solver(below, dt=0.01)
-    task = solver.add_task("frame5", rotation=0)
-    task.target.translation += [0.01, 0.0, 0.0]
-    ticked(solver, 50)
-    assert np.abs(solver.q - below.q_home).max() > 1e-2
 
 
 def test_what_cannot_be_met_is_named_joint_by_joint():
@@ -142,16 +133,10 @@ def test_any_box_of_limits_around_a_closed_configuration_holds_home(robot, name)
     system, rng = mechanism.structure.system, np.random.default_rng(5)
     at, columns = mechanism.structure.scalar_joints
     for inside in mechanism.random_closed(6, seed=2):
-        margin = rng.uniform(0.0, 0.4, (2, len(inside))) * 1.0
+        margin = rng.uniform(0.0, 0.4, (2, len(inside)))
         lower, upper = inside - margin[0], inside + margin[1]
-        q = close_within(
-            system,
-            mechanism.q_home,
-            mechanism.q_home,
-            lower,
-            upper,
-            dict(zip(at.tolist(), columns.tolist(), strict=True)),
-        )
+        scalars = dict(zip(at.tolist(), columns.tolist(), strict=True))
+        q = close_within(system, mechanism.q_home, mechanism.q_home, lower, upper, scalars)
         assert np.all((q[at] >= lower[at]) & (q[at] <= upper[at]))
         assert mechanism.closure(q) <= 1e-12
 
@@ -166,12 +151,6 @@ def test_joints_of_a_tree_begin_at_the_nearest_value_within_their_limits():
     assert np.degrees(hand.q_home) == pytest.approx([0.0, 9.74, -20.0])
     (note,) = [note for note in hand.source.notes if "home was moved" in note]
     assert "femur (0 deg, limit 9.74), knee (0 deg, limit -20)" in note
-    solver = cinegen.Solver(hand, dt=0.01)
-    task = solver.add_task("knee", translation=0)
-    turn = np.array([[0.9, 0.0, np.sqrt(0.19)], [0.0, 1.0, 0.0], [-np.sqrt(0.19), 0.0, 0.9]])
-    task.target.rotation = task.target.rotation @ turn
-    ticked(solver, 30)
-    assert np.abs(solver.q - hand.q_home).max() > 1e-2
 
 
 def test_raff2urdf_writes_the_same_home(tmp_path):

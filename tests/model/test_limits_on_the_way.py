@@ -52,10 +52,9 @@ def out_and_back(mechanism, change, joint):
     return b + (c - a) ** 2 / (8.0 * (2.0 * b - a - c))
 
 
-@pytest.mark.parametrize(
-    ("name", "change", "joint"),
-    [("four_bar", [6.2], "joint3"), ("delta4", [0.885, 0.36, 1.335], "joint10"), ("five_bar", [-1.1, 1.4], "joint2")],
-)
+@pytest.mark.parametrize(("name", "change", "joint"), [
+    ("four_bar", [6.2], "joint3"), ("delta4", [0.885, 0.36, 1.335], "joint10"), ("five_bar", [-1.1, 1.4], "joint2"),
+])  # fmt: skip
 def test_a_joint_that_leaves_its_limit_and_comes_back_is_told(robot, name, change, joint):
     mechanism, change = robot(name), np.array(change)
     top = out_and_back(mechanism, change, joint)

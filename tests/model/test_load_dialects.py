@@ -13,7 +13,7 @@ import warnings
 import numpy as np
 import pytest
 from dragging import dragged
-from urdf_text import BARS, joint_at, joint_text, limit, links
+from urdf_text import BARS, joint_at, joint_text, limit, links, robot
 
 import cinegen
 import raff2urdf
@@ -114,11 +114,9 @@ def write(text_file):
 @pytest.mark.parametrize("dialect", LOOPS)
 def test_a_loop_of_each_dialect_is_closed(dialect, write):
     added, name, loop, kind = LOOPS[dialect]
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         mechanism = cinegen.load(write(added))
-    assert mechanism.mobility == 1
-    assert mechanism.joints == ("drive", "elbow", "swing")
+    assert (mechanism.mobility, mechanism.joints) == (1, ("drive", "elbow", "swing"))
     assert mechanism.actuated == ("drive",)
     assert [(closed_loop.name, closed_loop.kind.name.lower()) for closed_loop in mechanism.loops] == [(loop, kind)]
     assert mechanism.gap_as_written <= 1e-15  # all joints at 0 is closed
@@ -202,34 +200,28 @@ def test_a_gazebo_joint_may_be_a_screw(pitch, rise, write):
 @pytest.mark.parametrize("pitch", ["<thread_pitch>0</thread_pitch>", "<screw_thread_pitch>six</screw_thread_pitch>"])
 def test_a_screw_needs_a_pitch(pitch, write):
     joint = '<joint name="nut" type="screw"><parent>carriage</parent><child>spindle</child>'
-    with pytest.raises(
-        CinegenError, match=r"bars\.urdf:6: the (screw_)?thread_pitch of <joint> 'nut' must be a number"
-    ):
+    with pytest.raises(CinegenError, match=r":6: the (screw_)?thread_pitch of <joint> 'nut' must be a number"):
         cinegen.load(write(f"<gazebo>{joint}{pitch}</joint></gazebo>", JACK))
 
 
 def test_links_that_only_gazebo_has_are_told_and_left_out_with_their_joints(write):
-    rod = (
-        '<link name="rod"><pose>0 0 0 0 0 0</pose></link><joint name="{}" type="revolute"><parent>{}</parent>{}</joint>'
-    )
-    ends = [("a", "crank", "<child>rod</child>"), ("b", "rod", "<child>rocker</child>")]
-    added = rod.format(*ends[0]) + rod.format(*ends[1]).partition("</link>")[2]
-    mechanism = cinegen.load(write(f"<gazebo>{added}</gazebo>"))
+    joint = '<joint name="{0}-{1}" type="revolute"><parent>{0}</parent><child>{1}</child></joint>'
+    rod = '<link name="rod"><pose>0 0 0 0 0 0</pose></link>'
+    joints = joint.format("crank", "rod") + joint.format("rod", "rocker")
+    mechanism = cinegen.load(write(f"<gazebo>{rod}{joints}</gazebo>"))
     assert mechanism.mobility == 3
     assert mechanism.source.notes == ("not read: <link> 'rod' in <gazebo> (line 6), and its joints",)
 
 
 def test_the_closed_loop_plugin_is_a_hinge_about_y(write):
     upright = BARS.replace('xyz="0 0 1"', 'xyz="0 1 0"').replace('<origin xyz="0 1 0"/>', '<origin xyz="0 0 1"/>')
-    for place in ("<position>-0.5 0 1</position><rotation>0 0 0.7</rotation>", "<position>-0.5 0 1</position>"):
-        plugin = (
-            '<gazebo><plugin name="Closed" filename="libpegasus_gazebo_closed_loop_plugin.so">'
-            f"<joint>pin</joint>{SDF_ENDS}{place}</plugin></gazebo>"
-        )
+    for rotation in ("<rotation>0 0 0.7</rotation>", ""):
+        inside = f"<joint>pin</joint>{SDF_ENDS}<position>-0.5 0 1</position>{rotation}"
+        file = "libpegasus_gazebo_closed_loop_plugin.so"
+        plugin = f'<gazebo><plugin name="Closed" filename="{file}">{inside}</plugin></gazebo>'
         mechanism = cinegen.load(write(plugin, upright))
         assert [(loop.name, loop.kind.name) for loop in mechanism.loops] == [("pin", "REVOLUTE")]
-        assert mechanism.mobility == 1
-        assert mechanism.source.dialects == ("Gazebo plugins",)
+        assert (mechanism.mobility, mechanism.source.dialects) == (1, ("Gazebo plugins",))
 
 
 # --- what URDF+ says of joints -----------------------------------------------------------------------------------
@@ -243,10 +235,9 @@ def test_urdf_plus_tells_which_joints_are_passive(write):
 
 
 def test_a_rotor_of_urdf_plus_turns_with_its_gear_on_a_base_that_floats(write):
-    turn = '<parent link="hull"/><child link="{0}"/><axis xyz="1 0 0"/>'
     parts = [links("world", "hull", "leg", "rotor"), joint_text("free", "world", "hull", kind="floating")]
-    parts += [f'<joint name="hip" type="continuous">{turn.format("leg")}</joint>']
-    parts += [f'<joint name="spin" type="continuous" independent="false">{turn.format("rotor")}</joint>']
+    parts += [joint_text("hip", "hull", "leg")]
+    parts += [joint_text("spin", "hull", "rotor").replace(" type", ' independent="false" type')]
     gear = '<coupling name="gear"><predecessor link="leg"/><successor link="rotor"/><ratio value="6.0"/></coupling>'
     mechanism = cinegen.load(write(gear, f'<robot name="walker">{"".join(parts)}'))
     assert (mechanism.floating, mechanism.mobility, mechanism.actuated) == (True, 6 + 2 - 1, ("hip",))
@@ -342,9 +333,8 @@ def test_of_two_joints_the_one_without_limits_is_cut(write):
     both = BARS.replace('name="swing" type="continuous">', f'name="swing" type="revolute">{limit(-1, 1)}')
     mechanism = cinegen.load(write(limited, both))
     assert [loop.name for loop in mechanism.loops] == ["pin"]
-    assert mechanism.source.notes == (
-        "joint 'pin' closes a loop: its child 'rocker' has another parent; its limits are not enforced",
-    )
+    (note,) = mechanism.source.notes
+    assert note == "joint 'pin' closes a loop: its child 'rocker' has another parent; its limits are not enforced"
 
 
 def test_a_ring_of_joints_without_a_root(write):
@@ -416,9 +406,7 @@ def test_a_loop_that_two_dialects_declare_is_closed_once(dialect, write):
 def test_dialects_that_contradict_each_other_are_an_error(write):
     moved = LOOPS["URDF+"][0].replace(ON_COUPLER, "1.5 0 0")
     path = write(f"{LOOPS['Isaac Sim'][0]}\n{moved}")
-    says = (
-        r"bars\.urdf:7: <loop> 'pin' contradicts <loop_joint> 'pin' \(line 6\) of loop_joint elements: .*--ignore loop"
-    )
+    says = r":7: <loop> 'pin' contradicts <loop_joint> 'pin' \(line 6\) of loop_joint elements: .*--ignore loop"
     with pytest.raises(CinegenError, match=says):
         cinegen.load(path)
     with pytest.warns(RaffWarning, match=r"left out, as requested: <loop> 'pin' \(line 7\)"):
@@ -430,11 +418,8 @@ def test_dialects_that_contradict_each_other_are_an_error(write):
 
 @pytest.mark.parametrize("dialect", [*LOOPS, *COUPLINGS])
 def test_all_are_opened_by_ignore_loops_and_each_loop_by_its_dialect_or_its_name(dialect, write):
-    path = (
-        write(LOOPS[dialect][0])
-        if dialect in LOOPS
-        else write(COUPLINGS[dialect][3], ARM.format(*COUPLINGS[dialect][:3]))
-    )
+    is_loop = dialect in LOOPS
+    path = write(LOOPS[dialect][0]) if is_loop else write(COUPLINGS[dialect][3], ARM.format(*COUPLINGS[dialect][:3]))
     with pytest.warns(RaffWarning, match="left out, as requested; every joint moves independently: ") as seen:
         mechanism = cinegen.load(path, ignore_loops=True)
     assert len(seen) == 1
@@ -446,15 +431,10 @@ def test_all_are_opened_by_ignore_loops_and_each_loop_by_its_dialect_or_its_name
 
 @pytest.mark.parametrize("kind", ["ball", "revolute"])
 def test_a_triangle_is_rigid_whether_a_ball_joint_or_a_hinge_closes_it(kind):
-    text = "".join(f'<link name="{name}"/>' for name in ("ground", "a", "b", "closing_pin_1", "closing_pin_2"))
-    for kind_of_joint, parent, child, place in (
-        ("continuous", "ground", "a", "0 0 0"), ("fixed", "a", "closing_pin_1", "0.1 0.2 0"),
-        ("continuous", "ground", "b", "0.3 0 0"), ("fixed", "b", "closing_pin_2", "-0.2 0.2 0"),
-    ):  # fmt: skip
-        ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="{place}"/><axis xyz="0 0 1"/>'
-        text += f'<joint name="to_{child}" type="{kind_of_joint}">{ends}</joint>'
+    parts = [links("ground", "a", "b"), joint_at("to_a", "ground", "a"), joint_at("to_b", "ground", "b", "0.3 0 0")]
+    parts += [FRAME.format("closing_pin_1", "a", "0.1 0.2 0"), FRAME.format("closing_pin_2", "b", "-0.2 0.2 0")]
     with pytest.warns(UserWarning, match="no joint can move"):
-        triangle = cinegen.load(f'<robot name="triangle">{text}</robot>', loops={"closing_pin": kind})
+        triangle = cinegen.load(robot(*parts), loops={"closing_pin": kind})
     assert [loop.kind.name.lower() for loop in triangle.loops] == [kind]
     assert triangle.mobility == 0
 
@@ -480,10 +460,8 @@ def test_constraints_without_the_loops_that_the_urdf_tells_of_are_refused(root, 
     raff2urdf.convert(root / "robots" / "five_bar.raff", tmp_path)
     path = tmp_path / "five_bar.constraints.json"
     opened = {"loops": [], "mobility": 5, "loop_rows": 0, "loop_rank": 0}
-    path.write_text(json.dumps({**json.loads(path.read_text()), **opened}))
-    with pytest.raises(
-        cinegen.CinegenError, match=r"according to this comment, the loops are in five_bar\.constraints"
-    ):
+    path.write_text(json.dumps(json.loads(path.read_text()) | opened))
+    with pytest.raises(CinegenError, match=r"according to this comment, the loops are in five_bar\.constraints"):
         cinegen.load(tmp_path / "five_bar.urdf")
 
 
@@ -496,9 +474,7 @@ def test_loops_are_opened_in_every_format_all_or_by_name(format, root, tmp_path)
     if format != "raff":
         path = raff2urdf.convert(path, tmp_path, format=format)[0].file
     assert cinegen.load(path).mobility == 2
-    with pytest.warns(
-        UserWarning, match="left out, as requested; every joint moves independently: .*loop 'link5-tool"
-    ) as seen:
+    with pytest.warns(UserWarning, match="left out, .* every joint moves independently: .*loop 'link5-tool") as seen:
         mechanism = cinegen.load(path, ignore_loops=True)
     assert len(seen) == 1
     assert (mechanism.mobility, len(mechanism.loops), len(mechanism.joints)) == (5, 0, 5)

@@ -67,9 +67,8 @@ def test_a_handler_of_file_names_says_where_meshes_are(arm, tmp_path, monkeypatc
     (tmp_path / "box.stl").write_bytes((arm.parent / "meshes" / "box.stl").read_bytes())
     monkeypatch.chdir(tmp_path)
     model = loaded(arm, filename_handler=lambda name: name.rpartition("/")[2])
-    assert [shape.meshPath for shape in cinegen.load(model).visual.geometryObjects if shape.meshPath] == [
-        str(tmp_path / "box.stl")
-    ]
+    meshes = [shape.meshPath for shape in cinegen.load(model).visual.geometryObjects if shape.meshPath]
+    assert meshes == [str(tmp_path / "box.stl")]
 
 
 def test_a_mesh_that_is_missing_is_named_and_sticks_are_drawn(arm):
@@ -91,14 +90,11 @@ def robot(*joints, links=("a", "b", "c")):
     return yourdfpy.URDF(model, build_scene_graph=False, load_meshes=False)
 
 
-@pytest.mark.parametrize(
-    ("model", "message"),
-    [
-        (robot(Joint("j", "fixed", "a", None)), "joint 'j' of robot 'r' .* its child must be a string, not None"),
-        (robot(Joint("j", "revolute", "a", "b", axis=np.array([np.nan, 0, 1]))), "axis 'nan 0.0 1.0' of joint 'j'"),
-        (robot(links=()), "the robot 'r' has no link"),
-    ],
-)
+@pytest.mark.parametrize(("model", "message"), [
+    (robot(Joint("j", "fixed", "a", None)), "joint 'j' of robot 'r' .* its child must be a string, not None"),
+    (robot(Joint("j", "revolute", "a", "b", axis=np.array([np.nan, 0, 1]))), "axis 'nan 0.0 1.0' of joint 'j'"),
+    (robot(links=()), "the robot 'r' has no link"),
+])  # fmt: skip
 def test_what_is_wrong_with_it_is_named(model, message):
     with pytest.raises(LoadError, match=message):
         cinegen.load(model)

@@ -20,21 +20,12 @@ def test_the_extended_jacobian_labels_its_rows_and_columns(robot):
     delta = robot("delta4")
     matrix = delta.extended_jacobian(delta.q_home, ["platform", "link1"])
     assert matrix.shape == (24, 15)
-    assert matrix.rows[0] == ("platform", "x")
-    assert matrix.rows[11] == ("link1", "rz")
-    assert matrix.rows[12] == (delta.loops[0].name, "x")
+    rows = [("platform", "x"), ("link1", "rz"), (delta.loops[0].name, "x")]
+    assert [matrix.rows[i] for i in (0, 11, 12)] == rows
     assert matrix.columns[delta.v_index("joint12")] == "joint12"
     assert np.array_equal(np.asarray(matrix)[:6], delta.jacobian(delta.q_home, "platform"))
     assert np.array_equal(matrix.block(delta.loops[1].name), delta.loop_jacobian(delta.q_home)[6:])
     assert "platform rz" in str(matrix)
-
-
-def test_a_joint_that_does_not_move_a_loop_has_exactly_zero_there(robot):
-    delta = robot("delta4")
-    q = delta.random_closed(3)[-1]
-    loop = delta.extended_jacobian(q).block("link5-link11")
-    assert not loop[:, [delta.v_index(f"joint{i}") for i in range(12, 17)]].any()
-    assert np.abs(loop[:, delta.v_index("joint1")]).max() > 0.1
 
 
 @pytest.mark.parametrize("axis", ["1 0 0", "0 1 0", "0 0 1", "0.6 0.8 0"])
@@ -120,8 +111,7 @@ def write(tmp_path):
 
 
 def load(path, **options):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         return cinegen.load(path, **options)
 
 

@@ -85,9 +85,7 @@ def test_sticks_are_drawn_for_a_mesh_that_is_lost(write, name, says):
     kept = VISUAL.format("../meshes/part.stl")
     mechanism = cinegen.load(write(kept, VISUAL.format(name) + VISUAL.format(name)))
     for shapes in ("visual", "collision"):
-        with pytest.warns(
-            cinegen.CinegenWarning, match=rf"^\S*arm.urdf:3: .*{says}.*; sticks are drawn instead$"
-        ) as seen:
+        with pytest.warns(cinegen.CinegenWarning, match=rf"arm.urdf:3: .*{says}.*; sticks are drawn instead$") as seen:
             objects = getattr(mechanism, shapes).geometryObjects
         assert len(seen) == 1
         frames = mechanism.model.frames
@@ -168,9 +166,7 @@ def test_a_recording_opens_no_package_that_it_names_itself(write, tmp_path, monk
     path = write(VISUAL.format("package://parts/part.stl"))
     source = cinegen.load(path, packages={"parts": tmp_path / "elsewhere/parts"}).source
     recorded = build(*source._replace(owner=str(path.parent)))
-    with pytest.warns(
-        cinegen.CinegenWarning, match="package 'parts' is not found: add the folder above it to ROS_PACK"
-    ):
+    with pytest.warns(cinegen.CinegenWarning, match="'parts' is not found: add the folder above it to ROS_PACK"):
         _ = recorded.visual
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "elsewhere"))
     (shape,) = build(*recorded.source).visual.geometryObjects
@@ -192,10 +188,17 @@ DAE = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="
 </COLLADA>"""
 
 
+def corner(shape):
+    """The upper corner of a mesh's box, m."""
+    shape.geometry.computeLocalAABB()
+    return shape.geometry.aabb_local.max_
+
+
+UNITS = [("", 1.0), ('<unit meter="1" name="m"/>', 1.0), ("<unit name='mm' meter='0.001'/>", 1e-3)]
+
+
 @pytest.mark.parametrize("axis", ["", "<up_axis>Y_UP</up_axis>", "<up_axis>Z_UP</up_axis>"])
-@pytest.mark.parametrize(
-    ("unit", "metres"), [("", 1.0), ('<unit meter="1" name="m"/>', 1.0), ("<unit name='mm' meter='0.001'/>", 1e-3)]
-)
+@pytest.mark.parametrize(("unit", "metres"), UNITS)
 @pytest.mark.parametrize("colour", ["", '<material name="red"><color rgba="1 0 0 1"/></material>'])
 def test_the_unit_of_collada_counts_and_its_upward_axis_does_not(write, tmp_path, unit, axis, metres, colour):
     """As in RViz: drawn, in the page, for collisions, and in RAFF and back."""
@@ -204,15 +207,13 @@ def test_the_unit_of_collada_counts_and_its_upward_axis_does_not(write, tmp_path
     mechanism, size = cinegen.load(path), 2.0 * metres * np.array([1.0, 2.0, 3.0])
     for shapes in (mechanism.visual, mechanism.collision):
         (shape,) = shapes.geometryObjects
-        shape.geometry.computeLocalAABB()
-        np.testing.assert_allclose(shape.geometry.aabb_local.max_, size, rtol=1e-6)
+        np.testing.assert_allclose(corner(shape), size, rtol=1e-6)
     ((geometry, _, placed),) = _drawn(mechanism.visual.geometryObjects[0])
     np.testing.assert_allclose(geometry.vertices.max(axis=0) * np.diag(placed)[:3], size, rtol=1e-6)
     raff = tmp_path / "arm_description/arm.raff"
     raff2urdf.to_raff(path, raff, units="mm")
     (shape,) = cinegen.load(raff).visual.geometryObjects
-    shape.geometry.computeLocalAABB()
-    np.testing.assert_allclose(shape.geometry.aabb_local.max_, size, rtol=1e-6)
+    np.testing.assert_allclose(corner(shape), size, rtol=1e-6)
 
 
 def test_raff_has_coordinates_in_its_own_unit_whatever_collada_declares(tmp_path, monkeypatch):
@@ -223,20 +224,18 @@ def test_raff_has_coordinates_in_its_own_unit_whatever_collada_declares(tmp_path
     (made,) = raff2urdf.convert(tmp_path / "tip.raff", tmp_path / "out")
     for path in (tmp_path / "tip.raff", made.urdf):
         shape = next(mesh for mesh in cinegen.load(path).visual.geometryObjects if mesh.meshPath.endswith(".stl"))
-        shape.geometry.computeLocalAABB()
-        np.testing.assert_allclose(shape.geometry.aabb_local.max_, [1e-3, 2e-3, 3e-3], rtol=1e-6)
+        np.testing.assert_allclose(corner(shape), [1e-3, 2e-3, 3e-3], rtol=1e-6)
 
 
 @pytest.mark.parametrize("ending", ["glb", "ply"])
 def test_what_pinocchio_does_not_read_or_browsers_is_converted(write, tmp_path, ending):
     box = trimesh.creation.box(extents=(0.1, 0.2, 0.3))
-    material = trimesh.visual.material.PBRMaterial(baseColorFactor=[255, 0, 0, 255])
     if ending == "glb":
+        material = trimesh.visual.material.PBRMaterial(baseColorFactor=[255, 0, 0, 255])
         box.visual = trimesh.visual.TextureVisuals(material=material)
     box.export(tmp_path / f"arm_description/meshes/box.{ending}")
     (shape,) = cinegen.load(write(VISUAL.format(f"../meshes/box.{ending}"))).visual.geometryObjects
-    shape.geometry.computeLocalAABB()
-    assert np.allclose(shape.geometry.aabb_local.max_, [0.05, 0.1, 0.15], atol=1e-6)
+    assert np.allclose(corner(shape), [0.05, 0.1, 0.15], atol=1e-6)
     if ending == "glb":
         assert np.allclose(shape.meshColor, [1.0, 0.0, 0.0, 1.0])
 
@@ -251,17 +250,15 @@ def test_a_mesh_of_gigabytes_is_refused(write, tmp_path):
 def test_without_shapes_a_stick_figure_stands_in(write):
     mechanism = cinegen.load(write())
     shapes = mechanism.visual.geometryObjects
-    model = mechanism.model
-    owners = {model.frames[shape.parentFrame].name for shape in shapes}
-    assert owners == {"base", "upper", "tool"}
-    bars = {model.frames[s.parentFrame].name: s for s in shapes if s.name.startswith("bar")}
-    ends = {"base": [0.0, 0.0, 0.5], "upper": [0.4, 0.0, 0.0]}
-    for node, end in ends.items():
+    owners = [mechanism.model.frames[shape.parentFrame].name for shape in shapes]
+    assert set(owners) == {"base", "upper", "tool"}
+    bars = {owner: s for owner, s in zip(owners, shapes, strict=True) if s.name.startswith("bar")}
+    for node, end in (("base", [0.0, 0.0, 0.5]), ("upper", [0.4, 0.0, 0.0])):
         bar = bars[node]
         half = bar.geometry.halfLength * bar.placement.rotation[:, 2]
         assert np.allclose(bar.placement.translation + half, end, atol=1e-9)
         assert np.allclose(bar.placement.translation - half, 0.0, atol=1e-9)
-    (drum,) = [s for s in shapes if model.frames[s.parentFrame].name == "upper" and s.name.startswith("joint")]
+    (drum,) = [s for owner, s in zip(owners, shapes, strict=True) if owner == "upper" and s.name.startswith("joint")]
     assert np.allclose(drum.placement.rotation[:, 2], [0.0, 0.6, 0.8], atol=1e-9)
     page, _ = make_page({"arm": mechanism})
     assert len(page.html()) > 1000

@@ -33,18 +33,15 @@ def test_a_configuration_as_open_as_the_solver_may_leave_it_is_accepted_everywhe
     assert CLOSED < mechanism.closure(q) <= CLOSURE
     motion = ForwardKinematics(mechanism, q)
     joint = mechanism.actuated[0]
-    moved = motion.move({joint: q[mechanism.q_index(joint)]})
-    assert mechanism.closure(moved) <= CLOSED
-    solver = cinegen.Solver(mechanism, 0.01, q=q)
-    assert mechanism.closure(solver.step().q) <= CLOSURE
+    assert mechanism.closure(motion.move({joint: q[mechanism.q_index(joint)]})) <= CLOSED
+    assert mechanism.closure(cinegen.Solver(mechanism, 0.01, q=q).step().q) <= CLOSURE
     cinegen.singularity(mechanism, q)
     LineMotion(mechanism, mechanism.q_home, q, mechanism.end, 0.01)
     Branch(mechanism).closed(q)
     values = {name: float(q[mechanism.q_index(name)]) for name in mechanism.joints}
     start_from(mechanism, json.dumps(values))
-    assert _is_valid(mechanism, np.clip(q, mechanism.limits.lower, mechanism.limits.upper)) == mechanism.limits.within(
-        q
-    )
+    limits = mechanism.limits
+    assert _is_valid(mechanism, np.clip(q, limits.lower, limits.upper)) == limits.within(q)
 
 
 @pytest.mark.parametrize("name", CLOSED_ROBOTS)
@@ -52,12 +49,6 @@ def test_what_the_solver_returns_is_accepted_by_forward_kinematics(robot, name):
     mechanism, rng = robot(name), np.random.default_rng(2)
     solver = cinegen.Solver(mechanism, 0.01)
     task = solver.add_task(mechanism.end, rotation=0)
-    task.target = target_near_home(mechanism, rng)
+    task.target.translation += 0.3 * mechanism.length * rng.normal(size=3)
     for _ in range(40):
         ForwardKinematics(mechanism, solver.step().q)
-
-
-def target_near_home(mechanism: cinegen.Mechanism, rng: np.random.Generator):
-    target = mechanism.placement(mechanism.q_home, mechanism.end)
-    target.translation = target.translation + 0.3 * mechanism.length * rng.normal(size=3)
-    return target

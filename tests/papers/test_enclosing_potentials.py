@@ -8,24 +8,20 @@ import enclosing_potentials
 import numpy as np
 import pinocchio as pin
 import pytest
-from descents import ROBOTS, apart, attraction, bodies, figure, moved, slopes
+from descents import ROBOTS, apart, attraction, bodies, figure, moved, slopes, slopes_at
 from enclosing_potentials import EllipticalPotential, Gains, Spherical, SphericalPotential, spherical
 from enclosures import Enclosure
 from firas import CONTACT
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from surfaces import placed, shapes, surface
 
 from cinegen.collision.body import Body
 from cinegen.planning import plan
 
 points = arrays(float, 3, elements=st.floats(-2.0, 2.0).map(lambda x: round(x, 4)))
 around_start = st.lists(st.floats(-0.25, 0.25), min_size=3, max_size=3)
-
-
-def slopes_at(value, point, step=1e-6):
-    """Central differences."""
-    return np.array([(value(point + e) - value(point - e)) / (2.0 * step) for e in step * np.eye(3)])
 
 
 # --- the spherical potential -------------------------------------------------------------------------------------
@@ -44,7 +40,7 @@ def test_spherical_is_equation_2_measured_from_the_ball(centre, point, radius, g
     field = Spherical(0.7, gamma)
     assert field.value(away - radius) == pytest.approx(0.7 / (away - radius) ** (2.0 * gamma))
     got = field.gradient(away - radius, (point - centre) / away)
-    wanted = slopes_at(lambda p: field.value(np.linalg.norm(p - centre) - radius), point)
+    wanted = slopes_at(lambda p: field.value(np.linalg.norm(p - centre) - radius), point, 1e-6)
     assert got == pytest.approx(wanted, rel=1e-4, abs=1e-4 * (1.0 + np.linalg.norm(got)))
 
 
@@ -78,8 +74,8 @@ def elliptical_value(scene, q, field):
             axis = at.translation + np.linspace(-half, half, 401)[:, None] * at.rotation[:, 2]
             local = (axis - field.centre) @ field.axes
             off = local - np.clip(local, -field.half, field.half)
-            surface = axis - body.shape.radius * (off / np.linalg.norm(off, axis=1)[:, None]) @ field.axes.T
-            worst[body.joint] = max(worst.get(body.joint, 0.0), float(field.value(surface).max()))
+            nearest = axis - body.shape.radius * (off / np.linalg.norm(off, axis=1)[:, None]) @ field.axes.T
+            worst[body.joint] = max(worst.get(body.joint, 0.0), float(field.value(nearest).max()))
     return attraction(scene, q) + sum(worst.values())
 
 
@@ -135,42 +131,14 @@ def test_the_command_prints_the_status_and_draws_the_path(capsys, monkeypatch, t
 # Balls and boxes hold what they stand for.
 
 
-Z = np.array([0.0, 0.0, 1.0])
 turns = st.tuples(*[st.floats(-3.0, 3.0)] * 3).map(lambda rpy: pin.rpy.rpyToMatrix(*rpy))
-sizes = st.floats(0.05, 2.0)
-shapes = st.one_of(
-    st.builds(coal.Sphere, sizes),
-    st.builds(coal.Capsule, sizes, sizes),
-    st.builds(coal.Cylinder, sizes, sizes),
-    st.builds(coal.Box, sizes, sizes, sizes),
-)
-
-
-def sampled(body):
-    """Points of its surface: the furthest along many directions."""
-    rng = np.random.default_rng(0)
-    shape, furthest = body.shape, []
-    for way in rng.normal(size=(300, 3)):
-        way = way / np.linalg.norm(way)
-        match shape:
-            case coal.Sphere():
-                at = shape.radius * way
-            case coal.Capsule():
-                at = shape.radius * way + [0.0, 0.0, math.copysign(shape.halfLength, way[2])]
-            case coal.Cylinder():
-                side = np.append(way[:2] / np.linalg.norm(way[:2]) * shape.radius, 0.0)
-                at = side + math.copysign(shape.halfLength, way[2]) * Z
-            case coal.Box():
-                at = np.copysign(np.array(shape.halfSide), way)
-        furthest.append(body.placement.act(np.asarray(at)))
-    return np.array(furthest)
 
 
 @given(shapes, turns, st.sampled_from([None, "plane"]))
 def test_ball_and_box_hold_what_they_stand_for(shape, turn, where):
     plane = None if where is None else turn[:, 1]  # any plane
     body = Body("thing", 0, pin.SE3(turn, np.array([0.3, -0.2, 0.5])), shape)
-    enclosure, points = Enclosure(body, plane), sampled(body)
+    enclosure, points = Enclosure(body, plane), placed(body.placement, surface(shape, np.random.default_rng(0), 300))
     middle, half, axes = enclosure.box
     assert axes.T @ axes == pytest.approx(np.eye(3), abs=1e-9)
     assert np.linalg.det(axes) == pytest.approx(1.0)

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from descents import slopes_at
 from firas import Firas
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
@@ -122,10 +123,8 @@ def test_around_a_polygon_it_is_tangent_to_firas_contours(polygon, point):
     d = distance(polygon, point)
     assume(not holds(polygon, point) and 0.02 < d < 1.99)
     firas = Firas(1.0, 2.0)
-    steps = 1e-6 * np.eye(3)
-    slope = np.array(
-        [float(firas.value(distance(polygon, point + e)) - firas.value(distance(polygon, point - e))) for e in steps]
-    )
+
+    slope = slopes_at(lambda p: float(firas.value(distance(polygon, p))), point, 1e-6)
     slope /= np.linalg.norm(slope)
     velocity = Vortex(1.0, 2.0).velocity(d, normal(polygon, point), Z)
     size = np.linalg.norm(velocity)

@@ -90,10 +90,8 @@ def test_a_pose_beside_a_row_is_not_in_it(row):
             if name != "phi" or row is not FICHTER:
                 assert row.residual(tssm, beside) > 1e-8
             dependence = classify(tssm.lines(beside), tssm.length)
-            assert dependence is None or (dependence.grassmann_class, dependence.lines) != (
-                row.grassmann_class,
-                tuple(i - 1 for i in row.legs),
-            )
+            reason = row.grassmann_class, tuple(i - 1 for i in row.legs)
+            assert dependence is None or (dependence.grassmann_class, dependence.lines) != reason
 
 
 @given(seeds)

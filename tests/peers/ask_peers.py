@@ -80,9 +80,8 @@ def scene(name: str, node: str, rotation: int, second: str | None = None) -> tup
     at = data.oMf[frame]
     turn = pin.exp3(FAR * rng.normal(size=3)) if rotation else np.eye(3)
     target = pin.SE3(turn @ at.rotation, at.translation + FAR * rng.normal(size=3))
-    entries = [
-        {"name": joint, "home": value, "low": -10.0, "high": 10.0, "velocity": None} for joint, value in home.items()
-    ]
+    unlimited = {"low": -10.0, "high": 10.0, "velocity": None}
+    entries = [{"name": joint, "home": value, **unlimited} for joint, value in home.items()]
     problem: dict[str, Any] = {"dt": DT, "gain": 1.0, "node": node, "rotation": rotation, "joints": entries}
     if second is not None:
         point = data.oMf[model.getFrameId(second)].translation + FAR * rng.normal(size=3)
@@ -97,14 +96,9 @@ def ask(peer: str, problem: dict[str, Any], urdf: bytes) -> list[float]:
         file.write_bytes(urdf)
         described = Path(folder) / "scene.json"
         described.write_text(json.dumps(problem | {"urdf": str(file)}))
-        done = subprocess.run(
-            [PYTHON, ROOT / f"benchmarks/peers/{peer}_.py", described],
-            input='{"steps": 1}\n',
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-    values: list[float] = json.loads(done.stdout.splitlines()[1])["q"][0]
+        command = [PYTHON, ROOT / f"benchmarks/peers/{peer}_.py", described]
+        answer = subprocess.check_output(command, input='{"steps": 1}\n', text=True)
+    values: list[float] = json.loads(answer.splitlines()[1])["q"][0]
     return values
 
 

@@ -147,11 +147,8 @@ def test_it_can_be_said_in_raff(case, mechanism, file_of, tmp_path):
     if case != "cassie_v2":
         assert {conversion.joints[joint] for joint in original.actuated} == set(ours.actuated)
     for q in (original.q_home, *original.random_closed(3)):
-        values = {
-            conversion.joints[joint]: q[original.q_index(joint)] + conversion.offsets[conversion.joints[joint]]
-            for joint in original.joints
-        }
-        p = ours.configuration(values)
+        values = {conversion.joints[joint]: q[original.q_index(joint)] for joint in original.joints}
+        p = ours.configuration({joint: value + conversion.offsets[joint] for joint, value in values.items()})
         assert ours.closure(p) < 1e-11
         for link, node in nodes.items():
             expected, pose = original.placement(q, link).homogeneous, ours.placement(p, node).homogeneous

@@ -9,33 +9,24 @@ from coupled_robots import CLOSED_TEXTS
 from variants import FEWER
 
 import cinegen
-import raff2urdf
 from raff2urdf.conversion import convert
 
 ROBOTS = Path(__file__).resolve().parent.parent.parent / "robots"
-FILES = [
-    (ROBOTS / f"{name}.raff", robot.name)
-    for name in sorted(FEWER)
-    for robot in raff2urdf.load(ROBOTS / f"{name}.raff").robots
-]
 
 
-@pytest.fixture(params=[*(f"{path.stem}:{name}" for path, name in FILES), *CLOSED_TEXTS])
-def original(request, tmp_path_factory):
-    """The RAFF file, and which of its robots."""
-    if request.param not in CLOSED_TEXTS:
-        return next(entry for entry in FILES if f"{entry[0].stem}:{entry[1]}" == request.param)
-    path = tmp_path_factory.mktemp("raff") / f"{request.param}.raff"
-    path.write_text(CLOSED_TEXTS[request.param])
-    return path, None
+@pytest.fixture(params=[*sorted(FEWER), *CLOSED_TEXTS])
+def original(request, text_file):
+    """The RAFF file."""
+    if request.param in FEWER:
+        return ROBOTS / f"{request.param}.raff"
+    return text_file(f"{request.param}.raff", CLOSED_TEXTS[request.param])
 
 
 @pytest.mark.parametrize("format", ["mjcf", "sdf"])
 def test_what_comes_back_is_the_same_mechanism(original, format, tmp_path, recwarn):
-    path, name = original
-    orig = cinegen.load(path, name)
-    made = [output for output in convert(path, tmp_path, format=format) if output.robot == orig.name]
-    back = cinegen.load(made[0].file)
+    orig = cinegen.load(original)
+    (made,) = convert(original, tmp_path / "made", format=format)
+    back = cinegen.load(made.file)
     assert back.mobility == orig.mobility
     assert {coupling.name for coupling in back.couplings} == {coupling.name for coupling in orig.couplings}
     assert back.floating == orig.floating

@@ -29,11 +29,8 @@ def kept(clearance, safety, q=None, **options):
 def densely(clearance, path, count=9):
     """m: the least distance at many configurations of a path."""
     model = clearance.mechanism.model
-    return min(
-        clearance.least(pin.interpolate(model, a, b, t))
-        for a, b in pairwise(path)
-        for t in np.linspace(0.0, 1.0, count)
-    )
+    between = (pin.interpolate(model, *ends, t) for ends in pairwise(path) for t in np.linspace(0.0, 1.0, count))
+    return min(map(clearance.least, between))
 
 
 # --- never nearer ------------------------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ import pinocchio as pin
 import pytest
 from clearings import apart, at
 from paths import along
+from ticking import of_pinocchio
 
 import cinegen
 from cinegen.collision import PlanningError, clearance_of, scene_of
@@ -71,14 +72,9 @@ def test_weights_are_written_and_read_again_and_wrong_ones_reported(arm):
 # Goals that are regions, and constraints of the node all along a path; judged by Pinocchio's placements.
 
 
-def placements(problem, path, step=0.01):
+def placements(problem, path):
     """Poses of the node on a path, joints straight between two configurations."""
-    model, poses = problem.mechanism.model, []
-    data, frame = model.createData(), problem.mechanism.frame_id(problem.node)
-    for q in along(problem.mechanism, path, step):
-        pin.framesForwardKinematics(model, data, q)
-        poses.append(data.oMf[frame].copy())
-    return poses
+    return [of_pinocchio(problem.mechanism, q, problem.node) for q in along(problem.mechanism, path, 0.01)]
 
 
 def start_pose(arm):
@@ -166,13 +162,11 @@ def held_to_wall(arm, q):
 
 def test_a_held_object_that_stands_on_a_table_is_lifted_if_they_may_touch(arm):
     """The lower end of the bar is 1 mm inside of the board under it, which the arm itself may not touch."""
-    start = {"joints": {"joint1": -0.6, "joint2": 0.5, "joint4": -1.2, "joint6": 0.7}}
-    end = carrying(arm, BAR, start=start).start
-    tip = (arm.placement(end, arm.end) * pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.35]))).translation
-    down = arm.placement(end, arm.end).rotation[:, 2]
-    board = {"name": "board", "kind": "box", "size": [0.05, 0.05, 0.02], "point": (tip + 0.009 * down).tolist()}
-    board["rpy"] = pin.rpy.matrixToRpy(arm.placement(end, arm.end).rotation).tolist()
-    asked = {"goal": {"joints": {"joint1": 0.2}}, "obstacles": [board, WALL], "start": start, "safety": 0.005}
+    under = start_pose(arm) * at(0.0, 0.0, 0.359)
+    board = {"name": "board", "kind": "box", "size": [0.05, 0.05, 0.02], "point": under.translation.tolist()}
+    board["rpy"] = pin.rpy.matrixToRpy(under.rotation).tolist()
+    goal, start = {"joints": {"joint1": 0.2}}, {"joints": START}
+    asked = {"goal": goal, "obstacles": [board, WALL], "start": start, "safety": 0.005}
     refused = plan(carrying(arm, BAR, **asked))
     assert refused.status is PlanStatus.START_IN_COLLISION
     assert "if they may touch, add 'board' to touches of 'bar'" in refused.reason
@@ -231,12 +225,10 @@ def turned(pose: pin.SE3, angle: float) -> pin.SE3:
     return pin.SE3(pin.exp3(np.array([0.0, 0.0, angle])), np.zeros(3)) * pose
 
 
-def errors(mechanism, task, path) -> tuple[float, float]:
+def errors(mechanism, task, path):
     """The largest error on a path, and half way between its configurations."""
     between = [mechanism.interpolate(*ends, 0.5) for ends in pairwise(path)]
-    return tuple(
-        max(float(np.linalg.norm(task.error(State(mechanism, q, 1.0)))) for q in some) for some in (path, between)
-    )
+    return [max(np.linalg.norm(task.error(State(mechanism, q, 1.0))) for q in some) for some in (path, between)]
 
 
 def test_a_tool_that_goes_round_a_box_stays_within_a_cone(robot):

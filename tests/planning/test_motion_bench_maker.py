@@ -47,11 +47,9 @@ def files(benchmark, tmp_path):
         }
         for i, (kind, size, position, orientation) in enumerate(BOOKSHELF)
     ]
-    matrix = [[frozenset((link, other)) in allowed for other in links] for link in links]
-    world = {
-        "allowed_collision_matrix": {"entry_names": links, "entry_values": matrix},
-        "world": {"collision_objects": things},
-    }
+    values = [[frozenset((link, other)) in allowed for other in links] for link in links]
+    matrix = {"entry_names": links, "entry_values": values}
+    world = {"allowed_collision_matrix": matrix, "world": {"collision_objects": things}}
     paths = tmp_path / "request0001.yaml", tmp_path / "scene0001.yaml"
     for path, content in zip(paths, (asked, world), strict=True):
         path.write_text(yaml.safe_dump(content))

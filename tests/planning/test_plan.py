@@ -28,6 +28,11 @@ def trap(walls=3):
     return scene_of({"mobile": {"radius": 0.1}, "goal": {"point": [2.0, 0.0]}, "obstacle": boxes})
 
 
+def panda(**values):
+    """A scene of its hand."""
+    return scene_of({"node": "panda_hand", "goal": {"joints": AIM}, **values}, mechanism=load(PANDA))
+
+
 def length(scene, path):
     return float(np.linalg.norm(np.diff(path, axis=0) / scene.mechanism.scale, axis=1).sum())
 
@@ -46,16 +51,7 @@ def test_a_trap_that_stops_vortices_is_left_by_sampling_without_being_asked():
     assert any(text.endswith(", in turn with RRT-Connect and LBKPIECE") for text in texts)
     assert planned.clearance >= scene.safety
     # a rope around the U, whose walls end at x = -1 and 1.05 and y = 1.05, 0.11 m from it
-    corners = [
-        (0.0, 0.0),
-        (-1.0, 0.84),
-        (-1.11, 0.95),
-        (-1.11, 1.05),
-        (-1.0, 1.16),
-        (1.05, 1.16),
-        (1.16, 1.05),
-        (2.0, 0.0),
-    ]
+    corners = [(0, 0), (-1, 0.84), (-1.11, 0.95), (-1.11, 1.05), (-1, 1.16), (1.05, 1.16), (1.16, 1.05), (2, 0)]
     rope = sum(math.dist(*ends) for ends in itertools.pairwise(corners))
     assert planned.length < 1.05 * rope
 
@@ -81,9 +77,7 @@ def test_steps_to_a_configuration_are_short_and_end_there(name):
 
 
 def test_where_nothing_is_in_between_joints_move_straight():
-    values = {"node": "panda_hand", "start": {"joints": PANDA_READY}, "goal": {"joints": AIM}}
-    scene = scene_of(values, mechanism=load(PANDA))
-    direct = plan(scene)
+    direct = plan(panda(start={"joints": PANDA_READY}))
     assert [attempt.strategy for attempt in direct.attempts] == ["all joints straight to the goal"]
     assert direct.field is None
     straight = direct.path[0] + np.linspace(0.0, 1.0, len(direct.path))[:, None] * (direct.path[-1] - direct.path[0])
@@ -113,8 +107,7 @@ def test_without_ompl_the_reason_names_what_was_not_tried(monkeypatch):
 
 def test_joint_values_are_reached_exactly_around_a_post_and_fingers_do_not_move():
     start = {**PANDA_READY, "panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02}  # fingers are partly open
-    values = {"node": "panda_hand", "start": {"joints": start}, "goal": {"joints": AIM}, "obstacle": [POST]}
-    around_post = scene_of(values, mechanism=load(PANDA))
+    around_post = panda(start={"joints": start}, obstacle=[POST])
     mechanism = around_post.mechanism
     planned = plan(around_post)
     assert planned.status is PlanStatus.REACHED
@@ -141,23 +134,17 @@ def test_a_coupled_robot_that_moves_by_little_is_planned(raff):
       link 2 { type 1 pred 0 parameters { d 100 r 10 } limits { 0 20 } }
       coupling { link 2 link 1 lead 2400 }
     }""")
-    planned = plan(
-        scene_of({"start": {"joints": {"joint1": 0.02}}, "goal": {"joints": {"joint1": 0.04}}}, mechanism=small)
-    )
-    assert planned.status is PlanStatus.REACHED
+    ends = {"start": {"joints": {"joint1": 0.02}}, "goal": {"joints": {"joint1": 0.04}}}
+    assert plan(scene_of(ends, mechanism=small)).status is PlanStatus.REACHED
 
 
 def test_joints_that_do_not_move_the_node_are_locked_by_default():
-    assert scene_of({"node": "panda_hand", "goal": {"point": [0.5, 0, 0.5]}}, mechanism=load(PANDA)).locked == (
-        "panda_finger_joint1", "panda_finger_joint2",
-    )  # fmt: skip
-    tip = scene_of({"node": "panda_leftfinger", "goal": {"point": [0.5, 0, 0.5]}}, mechanism=load(PANDA))
-    assert tip.locked == ()  # the fingers are coupled
-    free = scene_of({"node": "panda_hand", "locked": [], "goal": {"point": [0.5, 0, 0.5]}}, mechanism=load(PANDA))
-    assert free.locked == ()
-    assert scene_of(free.document(), mechanism=load(PANDA)).locked == ()
-    goal = scene_of({"node": "panda_hand", "goal": {"joints": {"panda_finger_joint1": 0.01}}}, mechanism=load(PANDA))
-    assert goal.locked == ()
+    goal = {"point": [0.5, 0, 0.5]}
+    assert panda(goal=goal).locked == ("panda_finger_joint1", "panda_finger_joint2")
+    assert panda(goal=goal, node="panda_leftfinger").locked == ()  # the fingers are coupled
+    free = panda(goal=goal, locked=[])
+    assert free.locked == scene_of(free.document(), mechanism=load(PANDA)).locked == ()
+    assert panda(goal={"joints": {"panda_finger_joint1": 0.01}}).locked == ()
 
 
 def test_some_joint_values_leave_the_others_free(root):
@@ -195,10 +182,9 @@ def test_a_path_through_an_obstacle_is_not_shortened():
 def test_links_that_cannot_separate_are_no_collision():
     """A closed gripper: its fingers are nearer to each other than the safety distance, and stay so."""
     closed = {**PANDA_READY, "panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
-    values = {"node": "panda_hand", "start": {"joints": closed}, "goal": {"joints": AIM}}
-    assert clearance_of(scene_of(values, mechanism=load(PANDA))).least(load(PANDA).configuration(closed)) < 0.01
-    planned = plan(scene_of(values, mechanism=load(PANDA)))
-    assert planned.status is PlanStatus.REACHED
+    scene = panda(start={"joints": closed})
+    assert clearance_of(scene).least(scene.start) < 0.01
+    assert plan(scene).status is PlanStatus.REACHED
 
 
 # --- plan of a mechanism ----------------------------------------------------------------------------------------------
@@ -245,9 +231,7 @@ def test_what_is_missing_or_given_twice_is_reported(arm):
         (arm, {}, "goal is missing: write plan"),
         (scene, {"goal": [0, 0, 1]}, "give them only with a mechanism"),
         (arm, {"goal": [0, 0]}, "goal must be a pose"),
-        (arm, {"goal": {"elbow": 1.0}}, "'elbow' is not a joint of"),
         (arm, {"goal": [0, 0, 1], "start": [0.0]}, "start must have 7 numbers"),
-        (arm, {"goal": [0, 0, 1], "node": "hand"}, "'hand' is not a node of"),
     ]:
         with pytest.raises(SceneError, match=message):
             plan(robot_or_scene, **keys)

@@ -7,7 +7,7 @@ import example_robots
 import numpy as np
 import pinocchio as pin
 import pytest
-from clearings import measured, to_shape
+from clearings import at, measured, to_shape
 from example_robots import PANDA
 from repository import load
 
@@ -200,24 +200,22 @@ def test_a_target_may_be_as_far_away_as_numbers_go():
 DT, ACCELERATION, SPEED = 1 / 240, 10.0, 1.0
 
 
-def among_a_ball(name, acceleration=ACCELERATION):
+def among_a_ball(name):
     """A solver, its clearance, and a ball of 5 cm far away."""
     ball = {"name": "ball", "kind": "sphere", "radius": 0.05, "point": [9.0, 9.0, 0.0]}
-    clearance = clearance_of(scene(name, ball))
-    return AvoidingSolver(clearance, DT, SAFETY, acceleration=acceleration), clearance
+    return hand(scene(name, ball), DT, ACCELERATION)
 
 
-def run(solver, clearance, begin, velocity, ticks, aim=None):
+def run(solver, clearance, begin, velocity, ticks):
     """Move the ball at a constant velocity. Return configurations, distances by coal, statuses and threats."""
     q, least, statuses, threats = [solver.q], [], [], []
     for tick in range(ticks):
-        solver.move(0, pin.SE3(np.eye(3), begin + np.asarray(velocity) * (tick * solver.dt)))
-        if aim is not None:
-            aim(tick)
+        ball = begin + velocity * (tick * solver.dt)
+        solver.move(0, at(*ball))
         step = solver.step()
         assert step.exceptions == ()
         q.append(step.q)
-        least.append(distance(clearance, step.q, begin + np.asarray(velocity) * (tick * solver.dt)))
+        least.append(distance(clearance, step.q, ball))
         statuses.append(step.status)
         threats.append(solver.threat)
     return np.array(q), np.array(least), statuses, threats
@@ -225,13 +223,13 @@ def run(solver, clearance, begin, velocity, ticks, aim=None):
 
 def distance(clearance, q, ball):
     """The least distance of all moving links from the ball, by coal."""
-    return to_shape(clearance.mechanism, clearance.links, q, coal.Sphere(0.05), pin.SE3(np.eye(3), np.asarray(ball)))
+    return to_shape(clearance.mechanism, clearance.links, q, coal.Sphere(0.05), at(*ball))
 
 
-def accelerations(mechanism, q, dt=DT):
+def accelerations(mechanism, q):
     """The largest one of an actuated joint by finite differences, from rest."""
-    v = np.array([pin.difference(mechanism.model, a, b) for a, b in pairwise(q)]) / dt
-    changes = np.diff(np.vstack([np.zeros_like(v[:1]), v]), axis=0) / dt
+    v = np.array([pin.difference(mechanism.model, a, b) for a, b in pairwise(q)]) / DT
+    changes = np.diff(np.vstack([np.zeros_like(v[:1]), v]), axis=0) / DT
     return float(np.abs(changes[:, [mechanism.v_index(joint) for joint in mechanism.actuated]]).max())
 
 
@@ -252,22 +250,18 @@ def test_the_status_and_the_threat_where_a_collision_is_not_avoided(name):
     """A ball at 1 m/s through a link near the base, which can't get away; it goes on through the robot."""
     solver, clearance = among_a_ball(name)
     mechanism = solver.mechanism
-    node = {"arm7": "link1", "delta4": "platform"}[name]
     task = solver.add_task(mechanism.end, rotation=0)
+    task.target = pin.SE3(task.target.rotation, task.target.translation + 0.02)
     if name == "delta4":  # its platform gets out of the way of slower ones
-        begin, velocity = mechanism.placement(solver.q, node).translation - [0.0, 0.0, 0.8], np.array([0.0, 0.0, 8.0])
+        end = mechanism.placement(solver.q, mechanism.end).translation
+        begin, velocity = end - [0.0, 0.0, 0.8], np.array([0.0, 0.0, 8.0])
     else:
         body = next(link for link in clearance.links if link.joint == 1)
         data = mechanism.model.createData()
         pin.forwardKinematics(mechanism.model, data, solver.q)
         begin = data.oMi[1].act(np.asarray(body.centre)) - np.array([0.0, 0.8, 0.0])
         velocity = np.array([0.0, 1.0, 0.0])
-
-    def aim(tick):
-        if tick == 0:
-            task.target = pin.SE3(task.target.rotation, task.target.translation + 0.02)
-
-    q, least, statuses, threats = run(solver, clearance, begin, velocity, 200, aim)
+    q, least, statuses, threats = run(solver, clearance, begin, velocity, 200)
     hit = int(np.argmax(least <= 0.0))
     assert least[hit] <= 0.0
     assert Status.UNAVOIDABLE in statuses[:hit]

@@ -19,12 +19,12 @@ from matplotlib.colors import to_rgb
 from matplotlib.legend import Legend
 from matplotlib.patches import Polygon
 from scipy.spatial import ConvexHull
+from surfaces import shapes
 
 import cinegen
 from cinegen.assembly import assembly_modes
 from cinegen.collision import load_scene, scene_for, scene_of
 from cinegen.collision.body import Body
-from cinegen.collision.convex_hull import hull as solid_hull
 from cinegen.model.motion_plane import motion_plane
 from cinegen.planning import plan
 from cinegen.planning.timed_path import timed_path
@@ -87,12 +87,12 @@ def test_every_joint_is_a_point_of_two_parts_or_of_a_part_and_a_slide(robot, mod
 
 
 def test_a_jack_is_as_long_as_its_motor_says(robot, modes):
-    name = "tssm"
-    skeleton = Skeleton(robot(name))
-    for q in modes(name):
+    tssm = robot("tssm")
+    skeleton = Skeleton(tssm)
+    for q in modes("tssm"):
         slides = {slide.joint: slide for slide in skeleton.at(q).slides}
-        assert set(slides) == set(robot(name).actuated)
-        for joint, length in zip(robot(name).actuated, modes(name).actuated, strict=True):
+        assert set(slides) == set(tssm.actuated)
+        for joint, length in zip(tssm.actuated, modes("tssm").actuated, strict=True):
             assert math.dist(*slides[joint].points) == pytest.approx(length, abs=1e-12)
             assert slides[joint].actuated
 
@@ -248,29 +248,16 @@ def test_a_path_without_motion_is_not_drawn():
 # Pictures of ways: outlines of what is drawn, and what stands in them.
 
 
-sizes = st.floats(0.02, 1.0)
-seeds = st.integers(0, 2**32 - 1)
-
-
 # --- outlines ----------------------------------------------------------------------------------------------------
 
 
-@st.composite
-def bodies(draw):
-    """Any shape, standing anywhere."""
-    rng = np.random.default_rng(draw(seeds))
-    a, b, c = draw(sizes), draw(sizes), draw(sizes)
-    solids = [coal.Sphere(a), coal.Capsule(a, b), coal.Cylinder(a, b), coal.Box(a, b, c)]
-    shape = draw(st.sampled_from([*solids, solid_hull(rng.normal(size=(12, 3))).shape]))
-    rotation = pin.Quaternion(rng.normal(size=4)).normalized().matrix()
-    return Body("body", 0, pin.SE3(rotation, rng.uniform(-1.0, 1.0, 3)), shape), rng
-
-
 @settings(max_examples=60)
-@given(bodies())
-def test_an_outline_reaches_as_far_as_the_body_in_every_direction(made):
+@given(shapes, st.integers(0, 2**32 - 1))
+def test_an_outline_reaches_as_far_as_the_body_in_every_direction(shape, seed):
     """A half-space that stands against the body, square to the picture, touches the outline too."""
-    body, rng = made
+    rng = np.random.default_rng(seed)
+    rotation = pin.Quaternion(rng.normal(size=4)).normalized().matrix()
+    body = Body("body", 0, pin.SE3(rotation, rng.uniform(-1.0, 1.0, 3)), shape)
     view = np.linalg.qr(rng.normal(size=(3, 3)))[0][:2]
     corners = outline(body, pin.SE3.Identity(), view)
     for angle in rng.uniform(0.0, 2.0 * np.pi, 5):
@@ -301,9 +288,8 @@ def test_a_half_space_is_seen_on_its_edge_only(offset, turn, x, y):
 @pytest.fixture(scope="module")
 def plan_of(root):
     """`plan_of("rod", firas)`: what became of a scene of the repository."""
-    return cache(
-        lambda name, field="vortex": plan(load_scene(root / f"robots/scenes/{name}.toml"), field=field, seconds=600.0)
-    )
+    scenes = root / "robots/scenes"
+    return cache(lambda name, field="vortex": plan(load_scene(scenes / f"{name}.toml"), field=field, seconds=600.0))
 
 
 WALL = {

@@ -39,11 +39,8 @@ robot rover {
 sensor 1 { port "/dev/ttyS0" }
 """
 
-ELSEWHERE = re.sub(
-    "base {.*}",
-    "base { parameters { gamma 40 epsilon 300 alpha 25 d 100 } }",
-    KNOWN["slider-crank, cut at the slide"][0],
-)
+SLIDE = KNOWN["slider-crank, cut at the slide"][0]
+ELSEWHERE = re.sub("base {.*}", "base { parameters { gamma 40 epsilon 300 alpha 25 d 100 } }", SLIDE)
 """A base that stands neither at the origin nor upright, and a prismatic loop whose second end is on it."""
 
 LOOSE = four_bar(more=FLOATS[0], after=FLOATS[1])

@@ -127,10 +127,8 @@ def skew_four_bar() -> str:
 
 def serial(n: int) -> str:
     """n links in a row, revolute and prismatic in turn: mobility n."""
-    links = [
-        f"  link {i} {{ parameters {{ d 100 alpha {90 * (i % 2)} r 10 }} type {1 + i % 2} pred {i - 1} }}"
-        for i in range(1, n + 1)
-    ]
+    link = "link {} {{ parameters {{ d 100 alpha {} r 10 }} type {} pred {} }}"
+    links = [link.format(i, 90 * (i % 2), 1 + i % 2, i - 1) for i in range(1, n + 1)]
     return "\n".join(["RAFF serial", "robot r {", "  base { }", *links, "}", ""])
 
 

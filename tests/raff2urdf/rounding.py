@@ -59,10 +59,8 @@ def walker(legs: int = 2, tilt: float = 4e-5, digits: int = 6) -> str:
     axis = '<{0}><xyz expressed_in="__model__">{1}</xyz></{0}>'
 
     def link(name: str, place: np.ndarray, pitch: float) -> str:
-        place = np.round(place + 10.0**-digits * rng.integers(-1, 2, 3), digits)
-        return (
-            f'<link name="{name}"><pose>{" ".join(map(repr, place.tolist()))} 0 {round(pitch, digits)} 0</pose></link>'
-        )
+        x, y, z = np.round(place + 10.0**-digits * rng.integers(-1, 2, 3), digits).tolist()
+        return f'<link name="{name}"><pose>{x!r} {y!r} {z!r} 0 {round(pitch, digits)} 0</pose></link>'
 
     def joint(name: str, kind: str, parent: str, child: str, more: str) -> str:
         return f'<joint name="{name}" type="{kind}"><parent>{parent}</parent><child>{child}</child>{more}</joint>'
@@ -76,7 +74,6 @@ def walker(legs: int = 2, tilt: float = 4e-5, digits: int = 6) -> str:
             across = axis.format("axis", "0 1 0") + axis.format("axis2", "1 0 0")
             parts += [joint(f"knee_{leg}{side:+}", "universal", upper, lower, across)]
         at = f'<pose relative_to="__model__">{x} {y} -0.2 0 0 0</pose>'
-        parts += [
-            joint(f"foot_{leg}", "revolute", f"lower_{leg}+1", f"lower_{leg}-1", at + axis.format("axis", "0 1 0"))
-        ]
+        foot = at + axis.format("axis", "0 1 0")
+        parts += [joint(f"foot_{leg}", "revolute", f"lower_{leg}+1", f"lower_{leg}-1", foot)]
     return "\n".join([*parts, "</model></sdf>"])

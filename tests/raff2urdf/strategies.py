@@ -6,26 +6,9 @@ from typing import Any
 
 from hypothesis import strategies as st
 
+from raff2urdf.raff import document as raff
 from raff2urdf.raff.compound import VARIABLES
-from raff2urdf.raff.document import (
-    CompoundKind,
-    Document,
-    DriveKind,
-    JointType,
-    LoopKind,
-    RaffBase,
-    RaffCoupling,
-    RaffDrive,
-    RaffFrame,
-    RaffInertial,
-    RaffLink,
-    RaffLoop,
-    RaffParameters,
-    RaffRobot,
-    RaffSensor,
-    RaffVariable,
-    SensorConstraint,
-)
+from raff2urdf.raff.document import DriveKind
 
 UNITS = ("mm", "um", "cm", "m")
 
@@ -64,12 +47,12 @@ KEYWORDS = st.sampled_from(
 )
 
 
-def parameters(lengths: Any, angles: Any) -> st.SearchStrategy[RaffParameters]:
-    return st.builds(RaffParameters, theta=angles, r=lengths, d=lengths, alpha=angles, gamma=angles, epsilon=lengths)
+def parameters(lengths: Any, angles: Any) -> st.SearchStrategy[raff.RaffParameters]:
+    return st.builds(raff.RaffParameters, angles, lengths, lengths, angles, angles, lengths)
 
 
 @st.composite
-def documents(draw, moderate=False, loops=True, graphics=True, least_robots=0, most_parts=8) -> Document:
+def documents(draw, moderate=False, loops=True, graphics=True, least_robots=0, most_parts=8) -> raff.Document:
     """A random document that `check` accepts.
 
     Args:
@@ -83,14 +66,14 @@ def documents(draw, moderate=False, loops=True, graphics=True, least_robots=0, m
     lengths, angles, least_speed = (LENGTHS, ANGLES, 1e-3) if moderate else (EXTREME, EXTREME, 1e-5)
     numbers = draw(st.lists(st.integers(1, 10**6), unique=True, max_size=3))
     counts = st.integers(0, 3)
-    sensors = [RaffSensor(number, draw(TEXTS), draw(counts), draw(counts), draw(SENSOR_AXES)) for number in numbers]
+    sensors = [raff.RaffSensor(n, draw(TEXTS), draw(counts), draw(counts), draw(SENSOR_AXES)) for n in numbers]
     names = draw(st.lists(XML_NAMES | KEYWORDS, unique=True, min_size=least_robots, max_size=max(2, least_robots)))
     numbered, kinds = [0, *numbers], parameters(lengths, angles)
     robots = [
         draw(_robots(name, numbered, kinds, lengths, loops, graphics, most_parts, least_speed, not moderate))
         for name in names
     ]
-    return Document(
+    return raff.Document(
         draw(XML_NAMES | KEYWORDS | TEXTS),
         tuple(robots),
         tuple(sensors),
@@ -100,12 +83,12 @@ def documents(draw, moderate=False, loops=True, graphics=True, least_robots=0, m
 
 
 @st.composite
-def _robots(draw, name, sensors, params, values, loops, graphics, most_parts, least_speed, compounds) -> RaffRobot:
+def _robots(draw, name, sensors, params, values, loops, graphics, most_parts, least_speed, compounds) -> raff.RaffRobot:
     files = st.none() | st.lists(TEXTS, max_size=2).map(tuple) if graphics else st.none()
     numbers = draw(st.lists(st.integers(1, 40) | st.integers(1, 10**9), unique=True, max_size=most_parts))
     name_or_none = st.none() | (XML_NAMES | KEYWORDS).filter(lambda word: word not in ("base", "world", "universe"))
     names = draw(st.lists(name_or_none, min_size=len(numbers), max_size=len(numbers), unique_by=_or_unlike))
-    parts: list[RaffLink | RaffFrame] = []
+    parts: list[raff.RaffLink | raff.RaffFrame] = []
     for number, own_name in zip(numbers, names, strict=True):
         common = {
             "number": number,
@@ -116,22 +99,22 @@ def _robots(draw, name, sensors, params, values, loops, graphics, most_parts, le
             "inertial": draw(st.none() | inertials(values)),
         }
         if draw(st.integers(0, 3)) == 0:
-            parts.append(RaffFrame(**common))
+            parts.append(raff.RaffFrame(**common))
             continue
         pair = st.tuples(values, values).map(lambda two: (min(two), max(two)))
         speed = values.map(lambda value: max(abs(value), 2.0 * least_speed))
         if compounds and draw(st.integers(0, 3)) == 0:
             parts.append(draw(_compounds(common, values, pair, speed)))
             continue
-        parts.append(RaffLink(**common, type=draw(st.sampled_from(JointType)), **_driven(draw, pair, speed)))
+        parts.append(raff.RaffLink(**common, type=draw(st.sampled_from(raff.JointType)), **_driven(draw, pair, speed)))
     nodes = [0, *numbers]
     ends = st.lists(st.sampled_from(nodes), min_size=2, max_size=2, unique=True)
-    loop = st.builds(lambda two, kind: RaffLoop(*two, kind), ends, st.sampled_from(LoopKind))
+    loop = st.builds(lambda two, kind: raff.RaffLoop(*two, kind), ends, st.sampled_from(raff.LoopKind))
     choices = st.lists(st.sampled_from(sensors), min_size=1, max_size=3).map(tuple)
-    held = st.builds(SensorConstraint, st.sampled_from(nodes), choices)
-    return RaffRobot(
+    held = st.builds(raff.SensorConstraint, st.sampled_from(nodes), choices)
+    return raff.RaffRobot(
         name,
-        RaffBase(draw(st.just(RaffParameters()) | params), draw(files), draw(st.none() | inertials(values))),
+        raff.RaffBase(draw(st.just(raff.RaffParameters()) | params), draw(files), draw(st.none() | inertials(values))),
         tuple(draw(st.permutations(parts))),  # a father may stand behind its children
         tuple(draw(st.lists(loop, max_size=3))) if loops and numbers else (),
         draw(_couplings(parts, values)) if loops else (),
@@ -148,28 +131,28 @@ def _driven(draw: st.DrawFn, pair: Any, speed: Any) -> dict[str, Any]:
 
 
 @st.composite
-def inertials(draw: st.DrawFn, values: st.SearchStrategy[float]) -> RaffInertial:
+def inertials(draw: st.DrawFn, values: st.SearchStrategy[float]) -> raff.RaffInertial:
     """A mass that some body has: a point, or a ball."""
     mass = abs(draw(values))
     moment = abs(draw(values)) if mass else 0.0
-    return RaffInertial(mass, (draw(values), draw(values), draw(values)), (moment, moment, moment))
+    return raff.RaffInertial(mass, (draw(values), draw(values), draw(values)), (moment, moment, moment))
 
 
 @st.composite
-def _compounds(draw: st.DrawFn, common: dict[str, Any], values: Any, pair: Any, speed: Any) -> RaffLink:
+def _compounds(draw: st.DrawFn, common: dict[str, Any], values: Any, pair: Any, speed: Any) -> raff.RaffLink:
     """A link whose joint has several variables."""
-    kind = draw(st.sampled_from(CompoundKind))
+    kind = draw(st.sampled_from(raff.CompoundKind))
     variables = [
-        RaffVariable(name, home=0.0 if written else draw(st.just(0.0) | values), **_driven(draw, pair, speed))
+        raff.RaffVariable(name, home=0.0 if written else draw(st.just(0.0) | values), **_driven(draw, pair, speed))
         for name, written in VARIABLES[kind].items()
         if draw(st.booleans())
     ]
-    return RaffLink(**common, type=JointType.FIXED, compound=kind, variables=tuple(variables))
+    return raff.RaffLink(**common, type=raff.JointType.FIXED, compound=kind, variables=tuple(variables))
 
 
 @st.composite
-def _couplings(draw: st.DrawFn, parts: list[RaffLink | RaffFrame], values: st.SearchStrategy[float]) -> Any:
-    links = [part for part in parts if isinstance(part, RaffLink) and part.type is not JointType.FIXED]
+def _couplings(draw: st.DrawFn, parts: list[raff.RaffLink | raff.RaffFrame], values: st.SearchStrategy[float]) -> Any:
+    links = [part for part in parts if isinstance(part, raff.RaffLink) and part.type is not raff.JointType.FIXED]
     if len(links) < 2:
         return ()
     factor = values.map(lambda value: value if abs(value) > 1e-2 else 1.0)
@@ -181,8 +164,8 @@ def _couplings(draw: st.DrawFn, parts: list[RaffLink | RaffFrame], values: st.Se
             kinds = (DriveKind.LEAD, DriveKind.RADIUS) if other.type is not follower.type else (DriveKind.RATIO,)
             kind = draw(st.sampled_from([*kinds, DriveKind.POLYNOMIAL]))
             most = 3 if kind is DriveKind.POLYNOMIAL else 1
-            drives.append(RaffDrive(other.number, kind, tuple(draw(st.lists(factor, min_size=1, max_size=most)))))
-        couplings.append(RaffCoupling(follower.number, tuple(drives), draw(values), name))
+            drives.append(raff.RaffDrive(other.number, kind, tuple(draw(st.lists(factor, min_size=1, max_size=most)))))
+        couplings.append(raff.RaffCoupling(follower.number, tuple(drives), draw(values), name))
     return tuple(couplings)
 
 

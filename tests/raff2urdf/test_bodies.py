@@ -3,10 +3,8 @@ touch, and what is drawn has no effect on what collides and weighs."""
 
 import io
 import math
-from collections.abc import Iterator
 from itertools import combinations
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -34,17 +32,15 @@ Array = NDArray[np.float64]
 
 
 def robot(*rows: str) -> Document:
-    text = "\n".join(rows)
-    return loads(f"RAFF t\nrobot r {{ base {{ }}\n{text}\n}}")
+    return loads("\n".join(["RAFF t", "robot r { base { }", *rows, "}"]))
 
 
 def drawn(document: Document) -> BodyDrawing:
     return BodyDrawing(document, document.robot())
 
 
-def shapes_of(drawing: BodyDrawing) -> Iterator[tuple[str, Shape]]:
-    for node in drawing.robot.nodes.values():
-        yield from ((node.node, shape) for shape in drawing.of(node))
+def shapes_of(drawing: BodyDrawing) -> list[Shape]:
+    return [shape for node in drawing.robot.nodes.values() for shape in drawing.of(node)]
 
 
 def corners(shape: Shape) -> Array:
@@ -55,12 +51,6 @@ def corners(shape: Shape) -> Array:
 
 def plates(drawing: BodyDrawing, number: int) -> list[Shape]:
     return [shape for shape in drawing.of(drawing.robot.nodes[number]) if shape.recipe.startswith("plate")]
-
-
-def solid(text: str) -> Any:
-    mesh = trimesh.load(io.BytesIO(stl_of(text)), file_type="stl")
-    mesh.merge_vertices()
-    return mesh
 
 
 def volume(surface: Array) -> float:
@@ -95,31 +85,27 @@ def test_a_plate_holds_all_joints_of_a_link_and_hides_none(polar: list[tuple[flo
 def test_what_rigid_loops_weld_together_is_one_body() -> None:
     """The platform of a delta is in three branches: one plate, with the wrists of all."""
     drawing = drawn(raff2urdf.load(ROBOTS / "delta4_linear.raff"))
-    whole = drawing.bodies[5]
-    assert {5, 10, 11, 16, 17, 20} == set(whole.nodes)
+    assert {5, 10, 11, 16, 17, 20} == set(drawing.bodies[5].nodes)
     world = placements(drawing.document, drawing.robot)
     (plate,) = plates(drawing, 5)
     hull = ConvexHull(corners(plate) @ world[5][:3, :3].T + world[5][:3, 3])
     for wrist in (5, 10, 16):
-        assert (hull.equations[:, :3] @ world[wrist][:3, 3] + hull.equations[:, 3]).max() < 0.0
+        assert (hull.equations @ world[wrist][:, 3]).max() < 0.0
     assert not any(plates(drawing, number) for number in (10, 11, 16, 17, 20))
 
 
 def test_a_loop_of_another_kind_welds_nothing() -> None:
     """The kind that the caller asks for counts: a ball in place of the weld leaves two bodies, with a sphere."""
     document = raff2urdf.load(ROBOTS / "five_bar.raff")
-    spheres = []
-    for kinds in ({}, {"link5-tool": "ball"}):
-        urdf, _ = describe(document, document.robot(), ROBOTS, kinds)
-        spheres.append(urdf.count("<sphere"))
-    assert spheres[1] > spheres[0]
+    welded, pinned = (describe(document, document.robot(), ROBOTS, kinds)[0] for kinds in ({}, {"link5-tool": "ball"}))
+    assert pinned.count("<sphere") > welded.count("<sphere")
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_joint_is_touched_by_both_of_its_bodies(name: str) -> None:
     """Of each joint, a shape of the parent's body and one of the child's are at its origin: tubes end at joints."""
-    for raff_robot in raff2urdf.load(ROBOTS / f"{name}.raff").robots:
-        document = raff2urdf.load(ROBOTS / f"{name}.raff")
+    document = raff2urdf.load(ROBOTS / f"{name}.raff")
+    for raff_robot in document.robots:
         drawing = BodyDrawing(document, raff_robot)
         world = placements(document, raff_robot)
         for link in drawing.robot.links:
@@ -137,18 +123,17 @@ def distance(shape: Shape, point: Array) -> float:
     """An upper bound of the distance of a point (3,) from a shape."""
     local = shape.placement[:3, :3].T @ (point - shape.placement[:3, 3])
     if shape.kind == "mesh":
-        return float(trimesh.proximity.closest_point(trimesh.Trimesh(*mesh_of(shape)), [point])[1][0])
+        mesh = trimesh.Trimesh(corners(shape), np.arange(len(corners(shape))).reshape(-1, 3))
+        return float(trimesh.proximity.closest_point(mesh, [point])[1][0])
     if shape.kind == "sphere":
         return max(0.0, float(np.linalg.norm(local)) - shape.sizes[0])
-    half = (
-        np.array(shape.sizes) / 2.0 if shape.kind == "box" else np.array([shape.sizes[0]] * 2 + [shape.sizes[1] / 2.0])
-    )
-    return float(np.linalg.norm(np.maximum(np.abs(local) - half, 0.0)))
+    sizes = shape.sizes if shape.kind == "box" else [2.0 * shape.sizes[0]] * 2 + [shape.sizes[1]]
+    return float(np.linalg.norm(np.maximum(np.abs(local) - np.array(sizes) / 2.0, 0.0)))
 
 
-def mesh_of(shape: Shape) -> tuple[Array, Array]:
-    points = corners(shape)
-    return points, np.arange(len(points)).reshape(-1, 3)
+def span(bar: Shape) -> tuple[float, float]:
+    """Both ends of a bar along z."""
+    return bar.placement[2, 3] - bar.sizes[-1] / 2, bar.placement[2, 3] + bar.sizes[-1] / 2
 
 
 @given(st.integers(-2000, 2000), st.integers(10, 2000), st.floats(0, 1))
@@ -159,28 +144,19 @@ def test_rod_and_sleeve_stay_together_over_the_whole_stroke(low: int, stroke: in
     drawing = drawn(robot(f"link 1 {{ parameters {{ d 100 r {home} }} type 1 pred 0 limits {{ {low} {high} }} }}"))
     on_base = [bar for bar in drawing.of(drawing.robot.base) if bar.kind in ("cylinder", "box") and bar.placement[0, 3]]
     (moving,) = [bar for bar in drawing.of(drawing.robot.nodes[1]) if bar.kind in ("cylinder", "box")]
-    spans = np.array(
-        [[bar.placement[2, 3] - bar.sizes[-1] / 2, bar.placement[2, 3] + bar.sizes[-1] / 2] for bar in on_base]
-    )
+    begins, ends = zip(*(span(bar) for bar in on_base), strict=True)
     for value in (1e-3 * low, 1e-3 * home, 1e-3 * high):
-        a, b = (
-            value + moving.placement[2, 3] - moving.sizes[-1] / 2,
-            value + moving.placement[2, 3] + moving.sizes[-1] / 2,
-        )
-        assert min(spans.max(), b) - max(spans.min(), a) > 0.0
+        begin, end = np.add(span(moving), value)
+        assert min(max(ends), end) > max(min(begins), begin)
 
 
 def test_a_hinge_is_an_eye_between_two_discs_of_its_parent() -> None:
-    drawing = drawn(
-        robot("link 1 { parameters { d 100 } type 2 pred 0 }", "link 2 { parameters { d 100 } type 2 pred 1 }")
-    )
+    drawing = drawn(robot(*(f"link {i} {{ parameters {{ d 100 }} type 2 pred {i - 1} }}" for i in (1, 2))))
     (eye,) = [shape for shape in drawing.of(drawing.robot.nodes[2]) if shape.kind == "cylinder"]
-    discs = [
-        disc for disc in drawing.of(drawing.robot.nodes[1]) if disc.kind == "cylinder" and disc.placement[0, 3] > 0.05
-    ]
-    sides = sorted((disc.placement[2, 3], disc.sizes[1]) for disc in discs if disc.sizes[0] == eye.sizes[0])
-    (below, thick), (above, _) = sides
-    assert below + thick / 2 < -eye.sizes[1] / 2 < eye.sizes[1] / 2 < above - thick / 2
+    around = [shape for shape in drawing.of(drawing.robot.nodes[1]) if shape.placement[0, 3] > 0.05]
+    discs = [disc for disc in around if disc.kind == "cylinder" and disc.sizes[0] == eye.sizes[0]]
+    (_, below), (above, _) = sorted(map(span, discs))
+    assert below < span(eye)[0] < span(eye)[1] < above
 
 
 # --- couplings -----------------------------------------------------------------------------------------------------
@@ -251,8 +227,7 @@ def test_numbers_of_teeth_have_the_ratio(ratio: float) -> None:
     teeth, other = tooth_numbers(ratio)
     assert 9 <= min(teeth, other) <= max(teeth, other) <= 400
     assert other / teeth == pytest.approx(ratio, rel=0.02)
-    assert tooth_numbers(1e6) == (3, 400)
-    assert tooth_numbers(3.0) == (18, 54)
+    assert (tooth_numbers(1e6), tooth_numbers(3.0)) == ((3, 400), (18, 54))
     assert tooth_numbers(-0.4) == (45, 18)
 
 
@@ -260,26 +235,23 @@ def test_numbers_of_teeth_have_the_ratio(ratio: float) -> None:
 def test_teeth_go_into_gaps_at_every_angle(name: str) -> None:
     """Outlines of meshing wheels overlap by less than an eighth of the height of a tooth, wherever the robot is."""
     document = raff2urdf.load(ROBOTS / "planetary_gear.raff") if name != "pair" else pair(60.0, -0.4)
-    drawing = CouplingDrawing(drawn(document))
-    gears = [mesh for coupling in document.robot().couplings for mesh in drawing.meshes(coupling)]
+    gears = meshes(document)
     for drive in (0.0, 0.11, 0.5, 2.0):
         q = {"joint1": math.radians(20.0) + drive, "joint2": math.radians(-10.0) - 0.4 * drive}
         if name != "pair":
             q = {"joint1": drive, "joint2": drive / 4.0} | {f"joint{i}": -0.75 * drive for i in (3, 4, 5)}
         world = placements(document, document.robot(), q)
         for mesh in gears:
-            outlines = [
-                outline(wheel.body, world, radius) for wheel, radius in zip(mesh.wheels, mesh.radii, strict=True)
-            ]
+            pairs = zip(mesh.wheels, mesh.radii, strict=True)
+            outlines = [outline(wheel.body, world, radius) for wheel, radius in pairs]
             depth = overlap(*outlines, inner=mesh.kind == "ring")
             assert depth < 0.125 * 2.0 * 2.0 * min(mesh.radii) / 18.0, (drive, mesh.kind)
 
 
 def outline(body: DrawnBody, world: dict[int, Array], radius: float) -> tuple[Array, Array]:
     """The centre (3,) and the corners (n, 3) of the teeth of the wheel with that pitch radius on a body."""
-    (shape,) = [
-        gear for gear in body.shapes if gear.recipe[:5] in ("wheel", "ring/") and gear.sizes[0] == pytest.approx(radius)
-    ]
+    gears = [gear for gear in body.shapes if gear.recipe.startswith(("wheel", "ring/"))]
+    (shape,) = [gear for gear in gears if gear.sizes[0] == pytest.approx(radius)]
     placement = world[next(iter(body.nodes))] @ shape.placement
     rim = triangles(shape.recipe).reshape(-1, 3) * shape.sizes
     length = np.linalg.norm(rim[:, :2], axis=1)
@@ -322,14 +294,10 @@ def test_a_pinion_rolls_on_its_rack_over_the_whole_stroke(radius: float) -> None
         local = placed[:3, :3].T @ (centre - placed[:3, 3])
         assert local[1] == pytest.approx(0.025)  # above its pitch line
         assert abs(local[0]) < np.abs(triangles(rack.recipe)[:, :, 0]).max() * rack.sizes[0]
-    moved = (
-        placements(document, document.robot(), {"joint4": 0.03})[4][:3, 3]
-        - placements(document, document.robot(), {"joint4": 0.02})[4][:3, 3]
-    )
-    contact = world[4] @ rack.placement
-    arm = contact[:3, 1] * -0.025
+    here, ahead = (placements(document, document.robot(), {"joint4": value})[4][:3, 3] for value in (0.02, 0.03))
+    arm = (world[4] @ rack.placement)[:3, 1] * -0.025
     rolled = np.cross([0.0, 0.0, 0.01 / (1e-3 * radius)], arm)
-    assert rolled == pytest.approx(moved, abs=1e-9)
+    assert rolled == pytest.approx(ahead - here, abs=1e-9)
 
 
 @pytest.mark.parametrize("word", ["ratio", "radius", "lead"])
@@ -346,7 +314,7 @@ def test_couplings_of_any_size_are_drawn_by_solids_or_not_at_all(word: str, numb
             *(f"link {5 + i} {{ parameters {{ d 100 }} type 2 pred {4 + i} }}" for i in range(3)),
             f"coupling {{ link 4 link 3 {word} {sign * number} }}",
         )
-        for _, shape in shapes_of(drawn(document)):
+        for shape in shapes_of(drawn(document)):
             assert all(0.0 < size < math.inf for size in shape.sizes)
             assert np.isfinite(shape.placement).all()
             assert not shape.recipe or volume(triangles(shape.recipe)) > 0.0
@@ -371,25 +339,23 @@ def test_a_screw_has_its_lead() -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_nothing_is_drawn_without_a_volume(name: str) -> None:
-    recipes = set()
-    for raff_robot in raff2urdf.load(ROBOTS / f"{name}.raff").robots:
-        for _, shape in shapes_of(BodyDrawing(raff2urdf.load(ROBOTS / f"{name}.raff"), raff_robot)):
+    document, recipes = raff2urdf.load(ROBOTS / f"{name}.raff"), set()
+    for raff_robot in document.robots:
+        for shape in shapes_of(BodyDrawing(document, raff_robot)):
             assert all(0.0 < size < math.inf for size in shape.sizes)
             recipes |= {shape.recipe} - {""}
     for text in recipes:
-        mesh = solid(text)
+        mesh = trimesh.load(io.BytesIO(stl_of(text)), file_type="stl")
+        mesh.merge_vertices()
         assert mesh.is_watertight, text
         assert mesh.volume > 0.0, text
 
 
-NONE = [
+@pytest.mark.parametrize("text", [
     "", "cube/1", "plate", "plate/", "plate/nan,1,0,0", "plate/1,inf,0,0", "plate/1,1,0", "plate/1,1" + ",1,2" * 3000,
-]  # fmt: skip
-NONE += ["wheel/1e9,1", "wheel/2.5,1", "wheel/-3,1", "wheel/3", "ring/9,1,1,1,1", "screw/1e6,0.1", "lathe/1e6,0,0,1,1"]
-NONE += ["lathe/x", "rack/1,1,1,1", "belt/0,1,1,1,1,1"]
-
-
-@pytest.mark.parametrize("text", NONE)
+    "wheel/1e9,1", "wheel/2.5,1", "wheel/-3,1", "wheel/3", "ring/9,1,1,1,1", "screw/1e6,0.1", "lathe/1e6,0,0,1,1",
+    "lathe/x", "rack/1,1,1,1", "belt/0,1,1,1,1,1",
+])  # fmt: skip
 def test_a_recipe_that_makes_no_solid_is_refused(text: str) -> None:
     with pytest.raises(RaffError, match="is no solid: one of lathe, plate, wheel, "):
         triangles(text)
@@ -411,8 +377,7 @@ def test_a_robot_in_memory_names_its_solids_and_needs_no_file(tmp_path: Path, mo
 
 def test_bars_of_a_long_chain_are_seen() -> None:
     link = "link {} {{ parameters {{ d {} r 0.001 }} type 2 pred {} }}"
-    links = "\n".join(link.format(i, 100 * (i > 1), i - 1) for i in range(1, 101))
-    document = loads(f"RAFF Chain\nrobot chain {{\nbase {{ }}\n{links}\n}}\n")  # 9.9 m long, its median length is short
+    document = robot(*(link.format(i, 100 * (i > 1), i - 1) for i in range(1, 101)))  # 9.9 m long, its median is short
     assert SkeletonDrawing(document, document.robots[0]).radius == pytest.approx(0.002 * 9.9)
 
 

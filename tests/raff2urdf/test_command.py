@@ -9,12 +9,12 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 import trimesh
-from mechanisms import delta, four_bar, side_by_side, skew_four_bar
+from mechanisms import delta, four_bar, serial, side_by_side, skew_four_bar
 from wrong_raff import assert_in_order
 
 import cinegen
@@ -26,29 +26,19 @@ ARM = "RAFF arm\nrobot r { base { }\n  link 1 { type 2 pred 0 }\n  link 2 { para
 TWO = "RAFF two\nrobot left { base { } link 1 { type 2 pred 0 } }\nrobot right { base { } link 1 { type 1 pred 0 } }\n"
 
 
-@dataclass(frozen=True)
-class Done:
-    """What came of a command."""
-
-    code: int
-    out: str
-    err: str
-
-
-Run = Callable[..., Done]
+Run = Callable[..., Any]
 
 
 @pytest.fixture
 def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    """Runs `raff2urdf ARGUMENTS` in the test's own folder, in this process."""
+    """`run("arm.raff", code=1)`: what `raff2urdf` prints (`.out`, `.err`) in the test's own folder, with this code."""
 
-    def run(*arguments: str) -> Done:
+    def run(*arguments: str, code: int = 0) -> Any:
         monkeypatch.chdir(tmp_path)
         capsys.readouterr()
-        with warnings.catch_warnings():
-            warnings.simplefilter("always")
-            code = main(arguments)
-        return Done(code, *capsys.readouterr())
+        with warnings.catch_warnings(action="always"):
+            assert main(arguments) == code
+        return capsys.readouterr()
 
     return run
 
@@ -70,29 +60,25 @@ def files_in(folder: Path) -> dict[str, bytes]:
 
 
 def test_it_says_what_it_found_and_where_it_wrote(folder: Path, run: Run) -> None:
-    done = run("delta4.raff", "-o", "made/")
-    assert (done.code, done.err) == (0, "")
+    said, err = run("delta4.raff", "-o", "made/")
+    assert err == ""
     named = set(re.findall('filename="(.*?)"', (folder / "made/delta4.urdf").read_text()))
     assert set(files_in(folder / "made")) == {"delta4.constraints.json", "delta4.urdf", *named}
     assert all(name.startswith("meshes/delta4/") for name in named)
-    said = done.out
-    for words in ("delta4.raff", "'r1'", "17 links", "15 joints", "2 loops", "12 rows of rank 12", "mobility 3"):
+    for words in ("'r1'", "17 links", "15 joints", "2 loops", "12 rows of rank 12", "mobility 3"):
         assert words in said
-    assert "made/delta4.urdf" in said
-    assert "made/delta4.constraints.json" in said
+    for file in ("delta4.raff", "made/delta4.urdf", "made/delta4.constraints.json"):
+        assert file in said
 
 
 def test_each_robot_of_a_file_becomes_files_of_its_own(folder: Path, run: Run) -> None:
-    assert run("two.raff").code == 0
-    assert sorted(files_in(folder / "generated")) == [
-        "two.left.constraints.json", "two.left.urdf", "two.right.constraints.json", "two.right.urdf",
-    ]  # fmt: skip
+    run("two.raff")
+    endings = ("constraints.json", "urdf")
+    assert set(files_in(folder / "generated")) == {f"two.{arm}.{end}" for arm in ("left", "right") for end in endings}
 
 
 @pytest.mark.parametrize(("format", "density"), [("urdf", ()), ("sdf", ("--density", "2700"))])
-def test_the_library_writes_what_the_command_does(
-    folder: Path, run: Run, format: str, density: tuple[str, ...]
-) -> None:
+def test_the_library_writes_what_the_command_does(folder: Path, run: Run, format: str, density) -> None:
     run("delta4.raff", "-o", "command/", "--format", format, *density)
     options = {"density": float(density[1])} if density else {}
     (conversion,) = raff2urdf.convert(folder / "delta4.raff", folder / "library", format=format, **options)
@@ -132,22 +118,15 @@ def test_every_format_has_the_same_bytes_every_time(folder: Path) -> None:
     assert files_in(folder / "made1") == files_in(folder / "made2")
 
 
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
-        (("two.raff", "--robot", "rigth"), "two.raff: there is no robot 'rigth': did you mean 'right'?"),
-        (("arm.raff", "--format", "sdf", "--density", "-1"), "the density is -1 kg/m3: it must be a number above 0"),
-        (("skew.raff", "--loop", "frame5-frame7=ball"), "no loop 'frame5-frame7': did you mean 'frame5-frame6'?"),
-        (("skew.raff", "--loop", "frame5-frame6=bal"), "'bal' is not a kind of loop: did you mean 'ball'?"),
-        (("skew.raff", "--loop", "frame5-frame6"), "write NAME=KIND"),
-    ],
-)
-def test_what_is_asked_for_wrongly_is_an_error_that_writes_nothing(
-    folder: Path, run: Run, call: tuple[str, ...], words: str
-) -> None:
-    done = run(*call)
-    assert done.code == 1
-    assert words in done.err
+@pytest.mark.parametrize(("call", "words"), [
+    ("two.raff --robot rigth", "two.raff: there is no robot 'rigth': did you mean 'right'?"),
+    ("arm.raff --format sdf --density -1", "the density is -1 kg/m3: it must be a number above 0"),
+    ("skew.raff --loop frame5-frame7=ball", "no loop 'frame5-frame7': did you mean 'frame5-frame6'?"),
+    ("skew.raff --loop frame5-frame6=bal", "'bal' is not a kind of loop: did you mean 'ball'?"),
+    ("skew.raff --loop frame5-frame6", "write NAME=KIND"),
+])  # fmt: skip
+def test_what_is_asked_for_wrongly_is_an_error_that_writes_nothing(folder: Path, run: Run, call: str, words: str):
+    assert words in run(*call.split(), code=1).err
     assert not (folder / "generated").exists()
 
 
@@ -155,9 +134,8 @@ def test_what_is_asked_for_wrongly_is_an_error_that_writes_nothing(
 def test_a_home_outside_the_limits_is_told(folder: Path, run: Run, options: tuple[str, ...]) -> None:
     text = skew_four_bar().replace("link 1 {", "link 1 { limits { 170 171 } ", 1)
     (folder / "stuck.raff").write_text(text)
-    done = run("stuck.raff", *options, "--loop", "frame5-frame6=ball")
-    assert done.code == 0
-    assert "home is outside those of joint1 (-87.43 deg, limit 170)" in done.err
+    said = run("stuck.raff", *options, "--loop", "frame5-frame6=ball").err
+    assert "home is outside those of joint1 (-87.43 deg, limit 170)" in said
 
 
 # --- options -----------------------------------------------------------------------------------------------------
@@ -165,22 +143,21 @@ def test_a_home_outside_the_limits_is_told(folder: Path, run: Run, options: tupl
 
 def test_errors_are_in_the_json_and_on_stderr(folder: Path, run: Run) -> None:
     (folder / "bad.raff").write_text("RAFF bad\nunits inch\nrobo r { }\n")
-    done = run("bad.raff", "arm.raff", "--json")
-    bad, arm = json.loads(done.out)
-    assert done.code == 1
+    out, err = run("bad.raff", "arm.raff", "--json", code=1)
+    bad, arm = json.loads(out)
     assert bad["file"] == "bad.raff"
     assert [error.split("\n")[0] for error in bad["errors"]] == [
         "bad.raff:2:7: unknown unit 'inch' (known: um, mm, cm, m)",
         "bad.raff:3:1: unknown word 'robo' in the file: did you mean 'robot'?",
     ]
-    assert all(error in done.err for error in bad["errors"])
+    assert all(error in err for error in bad["errors"])
     assert arm["mobility"] == 2
 
 
 def test_a_check_writes_nothing(folder: Path, run: Run) -> None:
-    done = run("--check", "arm.raff", "two.raff", "delta4.raff")
-    assert (done.code, done.err) == (0, "")
-    lines = done.out.splitlines()
+    out, err = run("--check", "arm.raff", "two.raff", "delta4.raff")
+    assert err == ""
+    lines = out.splitlines()
     assert len(lines) == 4  # one for each robot
     assert lines[0].endswith(": 2 links, 2 joints, 0 loops, mobility 2: syntax and structure are valid")
     assert re.fullmatch(r".*, mobility 3: syntax and structure are valid, loops close to \de-1\d at home", lines[-1])
@@ -189,24 +166,19 @@ def test_a_check_writes_nothing(folder: Path, run: Run) -> None:
 
 def test_a_loop_may_be_closed_by_another_kind(folder: Path, run: Run) -> None:
     """The error names the option that helps: the library's `loops={...}` is of no use to one who typed a command."""
-    refused = run("skew.raff")
-    assert refused.code == 1
-    assert refused.err.startswith("skew.raff: ")
-    assert "--loop frame5-frame6=ball" in refused.err
-    done = run("skew.raff", "--loop", "frame5-frame6=ball")
-    assert (done.code, done.err) == (0, "")
+    refused = run("skew.raff", code=1).err
+    assert refused.startswith("skew.raff: ")
+    assert "--loop frame5-frame6=ball" in refused
+    assert run("skew.raff", "--loop", "frame5-frame6=ball").err == ""
     assert constraints.load(folder / "generated" / "skew.constraints.json")["loops"][0]["kind"] == "ball"
 
 
 def test_a_warning_is_a_line_on_stderr_and_no_failure(folder: Path, run: Run) -> None:
     (folder / "odd.raff").write_text(ARM.replace("pred 1", 'pred 1 limits { 10 20 } filename { "a.stl" }'))
-    done = run("odd.raff")
-    assert done.code == 0
-    lines = [line for line in done.err.splitlines() if not line.startswith(" ")]
-    assert len(lines) == 2
-    assert lines[0].startswith("warning: odd.raff:4:")
-    assert "home 0 of link 2 is outside its limits 10 to 20" in lines[0]
-    assert "link2: a.stl (not found)" in lines[1]
+    first, second = (line for line in run("odd.raff").err.splitlines() if not line.startswith(" "))
+    assert first.startswith("warning: odd.raff:4:")
+    assert "home 0 of link 2 is outside its limits 10 to 20" in first
+    assert "link2: a.stl (not found)" in second
 
 
 # --- wrong input -------------------------------------------------------------------------------------------------
@@ -215,89 +187,54 @@ def test_a_warning_is_a_line_on_stderr_and_no_failure(folder: Path, run: Run) ->
 def test_files_that_are_bad_or_cannot_be_read_do_not_stop_the_others(folder: Path, run: Run) -> None:
     (folder / "folder.raff").mkdir()
     (folder / "bad.raff").write_text("RAFF bad\nrobot r { link 1 { type 2 pred 5 } }")
-    done = run("arm.raff", "bad.raff", "missing.raff", "folder.raff", "two.raff")
-    assert done.code == 1
-    lines = [line for line in done.err.splitlines() if ": " in line]
+    said = run("arm.raff", "bad.raff", "missing.raff", "folder.raff", "two.raff", code=1).err
+    lines = [line for line in said.splitlines() if ": " in line]
     assert [line.split(":")[0] for line in lines] == ["bad.raff", "missing.raff", "folder.raff"]
     assert all("can't be read: " in line for line in lines[1:])
-    assert {name.removeprefix("meshes/").split(".")[0].split("/")[0] for name in files_in(folder / "generated")} == {
-        *("arm", "two")
-    }
+    assert {path.name.split(".")[0] for path in (folder / "generated").glob("*.urdf")} == {"arm", "two"}
 
 
-BODY = "RAFF bad\nrobot r { base { }\n  "
 ONE = "link 1 { type 2 pred 0 }"
 
-
-def a_long_line(path: Path) -> None:
-    path.write_bytes(b"RAFF bad\n" + 10_000_000 * b"x")
-
-
-def a_large_file(path: Path) -> None:
-    with path.open("wb") as file:  # a hole: takes no room on the disk
-        file.truncate(300 * 2**20)
-
-
-WRONG: dict[str, tuple[str | bytes | Callable[[Path], None], str]] = {
-    "a number used twice": (f"{BODY}{ONE}\n  {ONE}\n}}", "bad.raff:4:8: number 1 twice first line 3"),
+WRONG = {
+    "a number used twice": (f"RAFF bad\nrobot r {{\n  {ONE}\n  {ONE}\n}}", "bad.raff:4:8: number 1 twice first line 3"),
     "a loop that can't be closed": (skew_four_bar(), "robot 'r' can't be closed 'frame5-frame6'"),
-    "binary": (b"\x7fELF\x02\x01\x01\x00\x00", "bad.raff: line 1 binary"),
-    "a line of 10 MB": (a_long_line, "bad.raff:2:1: line 2 10000000 characters"),
-    "a file of 300 MB": (a_large_file, "bad.raff: larger than 256 MiB"),
+    "binary": ("\x7fELF\2\1\1\0\0", "bad.raff: line 1 binary"),
+    "a line of 10 MB": (f"RAFF bad\n{10_000_000 * 'x'}", "bad.raff:2:1: line 2 10000000 characters"),
+    "a file of 300 MB": (None, "bad.raff: larger than 256 MiB"),
 }
 
 
-def write_wrong(path: Path, content: str | bytes | Callable[[Path], None]) -> None:
-    if isinstance(content, str):
-        path.write_text(content, encoding="utf-8")
-    elif isinstance(content, bytes):
-        path.write_bytes(content)
-    else:
-        content(path)
-
-
-@pytest.fixture
-def generated(folder: Path) -> Path:
-    """Where the outputs go, with those of an earlier run."""
-    generated = folder / "generated"
-    generated.mkdir()
-    (generated / "bad.urdf").write_bytes(b"an older URDF")
-    (generated / "bad.constraints.json").write_bytes(b"older constraints")
-    return generated
-
-
 @pytest.mark.parametrize("name", WRONG)
-def test_wrong_input_is_refused_with_its_place_and_cause_and_nothing_is_touched(
-    folder: Path, generated: Path, run: Run, name: str
-) -> None:
+def test_wrong_input_is_refused_with_its_place_and_cause_and_nothing_is_touched(folder: Path, run: Run, name: str):
+    """What an earlier run wrote stays."""
     content, words = WRONG[name]
-    write_wrong(folder / "bad.raff", content)
-    before = files_in(generated)
-    done = run("bad.raff")
-    (folder / "bad.raff").unlink()
-    assert (done.code, done.out) == (1, "")
-    assert len(done.err) < 2000
-    assert_in_order(words, done.err)
-    assert files_in(generated) == before
+    (folder / "bad.raff").write_text(content or "")
+    if content is None:
+        os.truncate(folder / "bad.raff", 300 * 2**20)  # a hole: takes no room on the disk
+    (folder / "generated").mkdir()
+    for file in ("bad.urdf", "bad.constraints.json"):
+        (folder / "generated" / file).write_text(f"an older {file}")
+    before = files_in(folder / "generated")
+    out, err = run("bad.raff", code=1)
+    assert out == ""
+    assert len(err) < 2000
+    assert_in_order(words, err)
+    assert files_in(folder / "generated") == before
 
 
 def test_one_bad_robot_keeps_the_whole_file_from_being_written(folder: Path, run: Run) -> None:
     bad = skew_four_bar().split("\n", 1)[1]
     (folder / "both.raff").write_text(f"RAFF both\nrobot good {{ base {{ }} {ONE} }}\n{bad}")
-    assert run("both.raff").code == 1
+    run("both.raff", code=1)
     assert not (folder / "generated").exists()
 
 
 # --- size --------------------------------------------------------------------------------------------------------
 
 
-def chain(links: int) -> str:
-    lines = [f"  link {i} {{ parameters {{ d 10 theta 5 }} type 2 pred {i - 1} }}" for i in range(1, links + 1)]
-    return "\n".join(["RAFF chain", "robot r {", "  base { }", *lines, "}", ""])
-
-
 def test_a_file_of_more_links_than_python_recurses_converts(folder: Path, run: Run) -> None:
-    (folder / "long.raff").write_text(chain(1100))
+    (folder / "long.raff").write_text(serial(1100))
     (report,) = json.loads(run("long.raff", "--json").out)
     assert (report["links"], report["mobility"]) == (1100, 1100)
 
@@ -307,17 +244,17 @@ def four_bars(count: int) -> str:
     return side_by_side(*[four_bar()] * count)
 
 
-@pytest.mark.parametrize("text_of", [chain, four_bars])
+@pytest.mark.parametrize("text_of", [serial, four_bars])
 def test_twice_the_robot_takes_twice_the_work(tmp_path: Path, text_of: Callable[[int], str]) -> None:
     """Counted in calls, which no other process disturbs."""
-    sizes = (50, 100, 200) if text_of is chain else (5, 10, 20)
+    sizes = (50, 100, 200) if text_of is serial else (5, 10, 20)
     calls = []
     for size in (sizes[0], *sizes):  # the first run also pays for imports
         path = tmp_path / f"{size}.raff"
         path.write_text(text_of(size))
         profile = cProfile.Profile()
         profile.runcall(raff2urdf.convert, path, tmp_path)
-        calls.append(pstats.Stats(profile).total_calls)  # type: ignore[attr-defined]
+        calls.append(pstats.Stats(profile).total_calls)
     _, single, two, four = calls
     assert four - two <= 2.2 * (two - single)
 

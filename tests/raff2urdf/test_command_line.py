@@ -43,8 +43,7 @@ def typed(capsys):
     app.command("delete")(expand(draw))
 
     def call(*arguments):
-        code = run("thing", lambda: run_app(app, "thing", arguments))
-        return code, *capsys.readouterr()
+        return run("thing", lambda: run_app(app, "thing", arguments)), *capsys.readouterr()
 
     return call
 

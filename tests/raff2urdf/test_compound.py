@@ -71,8 +71,7 @@ def test_urdf_sdf_and_mjcf_move_alike(kind: str, tmp_path) -> None:
     for format, ending in (("urdf", "urdf"), ("sdf", "sdf"), ("mjcf", "xml")):
         raff2urdf.convert(file, tmp_path, format=format)
         read = cinegen.load(tmp_path / f"arm.{ending}")
-        assert read.joints == mechanism.joints
-        assert read.actuated == mechanism.actuated
+        assert (read.joints, read.actuated) == (mechanism.joints, mechanism.actuated)
         q_read = read.configuration({name: q[mechanism.q_index(name)] for name in mechanism.joints})
         for node in ("link1", "frame2"):
             assert read.placement(q_read, node).isApprox(mechanism.placement(q, node), 1e-9)
@@ -83,11 +82,10 @@ def test_the_constraints_file_lists_joints_and_ball_joints_but_no_links_between(
     document = raff2urdf.loads(text("ball", "variable y { home 40 }"))
     values = constraints(document, document.robot(), None)
     assert values["nodes"] == ["base", "link1", "frame2"]
-    assert [(joint["name"], joint["actuated"]) for joint in values["joints"]] == [
-        ("joint1_X", False), ("joint1_Y", False), ("joint1_Z", False),
-    ]  # fmt: skip
+    joints = ["joint1_X", "joint1_Y", "joint1_Z"]
+    assert [(joint["name"], joint["actuated"]) for joint in values["joints"]] == [(joint, False) for joint in joints]
     assert values["joints"][1]["home"] == np.radians(40.0)
-    assert values["balls"] == [{"name": "joint1", "joints": ["joint1_X", "joint1_Y", "joint1_Z"]}]
+    assert values["balls"] == [{"name": "joint1", "joints": joints}]
 
 
 @pytest.mark.parametrize("word", ["limits { -80 80 }", "velocity 90", "actuated 1"])

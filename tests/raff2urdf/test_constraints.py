@@ -3,6 +3,7 @@
 import copy
 import json
 import math
+import re
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -54,8 +55,7 @@ def values() -> constraints.Constraints:
 
 @pytest.mark.parametrize("name", KNOWN)
 def test_what_is_written_of_known_mechanisms_is_what_the_schema_describes(name: str) -> None:
-    text = constraints.dumps(made(loads(KNOWN[name][0])))
-    jsonschema.validate(json.loads(text), SCHEMA)
+    jsonschema.validate(json.loads(constraints.dumps(made(loads(KNOWN[name][0])))), SCHEMA)
 
 
 @given(documents(moderate=True, loops=False, least_robots=1))
@@ -73,24 +73,14 @@ def test_everything_that_the_file_says_is_there(values: constraints.Constraints)
     assert (values["name"], values["robot"]) == ("MiniDelta", "r1")
     assert values["nodes"] == ["base", "link1", "coupler", "link3", "link4", "frame5"]
     assert values["floating"] == "joint0"
-    words = ("name", "type", "home", "actuated")
     assert values["joints"] == [
-        dict(zip(words, joint, strict=True))
-        for joint in [
-            ("joint1", "revolute", math.radians(30), True),
-            ("joint2", "revolute", math.radians(-20), False),
-            ("joint3", "prismatic", 0.05, False),
-        ]
+        {"name": "joint1", "type": "revolute", "home": math.radians(30), "actuated": True},
+        {"name": "joint2", "type": "revolute", "home": math.radians(-20), "actuated": False},
+        {"name": "joint3", "type": "prismatic", "home": 0.05, "actuated": False},
     ]
     unmoved = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
-    assert values["loops"] == [
-        {
-            "name": "coupler-link3",
-            "kind": "ball",
-            "first": {"node": "coupler", "placement": unmoved},
-            "second": {"node": "link3", "placement": unmoved},
-        }
-    ]
+    first, second = ({"node": node, "placement": unmoved} for node in ("coupler", "link3"))
+    assert values["loops"] == [{"name": "coupler-link3", "kind": "ball", "first": first, "second": second}]
     assert (values["mobility"], values["loop_rows"], values["loop_rank"]) == (3 + 6 - 2, 3, 2)
     assert values["sensors"] == [
         {"number": 1, "port": "/dev/ttyd2", "translation": 3, "rotation": 2, "axes": "x -z"},
@@ -130,15 +120,13 @@ def changed(values: constraints.Constraints, path: str, value: Any) -> constrain
     ("drawing", "x", "'drawing'"),
     ("sensors/1/number", 1, "$.sensors[1].number: '1' is listed twice, also in $.sensors[0]"),
     ("sensors/0/axes", "x, q", "$.sensors[0].axes: axes:1:4: 'q' is no axis of a sensor"),
+    ("couplings", [{"name": "c", "terms": [{"joint": "wheel", "coefficients": [1.0]}], "constant": 0.0}],
+     "$.couplings[0].terms[0].joint: coupling 'c' names 'wheel', which is not a joint that moves"),
 ])  # fmt: skip
-def test_a_wrong_value_is_refused_at_its_place(
-    values: constraints.Constraints, path: str, value: Any, place: str
-) -> None:
+def test_a_wrong_value_is_refused_at_its_place(values: constraints.Constraints, path: str, value: Any, place: str):
     assert constraints.loads(json.dumps(values)) == values
-    with pytest.raises(RaffError) as caught:
+    with pytest.raises(RaffError, match=r"^delta4\.constraints\.json:1: .*" + re.escape(place)):
         constraints.loads(json.dumps(changed(values, path, value)), "delta4.constraints.json")
-    assert str(caught.value).startswith("delta4.constraints.json:1: ")
-    assert place in str(caught.value)
 
 
 @pytest.mark.parametrize("text", ["", "{", "{\n]", "[]", "null", "5", "RAFF t", 100_000 * "["])
@@ -150,15 +138,13 @@ def test_what_is_no_such_file_is_refused_by_name_and_line(text: str) -> None:
 def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     (tmp_path / "binary.json").write_bytes(b"\xff\xfe\x00")
     for name in ("missing.json", "binary.json", "."):
-        with pytest.raises(RaffError) as caught:
+        with pytest.raises(RaffError, match=re.escape(str(tmp_path / name))):
             constraints.load(tmp_path / name)
-        assert str(tmp_path / name) in str(caught.value)
 
 
 def test_a_wrong_name_is_told_by_its_line(values: constraints.Constraints) -> None:
     known = constraints_check.UrdfSummary(values["nodes"], {joint["name"]: joint["type"] for joint in values["joints"]})
-    text = constraints.dumps(values)
-    assert constraints.loads(text, "some.json", known) == values
+    assert constraints.loads(constraints.dumps(values), "some.json", known) == values
     changes = [("loops/0/second/node", "nowhere"), ("nodes/1", "elsewhere"), ("joints/1/name", "wheel")]
     changes += [("loops/0/first/placement/0/0", -1.0), ("loops/0/first/placement/3/0", 1.0)]
     changes += [("loops/0/first/placement/0/3", 1e300)]
@@ -166,39 +152,20 @@ def test_a_wrong_name_is_told_by_its_line(values: constraints.Constraints) -> No
         wrong = constraints.dumps(changed(values, path, value))
         with pytest.raises(RaffError) as caught:
             constraints.loads(wrong, "some.json", known)
-        line = int(str(caught.value).split(":")[1])
-        within = wrong.splitlines()[line - 1]
+        within = wrong.splitlines()[int(str(caught.value).split(":")[1]) - 1]
         assert str(value) in within or "placement" in within
-    with pytest.raises(
-        RaffError, match=r"some\.json:\d+: at \$\.joints: joint 'joint1' of the URDF is missing: add an entry for it"
-    ):
+    with pytest.raises(RaffError, match=r"some\.json:\d+: at \$\.joints: joint 'joint1' of the URDF is missing"):
         constraints.loads(constraints.dumps({**values, "joints": values["joints"][1:]}), "some.json", known)
 
 
 # --- what contradicts itself, or the URDF ------------------------------------------------------------------------
 
 
-def refused(text: str, says: str, **options: Any) -> None:
-    with pytest.raises(RaffError) as caught:
-        constraints.loads(text, "some.json", **options)
-    assert str(caught.value).startswith("some.json:")
-    assert says in str(caught.value)
-
-
-def test_a_coupling_names_joints_that_move(values: constraints.Constraints) -> None:
-    screw = {"name": "screw", "terms": [{"joint": "wheel", "coefficients": [1.0]}], "constant": 0.0}
-    says = "at $.couplings[0].terms[0].joint: coupling 'screw' names 'wheel', which is not a joint that moves"
-    refused(json.dumps({**values, "couplings": [screw]}), says)
-
-
 @pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e400", "9" * 400, "-" + "9" * 5000])
-@pytest.mark.parametrize(
-    "path", ["joints/0/home", "joints/2/home", "mobility", "loop_rank", "loops/0/first/placement/0/3"]
-)
-def test_a_number_beyond_all_doubles_is_refused_at_its_place(
-    values: constraints.Constraints, number: str, path: str
-) -> None:
+@pytest.mark.parametrize("path", ["joints/2/home", "mobility", "loop_rank", "loops/0/first/placement/0/3"])
+def test_a_number_beyond_all_doubles_is_refused_at_its_place(values, number: str, path: str) -> None:
     text = constraints.dumps(changed(values, path, "HERE")).replace('"HERE"', number)
     where = "".join(f"[{step}]" if step.isdigit() else f".{step}" for step in path.split("/"))
     line = text[: text.index(number)].count("\n") + 1
-    refused(text, f"some.json:{line}: at ${where}: this is not a finite number")
+    with pytest.raises(RaffError, match=rf"some\.json:{line}: at \${re.escape(where)}: this is not a finite number"):
+        constraints.loads(text, "some.json")

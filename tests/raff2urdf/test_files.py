@@ -101,19 +101,18 @@ def test_nothing_is_left_where_it_is_stopped(tmp_path: Path, monkeypatch: pytest
 
 
 def test_what_a_killed_process_left_is_removed_later_and_nothing_else(tmp_path: Path) -> None:
-    program = (
-        "import os, pathlib, sys; from raff2urdf import files; files.os.replace = lambda *_: os.kill(os.getpid(), 9)"
-    )
-    program += "; files.write_all({pathlib.Path(sys.argv[1]): b'half'})"
+    program = "import os, sys; from pathlib import Path; from raff2urdf import files; "
+    program += "files.os.replace = lambda *_: os.kill(os.getpid(), 9); files.write_all({Path(sys.argv[1]): b'half'})"
     done = subprocess.run([sys.executable, "-c", program, str(tmp_path / "arm.urdf")], check=False)
     assert done.returncode == -9
     (left,) = tmp_path.iterdir()
-    for other in (".arm.urdf.20260101", "arm.urdf.abcdefgh.unfinished", ".a.abcdefghi.unfinished", ".unfinished"):
+    others = [".arm.urdf.20260101", "arm.urdf.abcdefgh.unfinished", ".a.abcdefghi.unfinished", ".unfinished"]
+    for other in others:
         (tmp_path / other).write_bytes(b"mine")
+    others.append(".b.abcdefgh.unfinished")
+    (tmp_path / others[-1]).mkdir()
+    for other in others:
         os.utime(tmp_path / other, (0, 0))
-    (tmp_path / ".b.abcdefgh.unfinished").mkdir()
-    os.utime(tmp_path / ".b.abcdefgh.unfinished", (0, 0))
-    others = [name for name in names(tmp_path) if name != left.name]
     write_all({tmp_path / "scene.toml": b"new"})
     assert names(tmp_path) == sorted([*others, left.name, "scene.toml"])  # a process may still rename it
     os.utime(left, (0, 0))

@@ -50,8 +50,7 @@ def test_every_format_and_raff_again_have_the_same_numbers_and_gravity(tmp_path,
     original = cinegen.load(path)
     raff2urdf.convert(path, written, format=kind)
     (file,) = [output for output in written.iterdir() if output.suffix in (".urdf", ".sdf", ".xml")]
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         raff2urdf.to_raff(file, back)
     for loaded in (cinegen.load(file), cinegen.load(back)):
         assert (numbers_of(loaded), loaded.gravity.tolist()) == (numbers_of(original), down)
@@ -69,14 +68,9 @@ def test_every_format_and_raff_again_have_the_same_numbers_and_gravity(tmp_path,
 def test_the_gravity_of_a_world_around_it_replaces_that_of_an_sdf_of_ours(tmp_path, text_file):
     path = text_file("arm.raff", ARM.replace("\n", "\ngravity { 0 0 -1.62 }\n", 1))
     raff2urdf.convert(path, tmp_path, format="sdf")
-    text = (tmp_path / "arm.sdf").read_text()
+    text = (tmp_path / "arm.sdf").read_text().replace("</sdf>", "</world></sdf>")
     text = text.replace("<model", '<world name="w"><gravity>0 0 -3.7</gravity><model', 1)
-    text = text.replace("</sdf>", "</world></sdf>")
-    (tmp_path / "arm.sdf").write_text(text)
-    assert cinegen.load(tmp_path / "arm.sdf").gravity.tolist() == [0.0, 0.0, -3.7]
-    (tmp_path / "arm.sdf").write_text(text.replace("0 0 -3.7", "0 0"))
-    with pytest.raises(cinegen.CinegenError, match="the gravity '0 0' must be three numbers"):
-        cinegen.load(tmp_path / "arm.sdf")
+    assert cinegen.load(text).gravity.tolist() == [0.0, 0.0, -3.7]
 
 
 def test_what_is_beyond_all_numbers_in_si_units_is_an_error():

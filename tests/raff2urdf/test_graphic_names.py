@@ -38,8 +38,7 @@ def write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Write:
     ("arm/arm.urdf", "arm/parts/meshes/a.stl", "package://parts/meshes/a.stl"),
 ])  # fmt: skip
 def test_a_mesh_near_its_robot_is_found(write: Write, robot: str, mesh: str, name: str) -> None:
-    folder = write(mesh, robot)
-    assert find(name, folder).read_text() == mesh
+    assert find(name, write(mesh, robot)).read_text() == mesh
 
 
 @pytest.mark.parametrize("mark", ["package.xml", "model.config"])
@@ -56,9 +55,7 @@ def test_all_of_a_package_and_of_those_beside_it_is_found(write: Write, mark: st
     (["ws/r/.git/x", "ws/r/p/package.xml", "ws/q/p/package.xml", "ws/q/p/meshes/a.stl"], "ws/r/p/arm.urdf"),
     (["ws/q/p/package.xml", "ws/q/p/meshes/a.stl"], "ws/r/p/urdf/arm.urdf"),  # without a repository
 ])  # fmt: skip
-def test_a_package_has_the_name_in_its_package_xml_and_is_in_or_next_to_the_repository(
-    write: Write, files: list[str], robot: str
-) -> None:
+def test_a_package_has_the_name_in_its_package_xml_and_is_in_or_next_to_the_repository(write, files, robot) -> None:
     folder = write(*files, robot)
     mesh = next(name for name in files if name.endswith(".stl"))
     top = folder.parents[robot.count("/") - 1]
@@ -72,20 +69,17 @@ def test_a_package_has_the_name_in_its_package_xml_and_is_in_or_next_to_the_repo
 def test_packages_are_searched_within_bounds(write: Write) -> None:
     """Not in any depth below the repository, not where a name is hidden, and not below the home folder."""
     stated = "<package><name>parts</name></package>"
-    for below, name, robot in (
-        ("home/ws/a", "r/1/2/3/4/p", "r/arm/arm.urdf"),
-        ("home/ws/b", ".hidden/p", "r/arm/arm.urdf"),
-        ("home", "other/p", "arm.urdf"),
-    ):
+    of_robots = [("home/ws/a", "r/1/2/3/4/p", "r/arm"), ("home/ws/b", ".hidden/p", "r/arm"), ("home", "other/p", ".")]
+    for below, name, robot in of_robots:
         write(f"{name}/a.stl", f"{name}/package.xml", "r/.git/x", below=below)
-        folder = write(robot, below=below)
+        folder = write(f"{robot}/arm.urdf", below=below)
         top = next(above for above in (folder, *folder.parents) if (above / name).is_dir())
         (top / name / "package.xml").write_text(stated)
         with pytest.raises(RaffError, match="the package 'parts' is not found"):
             find("package://parts/a.stl", folder)
 
 
-def test_a_package_is_searched_first_where_the_user_says(write: Write, tmp_path: Path) -> None:
+def test_a_package_is_searched_first_where_the_user_says(write: Write) -> None:
     folder = write("arm/meshes/a.stl", "arm/package.xml", "arm/urdf/arm.urdf")
     package = write("meshes/a.stl", below="elsewhere/arm_of_today").parent
     packages = Packages({"arm": package})
@@ -130,9 +124,7 @@ def test_the_root_is_no_package() -> None:
 
 
 @pytest.mark.parametrize("form", ["{0}", "file://{0}", "../../../elsewhere/part 1.stl", "link.stl"])
-def test_the_folder_that_an_error_names_can_be_allowed(
-    write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, form: str
-) -> None:
+def test_the_folder_that_an_error_names_can_be_allowed(write: Write, monkeypatch, form: str) -> None:
     mesh = write("part 1.stl", below="elsewhere") / "part 1.stl"
     folder = write("arm/arm.urdf")
     (folder / "link.stl").symlink_to(mesh)
@@ -144,9 +136,7 @@ def test_the_folder_that_an_error_names_can_be_allowed(
     assert may_read(mesh, folder)
 
 
-def test_packages_of_the_environment_may_be_made_of_links(
-    write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_packages_of_the_environment_may_be_made_of_links(write: Write, tmp_path: Path, monkeypatch) -> None:
     """`colcon build --symlink-install` installs links to the files of the source folder."""
     source = write("a.stl", below="src/arm/meshes") / "a.stl"
     folder = write("package.xml", "urdf/arm.urdf", below="install/share/arm")

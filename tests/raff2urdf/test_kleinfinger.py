@@ -23,15 +23,8 @@ tiny = st.floats(-17, -3).map(lambda exponent: 10.0**exponent)
 nearly_parallel = st.builds(lambda side, sign, angle: side + sign * angle, st.sampled_from([0.0, math.pi]),
                             st.sampled_from([1, -1]), tiny)  # fmt: skip
 kleinfingers = st.builds(Kleinfinger, angles, lengths, angles | nearly_parallel, lengths, angles, lengths)
-generic = st.builds(
-    Kleinfinger,
-    gamma=st.floats(-3.1, 3.1),
-    epsilon=lengths,
-    alpha=st.floats(0.1, 3.0),
-    d=lengths,
-    theta=st.floats(-3.1, 3.1),
-    r=lengths,
-)
+turns = st.floats(-3.1, 3.1)
+generic = st.builds(Kleinfinger, turns, lengths, st.floats(0.1, 3.0), lengths, turns, lengths)
 
 
 def off(matrix: Matrix, other: Matrix) -> float:
@@ -82,8 +75,7 @@ def test_an_axis_keeps_its_tilt_however_far_away_it_is(angle: float, far: float,
     """Up to the largest coordinate that a URDF may have. The tilt is far above any rounding of a rotation."""
     placement = turn("z", 0.4) @ turn("x", side + angle) @ turn("z", -1.1)
     placement[:3, 3] = far * np.array([0.9, -0.6, 0.7])
-    rebuilt = transform(parameters(placement))
-    assert off(rebuilt[:3, :3], placement[:3, :3]) <= EXACT
+    assert off(transform(parameters(placement))[:3, :3], placement[:3, :3]) <= EXACT
 
 
 @given(placements(st.sampled_from([0.0, math.pi])))
@@ -101,23 +93,15 @@ def changed(row: int, column: int, value: float) -> Matrix:
     return placement
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        np.eye(3),
-        np.zeros((2, 4, 4)),
-        np.zeros((4, 4)),
-        changed(0, 3, math.nan),
-        changed(1, 1, math.inf),
-        changed(0, 0, -1.0),  # a mirror
-        changed(0, 0, 1.001),  # scaled
-        changed(0, 1, 1e-3),  # sheared
-        2.0 * np.eye(4),
-        changed(3, 0, 0.5),  # a perspective
-        changed(3, 3, 2.0),
-    ],
-    ids=["3x3", "stack", "zero", "nan", "inf", "mirror", "scaled", "sheared", "twice", "perspective", "bottom"],
-)
-def test_what_is_no_rigid_transform_is_refused(wrong: Matrix) -> None:
+NO_RIGID_TRANSFORM = {
+    "3x3": np.eye(3), "stack": np.zeros((2, 4, 4)), "zero": np.zeros((4, 4)), "nan": changed(0, 3, math.nan),
+    "inf": changed(1, 1, math.inf), "mirror": changed(0, 0, -1.0), "scaled": changed(0, 0, 1.001),
+    "sheared": changed(0, 1, 1e-3), "twice": 2.0 * np.eye(4), "perspective": changed(3, 0, 0.5),
+    "bottom": changed(3, 3, 2.0),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NO_RIGID_TRANSFORM)
+def test_what_is_no_rigid_transform_is_refused(name: str) -> None:
     with pytest.raises(ValueError, match="placement"):
-        parameters(wrong)
+        parameters(NO_RIGID_TRANSFORM[name])

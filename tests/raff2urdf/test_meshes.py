@@ -53,8 +53,7 @@ def write(folder: Path, robot: str, units: str = "mm") -> Path:
 
 def convert(folder: Path, robot: str, units: str = "mm") -> tuple[Any, list[str]]:
     """The URDF that stands in `generated`, and what was warned of."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as caught:
         (made,) = raff2urdf.convert(write(folder, robot, units), folder / "generated")
     assert all(warning.category is RaffWarning for warning in caught)
     return etree.parse(made.urdf).getroot(), [str(warning.message) for warning in caught]
@@ -104,9 +103,8 @@ def test_a_mesh_has_the_size_that_the_units_say(workshop: Path, units: str, metr
 
 def test_base_links_and_frames_show_all_their_files_that_can_be_shown(workshop: Path) -> None:
     several = 'filename { "red.nff" "gone.nff" "face.dxf" } filename { "broken.nff" "bar.stl" }'
-    xml, (warned,) = convert(
-        workshop, f"base {{ {several} }} link 1 {{ type 2 pred 0 {several} }} frame 2 {{ pred 1 {several} }}"
-    )
+    parts = f"base {{ {several} }} link 1 {{ type 2 pred 0 {several} }} frame 2 {{ pred 1 {several} }}"
+    xml, (warned,) = convert(workshop, parts)
     shown = [("meshes/arm/red.nff.1.stl", RED), ("meshes/arm/face.dxf.1.stl", BLUE), ("../parts/bar.stl", None)]
     for node in ("base", "link1", "frame2"):
         assert named(xml, node) == shown
@@ -120,11 +118,8 @@ def test_files_of_one_name_are_kept_apart(workshop: Path) -> None:
     (workshop / "parts" / "other" / "a b;é.nff").write_text(RED_NFF)
     xml, warned = convert(workshop, 'base { filename { "red.nff" "other/RED.NFF" "other/a b;é.nff" } }')
     assert warned == []
-    assert named(xml, "base") == [
-        ("meshes/arm/red.nff.1.stl", RED),
-        ("meshes/arm/RED.NFF-2.1.stl", BLUE),
-        ("meshes/arm/a_b_é.nff.1.stl", RED),
-    ]
+    names = [("red.nff.1.stl", RED), ("RED.NFF-2.1.stl", BLUE), ("a_b_é.nff.1.stl", RED)]
+    assert named(xml, "base") == [(f"meshes/arm/{name}", colour) for name, colour in names]
 
 
 # --- other formats -----------------------------------------------------------------------------------------------
@@ -188,9 +183,7 @@ def test_scenes_are_converted_with_everything_in_its_place(workshop: Path, kind:
     ("~no-such-user/bar.stl", None, ""),
     (300 * "x" + ".stl", None, ""),
 ])  # fmt: skip
-def test_what_cannot_be_shown_is_warned_of_once_and_replaced_by_the_skeleton(
-    workshop: Path, name: str, content: bytes | None, reason: str
-) -> None:
+def test_what_cannot_be_shown_is_warned_of_once_and_replaced_by_the_skeleton(workshop: Path, name, content, reason):
     if content is not None:
         (workshop / "parts" / name).write_bytes(content)
     xml, (warned,) = convert(workshop, f'link 1 {{ type 2 pred 0 filename {{ "{name}" }} }}')
@@ -242,9 +235,7 @@ def test_a_damaged_mesh_of_the_cache_is_mended(cache: Path) -> None:
         assert path.read_bytes() == b"some bytes"
 
 
-def test_where_the_cache_cannot_be_written_a_temporary_folder_will_do(
-    workshop: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_where_the_cache_cannot_be_written_a_temporary_folder_will_do(workshop: Path, tmp_path: Path) -> None:
     (tmp_path / "cache").write_bytes(b"no folder")
     path = keep(b"some bytes", ".stl")
     assert tmp_path / "cache" not in path.parents
@@ -253,9 +244,7 @@ def test_where_the_cache_cannot_be_written_a_temporary_folder_will_do(
     assert cinegen.load(write(workshop, 'base { filename { "red.nff" } }')).visual.ngeoms == 1
 
 
-def test_an_archive_that_unpacks_to_more_than_is_allowed_is_not_read(
-    workshop: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_archive_that_unpacks_to_more_than_is_allowed_is_not_read(workshop: Path, monkeypatch) -> None:
     assert scene_file.LARGEST_MESH == 512_000_000
     monkeypatch.setattr(scene_file, "LARGEST_MESH", 5_000_000)
     with zipfile.ZipFile(workshop / "parts" / "bomb.3mf", "w", zipfile.ZIP_DEFLATED) as archive:
@@ -265,13 +254,11 @@ def test_an_archive_that_unpacks_to_more_than_is_allowed_is_not_read(
     assert "bomb.3mf (holds 6 MB when unpacked: the most is 5 MB)" in warning
 
 
-@pytest.mark.parametrize("name", ["cut.dxf", "cut.stl"])
-def test_libraries_log_nothing_about_damaged_files(
-    workshop: Path, name: str, capfd: pytest.CaptureFixture[str]
-) -> None:
-    (workshop / "parts" / "cut.dxf").write_text(
-        "  0\nSECTION\n  2\nENTITIES\n  0\nENDSEC\n  0\nLINE\n  8\n0\n  0\nEOF\n"
-    )
-    (workshop / "parts" / "cut.stl").write_text("solid x\nfacet normal 0 0 --1\nouter loop\nvertex 0 0 0\nendsolid\n")
+@pytest.mark.parametrize(("name", "content"), [
+    ("cut.dxf", "  0\nSECTION\n  2\nENTITIES\n  0\nENDSEC\n  0\nLINE\n  8\n0\n  0\nEOF\n"),
+    ("cut.stl", "solid x\nfacet normal 0 0 --1\nouter loop\nvertex 0 0 0\nendsolid\n"),
+])  # fmt: skip
+def test_libraries_log_nothing_about_damaged_files(workshop: Path, name: str, content: str, capfd) -> None:
+    (workshop / "parts" / name).write_text(content)
     convert(workshop, f'base {{ filename {{ "{name}" }} }}')
     assert capfd.readouterr() == ("", "")

@@ -2,7 +2,6 @@
 too."""
 
 import math
-import warnings
 from pathlib import Path
 
 import mujoco
@@ -187,16 +186,6 @@ def test_pinocchio_reads_the_same_robot(robot: Exported) -> None:
 
 
 # --- what is written ---------------------------------------------------------------------------------------------
-def test_a_free_robot_falls_and_its_loops_stay_closed(folder: Path) -> None:
-    robot = exported("loose", folder)
-    model, data = read(robot)
-    height = data.body("base").xpos[2]
-    for _ in range(round(0.5 / model.opt.timestep)):
-        mujoco.mj_step(model, data)
-    assert data.body("base").xpos[2] - height == pytest.approx(-0.5 * 9.81 * 0.25, rel=0.01)
-    assert opening(model, data) / robot.length < STAY
-
-
 @pytest.mark.parametrize("seed", [0, 1, 2, 3, 4, 6, 9, 13, 19])
 def test_quaternions_turn_as_their_matrices_do(seed: int) -> None:
     vector = np.random.default_rng(seed).normal(size=3)
@@ -214,10 +203,9 @@ def workshop(tmp_path: Path) -> Path:
     """Boxes of 100 x 50 x 20 in files of several kinds."""
     (tmp_path / "parts").mkdir()
     bar = trimesh.creation.box((100.0, 50.0, 20.0))
-    bar.export(tmp_path / "parts" / "bar.stl")
+    for name in ("bar.stl", "bar.obj", "bar.dae"):
+        bar.export(tmp_path / "parts" / name)
     bar.export(tmp_path / "parts" / "letters.stl", file_type="stl_ascii")
-    bar.export(tmp_path / "parts" / "bar.obj")
-    bar.export(tmp_path / "parts" / "bar.dae")
     triangle = trimesh.Trimesh([[0, 0, 0], [100, 0, 0], [0, 100, 0]], [[0, 1, 2]])
     triangle.export(tmp_path / "parts" / "triangle.stl")
     return tmp_path
@@ -243,10 +231,7 @@ def test_meshes_are_shown_in_their_size(workshop: Path, name: str) -> None:
 
 
 def test_a_mesh_that_mujoco_cannot_have_is_left_out_with_a_warning(workshop: Path) -> None:
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    with pytest.warns(RaffWarning, match=r"triangle\.stl") as caught:
         path = with_mesh(workshop, "triangle.stl", "bar.stl")
-    (warning,) = caught
-    assert warning.category is RaffWarning
-    assert "triangle.stl" in str(warning.message)
+    assert len(caught) == 1
     assert mujoco.MjModel.from_xml_path(str(path)).nmesh == 1

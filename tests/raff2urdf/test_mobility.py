@@ -110,8 +110,7 @@ def test_at_home_all_loops_are_closed(name: str) -> None:
 
 def rounded(limits: str = "") -> str:
     """Its rocker has limits, and carries a joint that is in no loop."""
-    carried = "link 6 { parameters { theta 12 d 100 } type 2 pred 3 }"
-    return rough_four_bar(words=("", "", limits), more=carried)
+    return rough_four_bar(words=("", "", limits), more="link 6 { parameters { theta 12 d 100 } type 2 pred 3 }")
 
 
 def test_what_is_written_roughly_is_closed_nearby_and_the_rest_stays() -> None:
@@ -129,15 +128,10 @@ def test_home_is_inside_the_limits(low: float, high: float, wanted: float) -> No
     home = analysis_of(text).home
     assert gap_at(text, home) < 1e-12
     assert home["joint3"] == pytest.approx(math.radians(wanted), abs=1e-12)
-    assert low <= math.degrees(home["joint3"]) + 1e-9
-    assert math.degrees(home["joint3"]) - 1e-9 <= high
 
 
 def test_where_no_closed_configuration_is_inside_the_limits_the_nearest_closed_one_is_home() -> None:
-    text = rounded("limits { 200 210 }")
-    free = rounded()
-    assert analysis_of(text).home == analysis_of(free).home
-    assert gap_at(text, analysis_of(text).home) < 1e-12
+    assert analysis_of(rounded("limits { 200 210 }")).home == analysis_of(rounded()).home
 
 
 # --- slips ------------------------------------------------------------------------------------------------------------

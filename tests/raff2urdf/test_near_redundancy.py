@@ -111,8 +111,7 @@ def test_rounded_mechanisms_are_healed(name, digits, recwarn):
 @pytest.mark.parametrize("name", EXACT)
 def test_exact_mechanisms_stay_as_they_are(name, recwarn):
     urdf, constraints = described(EXACT[name][0])
-    mechanism = build(urdf, constraints, relax=None)
-    assert mechanism.source.urdf == urdf
+    assert build(urdf, constraints, relax=None).source.urdf == urdf
     assert not [warning for warning in recwarn if "redundant" in str(warning.message)]
 
 
@@ -228,8 +227,7 @@ def test_a_urdf_with_its_constraints(tmp_path, text_file):
     path.with_suffix(".constraints.json").write_text(json.dumps(constraints, indent=1))
     healing = heal_file(path)
     check_numbers(path, healing, 5)
-    mechanism = cinegen.load(written(healing, tmp_path / "out")[0])
-    assert mechanism.mobility == 1
+    assert cinegen.load(written(healing, tmp_path / "out")[0]).mobility == 1
 
 
 @pytest.mark.parametrize("suffix", [".raff", ".xml"])
@@ -240,9 +238,8 @@ def test_bennett_in_each_format(suffix, tmp_path, text_file):
         source = conversion.file
     digits = 2 if suffix == ".raff" else 5  # mm and degrees
     number = re.compile(r"(?<=[\s>\"'])-?\d+\.\d+(e-?\d+)?")
-    path = text_file(
-        f"rounded{suffix}", number.sub(lambda match: repr(round(float(match[0]), digits)), source.read_text())
-    )
+    text = number.sub(lambda match: repr(round(float(match[0]), digits)), source.read_text())
+    path = text_file(f"rounded{suffix}", text)
     healing = heal_file(path)
     check_numbers(path, healing, 4)
     mechanism = cinegen.load(written(healing, tmp_path / "out")[0])

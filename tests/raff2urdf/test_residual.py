@@ -98,9 +98,7 @@ def numeric(kind: LoopKind, placement: Matrix, length: float) -> np.ndarray:
 
 @given(kinds, placements(), st.floats(0.3, 3.0))
 @settings(max_examples=250)
-def test_the_derivative_of_a_gap_is_that_of_finite_differences(
-    kind: LoopKind, placement: Matrix, length: float
-) -> None:
+def test_the_derivative_of_a_gap_is_that_of_finite_differences(kind: LoopKind, placement: Matrix, length) -> None:
     """However far open the loop; only beside a half turn, where the rotation vector jumps, is there none."""
     assume(kind is not LoopKind.REVOLUTE or placement[2, 2] > -0.95)
     derivative = loop_residual(kind, placement, length)[1]
@@ -140,9 +138,7 @@ def test_a_gap_is_zero_wherever_the_joint_lets_its_ends_be(data: st.DataObject, 
 
 @given(st.data(), kinds, st.floats(1e-6, 1.0), st.sampled_from([0.5, 1.0, 2.0]))
 @settings(max_examples=200)
-def test_a_gap_is_as_large_as_the_ends_are_off_what_the_joint_allows(
-    data: st.DataObject, kind: LoopKind, size: float, length: float
-) -> None:
+def test_a_gap_is_as_large_as_the_ends_are_off_what_the_joint_allows(data, kind: LoopKind, size, length) -> None:
     """Off by `size` in one forbidden direction (rad or m), the residual is that, in rad or characteristic lengths."""
     allowed = data.draw(freedoms(kind))
     direction = data.draw(st.sampled_from(FORBIDDEN[kind]))
@@ -176,9 +172,7 @@ nearly_pi = st.floats(-12, -2).map(lambda exponent: math.pi - 10.0**exponent)
 
 @given(st.floats(-7, 7), st.floats(0, 3.1) | nearly_pi, st.floats(-7, 7))
 @settings(max_examples=160)
-def test_a_hinges_gap_is_the_angle_between_its_axes_whatever_the_turn_about_them(
-    before: float, angle: float, after: float
-) -> None:
+def test_a_hinges_gap_is_the_angle_between_its_axes_whatever_the_turn_about_them(before, angle, after) -> None:
     swung = turn("z", before) @ turn("x", angle) @ turn("z", after)
     gap = np.linalg.norm(loop_residual(LoopKind.REVOLUTE, swung, 1.0)[0])
     assert gap == pytest.approx(angle, rel=0, abs=1e-14 if angle <= 3.1 else 2e-9)

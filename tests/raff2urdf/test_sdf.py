@@ -37,8 +37,7 @@ def robot(request: pytest.FixtureRequest, folder: Path) -> Exported:
 
 
 def loaded(text: str) -> cinegen.Mechanism:
-    with warnings.catch_warnings():  # one robot's limits let nothing move
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         return cinegen.load(text)
 
 
@@ -63,9 +62,7 @@ def test_every_node_is_a_link_or_a_frame_and_moves_as_raff_says(robot: Exported,
             np.testing.assert_allclose(plain.placement(q, node).homogeneous, start @ expected, atol=EXACT)
 
 
-def test_loops_are_joints_between_two_links_and_closed_where_it_begins(
-    robot: Exported, plain: cinegen.Mechanism
-) -> None:
+def test_loops_are_joints_between_two_links_and_closed_where_it_begins(robot: Exported, plain) -> None:
     loops = [(loop["name"], loop["kind"]) for loop in robot.made.constraints["loops"]]
     assert [(loop.name, loop.kind.name.lower()) for loop in plain.loops] == loops
     assert plain.gap_as_written < EXACT
@@ -84,9 +81,8 @@ def test_cinegen_reads_home_actuated_joints_and_the_ends_of_loops(robot: Exporte
     assert {joint: home[joint] for joint in robot.home} == pytest.approx(robot.home, abs=1e-12)
     assert mechanism.actuated == made.analysis.actuated
     assert mechanism.floating == bool(made.constraints["floating"])
-    assert [(loop.first, loop.second) for loop in mechanism.loops] == [
-        (loop["first"]["node"], loop["second"]["node"]) for loop in made.constraints["loops"]
-    ]
+    ends = [(loop["first"]["node"], loop["second"]["node"]) for loop in made.constraints["loops"]]
+    assert [(loop.first, loop.second) for loop in mechanism.loops] == ends
 
 
 # --- what the specification asks for -----------------------------------------------------------------------------

@@ -2,26 +2,12 @@
 
 import math
 
+import making
 import numpy as np
 import pytest
 from hand import DT, check
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from making import (
-    TOOL,
-    Body,
-    Mechanism,
-    axis,
-    bennett,
-    direction,
-    graph,
-    parallelograms,
-    planar,
-    platform,
-    ring,
-    sarrus,
-    somewhere,
-)
 from ticking import ticked
 
 import cinegen
@@ -41,7 +27,7 @@ def converted(text: str) -> int:
     return analyse(document, document.robot()).mobility
 
 
-def loaded(mechanism: Mechanism, digits: int | None = 6) -> cinegen.Mechanism:
+def loaded(mechanism: making.Mechanism, digits: int | None = 6) -> cinegen.Mechanism:
     """As a file that says so many digits of it; all of the geometry, where a rounded one could not be assembled."""
     overconstrained = len(mechanism.constraint_rows()) > np.count_nonzero(mechanism.singular_values() > 1e-6)
     return load(mechanism.text(digits=None if overconstrained else digits))
@@ -57,11 +43,11 @@ def test_random_loops_leave_the_mobility_that_screw_theory_says(seed):
     ball; the file's numbers rounded wherever a rounded mechanism still can be assembled."""
     rng = np.random.default_rng(seed)
     loops = int(rng.integers(1, 5))
-    mechanism = graph(rng, int(rng.integers(2, 7 * loops + 3)), loops)
+    mechanism = making.graph(rng, int(rng.integers(2, 7 * loops + 3)), loops)
     mobility = mechanism.mobility()
     assume(mobility is not None)
     if seed % 2:
-        mechanism = mechanism.moved(somewhere(rng, 3.0))
+        mechanism = mechanism.moved(making.somewhere(rng, 3.0))
     built = loaded(mechanism)
     assert built.closure(built.q_home) <= 1e-12
     assert built.mobility == mobility
@@ -82,7 +68,7 @@ def test_platforms_on_legs_have_the_mobility_of_gruebler_and_kutzbach(seed):
     ][int(rng.integers(4))]
     legs = [str(rng.choice(words)) for _ in range(int(rng.integers(2, 7)))]
     expected = sum({"R": 1, "P": 1, "U": 2, "S": 3}[letter] for word in legs for letter in word) - 6 * (len(legs) - 1)
-    mechanism = platform(rng, legs, str(rng.choice(["rigid", "joint"])))
+    mechanism = making.platform(rng, legs, str(rng.choice(["rigid", "joint"])))
     sigma = mechanism.singular_values()
     assume(mechanism.mobility() == max(0, expected))
     assume(not ((sigma > 1e-9) & (sigma < 0.02)).any())  # well away from singularities
@@ -95,8 +81,7 @@ def test_platforms_on_legs_have_the_mobility_of_gruebler_and_kutzbach(seed):
 @pytest.mark.parametrize("cranks", [2, 3, 4])
 def test_a_parallelogram_drawn_flat_has_one_freedom_however_many_cranks(lean, cranks):
     """Where all bars lie in one line it could also fold into an antiparallelogram; a third crank forbids that."""
-    mechanism = parallelograms(np.random.default_rng(0), 1, cranks, lean)
-    text = mechanism.text()
+    text = making.parallelograms(np.random.default_rng(0), 1, cranks, lean).text()
     assert load(text).mobility == 1
     assert converted(text) == 1
 
@@ -122,8 +107,7 @@ def test_small_and_odd_loops_are_counted_right(body, mobility):
     solver = cinegen.Solver(mechanism, DT)
     solver.add_task(end, translation=3, rotation=0).target.translation += 0.01
     for _ in range(20):
-        before = solver.q.copy()
-        check(mechanism, before, solver.step())
+        check(mechanism, solver.q.copy(), solver.step())
 
 
 FIXED_LINK = "link 1 { parameters { d 100 } type 0 pred 0 }"
@@ -145,17 +129,17 @@ def test_robots_without_joints_stand_still(body):
 # --- what does not matter ----------------------------------------------------------------------------------------
 
 
-def any_closed(rng: np.random.Generator) -> Mechanism:
+def any_closed(rng: np.random.Generator) -> making.Mechanism:
     """A mechanism with loops and a tool."""
     makers = [
-        lambda: platform(rng, ["UPS", "RUS", "PUS"], str(rng.choice(["rigid", "joint"]))),
-        lambda: platform(rng, ["RPS", "RRS", "PRS"], "joint"),
-        lambda: platform(rng, ["UPU"] * 3),
-        lambda: parallelograms(rng, 3, 3),
-        lambda: ring([somewhere(rng) for _ in range(8)], None, int(rng.integers(8))),
-        lambda: ring(sarrus(rng), None, int(rng.integers(6))),
-        lambda: ring(bennett(rng), None, int(rng.integers(4))),
-        lambda: ring(planar(rng.normal(size=(6, 2)))),
+        lambda: making.platform(rng, ["UPS", "RUS", "PUS"], str(rng.choice(["rigid", "joint"]))),
+        lambda: making.platform(rng, ["RPS", "RRS", "PRS"], "joint"),
+        lambda: making.platform(rng, ["UPU"] * 3),
+        lambda: making.parallelograms(rng, 3, 3),
+        lambda: making.ring([making.somewhere(rng) for _ in range(8)], None, int(rng.integers(8))),
+        lambda: making.ring(making.sarrus(rng), None, int(rng.integers(6))),
+        lambda: making.ring(making.bennett(rng), None, int(rng.integers(4))),
+        lambda: making.ring(making.planar(rng.normal(size=(6, 2)))),
     ]
     return makers[int(rng.integers(len(makers)))]()
 
@@ -189,10 +173,10 @@ def test_a_robot_of_micrometres_moves_like_its_twin_of_metres(seed, factor):
 def test_chains_of_many_joints_load_close_and_follow(closed_to_a_ring):
     count, rng = 60, np.random.default_rng(60)
     around = np.linspace(0.0, 1.8 * math.pi, count)
-    axes = [axis((math.cos(t), math.sin(t), 0.1 * t), direction(rng)) for t in around]
-    bodies = [Body(i + 1, i, place) for i, place in enumerate(axes)]
-    chain = Mechanism((*bodies, Body(TOOL, count, axes[-1], None, 'name "tool"')))
-    mechanism = loaded(ring(axes) if closed_to_a_ring else chain)
+    axes = [making.axis((math.cos(t), math.sin(t), 0.1 * t), making.direction(rng)) for t in around]
+    bodies = [making.Body(i + 1, i, place) for i, place in enumerate(axes)]
+    chain = making.Mechanism((*bodies, making.Body(making.TOOL, count, axes[-1], None, 'name "tool"')))
+    mechanism = loaded(making.ring(axes) if closed_to_a_ring else chain)
     assert mechanism.mobility == count - 6 * closed_to_a_ring
     solver = cinegen.Solver(mechanism, dt=1.0)
     solver.add_task("tool").target.translation += np.array([0.1, 0.2, 0.1])

@@ -97,12 +97,9 @@ def test_out_of_reach_and_back_a_persistent_solver_always_comes(name, which):
 
 def chain(*lengths: float) -> str:
     """A planar arm of equal joints, all at 0: stretched."""
-    links = [
-        f"link {i + 1} {{ parameters {{ theta 0 d {0 if i == 0 else lengths[i - 1]} }} type 2 pred {i} }}"
-        for i in range(len(lengths))
-    ]
+    links = [f"link {i} {{ parameters {{ d {d} }} type 2 pred {i - 1} }}" for i, d in enumerate((0, *lengths[:-1]), 1)]
     end = f'frame 20 {{ parameters {{ d {lengths[-1]} }} pred {len(lengths)} name "tool" }}'
-    return "robot r { base { } " + " ".join([*links, end]) + " }"
+    return f"robot r {{ {' '.join([*links, end])} }}"
 
 
 @pytest.mark.parametrize("lengths", [(400, 300), (400, 300, 200), (200,) * 5])

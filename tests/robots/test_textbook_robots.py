@@ -7,18 +7,7 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-from elementary import (
-    at,
-    document,
-    length,
-    limits,
-    link,
-    placed,
-    turn,
-    values,
-    within_limits,
-    wrapped,
-)
+from elementary import at, document, length, limits, link, placed, turn, values, within_limits, wrapped
 
 import cinegen
 
@@ -32,9 +21,10 @@ def direction(angle: float) -> np.ndarray:
     return np.array([math.cos(angle), math.sin(angle)])
 
 
-def d_of(name: str, number: int) -> float:
+def of(name: str, number: int, parameter: str) -> float:
+    """A length (m) of a robot's file."""
     text = document(name)
-    return length(text, link(text, number).parameters.d)
+    return length(text, getattr(link(text, number).parameters, parameter))
 
 
 def in_plane(mechanism, q: np.ndarray, node: str = "tool") -> tuple[np.ndarray, float]:
@@ -83,7 +73,7 @@ def test_the_hybrids_extended_jacobian_is_what_plane_geometry_says(robot):
 
 # --- four_bar ----------------------------------------------------------------------------------------------------
 
-CRANK, COUPLER, GROUND, ROCKER = (d_of("four_bar", number) for number in (2, 4, 3, 5))
+CRANK, COUPLER, GROUND, ROCKER = (of("four_bar", number, "d") for number in (2, 4, 3, 5))
 
 
 def four_bar(crank: float, side: float) -> dict[str, float]:
@@ -132,10 +122,9 @@ def test_the_solver_turns_the_crank_several_times_without_leaving_the_branch(rob
         assert within_limits(bar, step.q)
         rocker.append(q_by_name["joint3"])
     assert crank - first > 3.5 * 2.0 * math.pi
-    extremes = [math.acos((GROUND**2 + ROCKER**2 - (COUPLER + sign * CRANK) ** 2) / (2 * GROUND * ROCKER))
-                for sign in (1.0, -1.0)]  # fmt: skip
-    assert min(rocker) == pytest.approx(math.pi - max(extremes), abs=2e-3)
-    assert max(rocker) == pytest.approx(math.pi - min(extremes), abs=2e-3)
+    stretched, folded = (GROUND**2 + ROCKER**2 - (COUPLER + sign * CRANK) ** 2 for sign in (1.0, -1.0))
+    extremes = [math.pi - math.acos(cosine / (2.0 * GROUND * ROCKER)) for cosine in (stretched, folded)]
+    assert [min(rocker), max(rocker)] == pytest.approx(sorted(extremes), abs=2e-3)
 
 
 # --- serial -----------------------------------------------------------------------------------------------------------
@@ -144,22 +133,14 @@ def test_the_solver_turns_the_crank_several_times_without_leaving_the_branch(rob
 
 def random_configurations(mechanism, count: int, seed: int) -> list[np.ndarray]:
     low, high = limits(mechanism, mechanism.joints)
-    rng = np.random.default_rng(seed)
-    return [
-        mechanism.configuration(dict(zip(mechanism.joints, rng.uniform(low, high), strict=True))) for _ in range(count)
-    ]
+    drawn = np.random.default_rng(seed).uniform(low, high, (count, len(low)))
+    return [mechanism.configuration(dict(zip(mechanism.joints, values, strict=True))) for values in drawn]
 
 
 def angles(mechanism, q: np.ndarray) -> list[float]:
     """The joints' values, joint1 first."""
     named = values(mechanism, q)
     return [named[joint] for joint in sorted(named, key=lambda name: int(name[5:]))]
-
-
-def of(name: str, number: int, parameter: str, robot: str | None = None) -> float:
-    """A length (m) of a robot's file."""
-    text = document(name)
-    return length(text, getattr(link(text, number, robot).parameters, parameter))
 
 
 # --- rx90 --------------------------------------------------------------------------------------------------------
@@ -225,8 +206,7 @@ def test_the_sr400s_parallelogram_obeys_its_closed_form(robot):
 # plate's six coordinates to the others.
 
 
-TEXT = document("hybrid")
-PLATE = length(TEXT, link(TEXT, 12).parameters.d)
+PLATE = of("hybrid", 12, "d")
 
 
 def test_the_plate_drifts_as_lee_and_shahs_constraints_say(robot):

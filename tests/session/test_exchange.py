@@ -30,6 +30,12 @@ robot arm {
 """
 
 
+@pytest.fixture
+def arm():
+    """A session of the arm."""
+    return Session(arrange({"arm": cinegen.load(ARM)}))
+
+
 def exchanged(session, *mechanisms, edition=1, **changes):
     """Let a session go on with mechanisms, which have the names that it has."""
     setup = arrange(dict(zip(session.robots, mechanisms, strict=True)))
@@ -50,24 +56,23 @@ def value(session, joint):
     return robot.q[robot.mechanism.q_index(joint)]
 
 
-def test_joints_keep_their_values_by_name_within_the_limits_of_the_file():
-    session = Session(arrange({"arm": cinegen.load(ARM)}))
-    moved = move(session, joint1=0.4, joint2=-0.7, joint3=1.1).robots["arm"].q
-    state = exchanged(session, cinegen.load(ARM.replace("d 300", "d 330")))
+def test_joints_keep_their_values_by_name_within_the_limits_of_the_file(arm):
+    moved = move(arm, joint1=0.4, joint2=-0.7, joint3=1.1).robots["arm"].q
+    state = exchanged(arm, cinegen.load(ARM.replace("d 300", "d 330")))
     assert state.robots["arm"].q == pytest.approx(moved, abs=1e-12)
     assert (state.edition, state.notices) == (1, ())
     renamed = ARM.replace("link 2", "link 7").replace("pred 2", "pred 7")
-    exchanged(session, cinegen.load(renamed), edition=2)
-    assert value(session, "joint7") == pytest.approx(-0.7, abs=1e-6)
+    exchanged(arm, cinegen.load(renamed), edition=2)
+    assert value(arm, "joint7") == pytest.approx(-0.7, abs=1e-6)
     link = "link 5 { type 2 pred 3 parameters { d 100 theta 20 } }"
-    exchanged(session, cinegen.load(ARM.replace("frame 4 { pred 3", f"{link} frame 4 {{ pred 5")), edition=3)
-    assert value(session, "joint5") == pytest.approx(np.radians(20.0))  # a new joint is at home
-    exchanged(session, cinegen.load(ARM), edition=4)
-    assert value(session, "joint3") == pytest.approx(1.1, abs=1e-6)
-    exchanged(session, cinegen.load(ARM.replace("-150 150", "-30 30")), edition=5)
-    assert value(session, "joint3") == pytest.approx(np.radians(30.0), abs=1e-9)
-    exchanged(session, cinegen.load(ARM.replace("link 1 { type 2", "link 1 { type 1")), edition=6)
-    assert value(session, "joint1") == 0.0  # an angle is no length
+    exchanged(arm, cinegen.load(ARM.replace("frame 4 { pred 3", f"{link} frame 4 {{ pred 5")), edition=3)
+    assert value(arm, "joint5") == pytest.approx(np.radians(20.0))  # a new joint is at home
+    exchanged(arm, cinegen.load(ARM), edition=4)
+    assert value(arm, "joint3") == pytest.approx(1.1, abs=1e-6)
+    exchanged(arm, cinegen.load(ARM.replace("-150 150", "-30 30")), edition=5)
+    assert value(arm, "joint3") == pytest.approx(np.radians(30.0), abs=1e-9)
+    exchanged(arm, cinegen.load(ARM.replace("link 1 { type 2", "link 1 { type 1")), edition=6)
+    assert value(arm, "joint1") == 0.0  # an angle is no length
 
 
 def test_loops_are_closed_with_the_actuated_joints_where_they_were(robot, root):
@@ -102,50 +107,47 @@ def test_where_loops_can_not_be_closed_the_robot_is_at_home_and_says_so(robot, r
     assert other.closure(state.q) < 1e-10
 
 
-def test_pins_hold_their_place_and_those_of_lost_nodes_are_named():
-    session = Session(arrange({"arm": cinegen.load(ARM)}))
-    move(session, joint1=0.3, joint2=0.6, joint3=-0.8)
+def test_pins_hold_their_place_and_those_of_lost_nodes_are_named(arm):
+    move(arm, joint1=0.3, joint2=0.6, joint3=-0.8)
     for node in ("bend", "tip"):
-        session.obey(c.Pin("arm", node))
-    ids = [task.id for task in session.state().robots["arm"].tasks]
-    target = session.robots["arm"].placement("bend").translation.copy()
+        arm.obey(c.Pin("arm", node))
+    ids = [task.id for task in arm.state().robots["arm"].tasks]
+    target = arm.robots["arm"].placement("bend").translation.copy()
     without = ARM.replace('frame 4 { pred 3 name "tip" parameters { d 200 } }\n', "").replace("d 250", "d 240")
-    state = exchanged(session, cinegen.load(without)).robots["arm"]
+    state = exchanged(arm, cinegen.load(without)).robots["arm"]
     assert [(task.id, task.node) for task in state.tasks] == [(ids[0], "bend")]
-    assert any("there is no 'tip' any more: its pin has ended" in notice.text for notice in session.state().notices)
-    run(session, 3.0)
-    assert session.robots["arm"].placement("bend").translation[:2] == pytest.approx(target[:2], abs=2e-2)
+    assert any("there is no 'tip' any more: its pin has ended" in notice.text for notice in arm.state().notices)
+    run(arm, 3.0)
+    assert arm.robots["arm"].placement("bend").translation[:2] == pytest.approx(target[:2], abs=2e-2)
 
 
-def test_a_drag_goes_on():
-    session = Session(arrange({"arm": cinegen.load(ARM)}))
-    move(session, joint1=0.3, joint2=0.6, joint3=-0.8)
-    session.obey(c.StartDrag("arm", "tip"))
-    run(session, 0.005)
-    exchanged(session, cinegen.load(ARM.replace("d 250", "d 260")))
-    tip = session.robots["arm"].placement("tip").translation
-    session.obey(c.MoveDrag(tuple(0.95 * tip)))
-    run(session, 0.6)
-    assert session.robots["arm"].placement("tip").translation == pytest.approx(0.95 * tip, abs=1e-4)
-    session.obey(c.EndDrag())
-    assert session.state().robots["arm"].tasks == ()
+def test_a_drag_goes_on(arm):
+    move(arm, joint1=0.3, joint2=0.6, joint3=-0.8)
+    arm.obey(c.StartDrag("arm", "tip"))
+    run(arm, 0.005)
+    exchanged(arm, cinegen.load(ARM.replace("d 250", "d 260")))
+    tip = arm.robots["arm"].placement("tip").translation
+    arm.obey(c.MoveDrag(tuple(0.95 * tip)))
+    run(arm, 0.6)
+    assert arm.robots["arm"].placement("tip").translation == pytest.approx(0.95 * tip, abs=1e-4)
+    arm.obey(c.EndDrag())
+    assert arm.state().robots["arm"].tasks == ()
 
 
-def test_undo_goes_back_across_the_edit_by_joint_names():
-    session = Session(arrange({"arm": cinegen.load(ARM)}))
-    move(session, joint1=0.3)
-    move(session, joint1=0.9, joint3=0.5)
+def test_undo_goes_back_across_the_edit_by_joint_names(arm):
+    move(arm, joint1=0.3)
+    move(arm, joint1=0.9, joint3=0.5)
     edited = ARM.replace("d 250", "d 260").replace("link 2", "link 7").replace("pred 2", "pred 7")
-    exchanged(session, cinegen.load(edited))
-    assert session.state().undo == 2
-    session.obey(c.Undo())
-    run(session, 3.0)
-    assert value(session, "joint1") == pytest.approx(0.3, abs=1e-6)
-    assert value(session, "joint3") == pytest.approx(0.0, abs=1e-6)
-    assert "joint7" in session.robots["arm"].mechanism.joints  # the robot stays that of the file
-    session.obey(c.Redo())
-    run(session, 3.0)
-    assert value(session, "joint1") == pytest.approx(0.9, abs=1e-6)
+    exchanged(arm, cinegen.load(edited))
+    assert arm.state().undo == 2
+    arm.obey(c.Undo())
+    run(arm, 3.0)
+    assert value(arm, "joint1") == pytest.approx(0.3, abs=1e-6)
+    assert value(arm, "joint3") == pytest.approx(0.0, abs=1e-6)
+    assert "joint7" in arm.robots["arm"].mechanism.joints  # the robot stays that of the file
+    arm.obey(c.Redo())
+    run(arm, 3.0)
+    assert value(arm, "joint1") == pytest.approx(0.9, abs=1e-6)
 
 
 def test_an_obstacle_stays_where_it_was_dragged_unless_its_file_moves_it():
@@ -164,14 +166,13 @@ def test_an_obstacle_stays_where_it_was_dragged_unless_its_file_moves_it():
     assert list(state.obstacles) == ["kept", "moved"]
 
 
-def test_an_earlier_edition_that_comes_late_is_not_taken():
-    session = Session(arrange({"arm": cinegen.load(ARM)}))
-    exchanged(session, cinegen.load(ARM.replace("d 250", "d 260")), edition=2)
-    newest = session.robots["arm"].mechanism
-    assert exchanged(session, cinegen.load(ARM), edition=1).edition == 2
-    assert session.robots["arm"].mechanism is newest
-    session.refuse(1, "too late")
-    assert session.state().refused is None
+def test_an_earlier_edition_that_comes_late_is_not_taken(arm):
+    exchanged(arm, cinegen.load(ARM.replace("d 250", "d 260")), edition=2)
+    newest = arm.robots["arm"].mechanism
+    assert exchanged(arm, cinegen.load(ARM), edition=1).edition == 2
+    assert arm.robots["arm"].mechanism is newest
+    arm.refuse(1, "too late")
+    assert arm.state().refused is None
 
 
 def test_settings_time_and_pause_stay():
@@ -198,21 +199,6 @@ def drag(session, name, by, **options):
     state = run(session, 2.0)
     session.obey(c.EndDrag(**options))
     return state.robots[name]
-
-
-@pytest.mark.parametrize(("name", "joint"), [("arm7", "joint1"), ("gough", "joint3")])
-def test_a_drag_does_not_move_a_locked_joint_until_it_is_unlocked(session, name, joint):
-    live = session(name)
-    before, by = value(live, joint), 0.05 * live.robots[name].mechanism.length * np.array([0.3, 1.0, 0.2])
-    live.obey(c.LockJoint(name, joint, True))
-    state = drag(live, name, by)
-    assert state.locked == (joint,)
-    assert value(live, joint) == before
-    assert not np.array_equal(live.robots[name].q, live.robots[name].home)
-    live.obey(c.LockJoint(name, joint, False))
-    state = drag(live, name, by)
-    assert state.locked == ()
-    assert value(live, joint) != before
 
 
 def test_sliders_home_and_lines_do_not_move_a_locked_joint(session):

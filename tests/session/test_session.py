@@ -1,6 +1,7 @@
 """A session as people at it meet it: taking, leading, pinning, undoing, motors, home, sensors, robots on robots."""
 
 import re
+from types import SimpleNamespace
 
 import bipeds
 import numpy as np
@@ -14,25 +15,9 @@ from cinegen.session import Session, Setup, arrange, replay_setup
 from cinegen.session import commands as c
 
 
-def place(state, session, name, node, point=(0.0, 0.0, 0.0)):
-    robot = state.robots[name]
-    return (robot.base * session.setup.robots[name].placement(robot.q, node)).act(np.array(point))
-
-
-POINT = (0.1, 0.0, 0.05)
-
-
-def test_the_point_that_is_taken_goes_where_it_is_led_and_stays_when_it_is_let_go(session):
-    live_session = session("delta4")
-    begin = place(live_session.state(), live_session, "delta4", "link5", POINT)
-    to = begin + np.array([0.1, 0.05, -0.3])
-    state = run(live_session, 0.5, c.StartDrag("delta4", "link5", POINT), c.MoveDrag(tuple(to)))
-    assert np.linalg.norm(place(state, live_session, "delta4", "link5", POINT) - to) < 1e-6
-    assert [(task.source, task.node) for task in state.robots["delta4"].tasks] == [("pointer", "link5")]
-    assert state.robots["delta4"].closure < 1e-11
-    after = run(live_session, 0.1, c.EndDrag())
-    assert after.robots["delta4"].tasks == ()
-    assert np.array_equal(after.robots["delta4"].q, state.robots["delta4"].q)
+def at(session, name, node, point=(0.0, 0.0, 0.0)):
+    """Where a point of a node is in the world."""
+    return session.robots[name].placement(node).act(np.array(point))
 
 
 def test_out_of_reach_is_said_with_how_far(session):
@@ -46,14 +31,14 @@ def test_out_of_reach_is_said_with_how_far(session):
     number = re.fullmatch(r"out of reach by (\S+) mm", status.label)
     assert number, status.label
     assert float(number[1]) == pytest.approx(49_100.0, rel=1e-3)
-    assert place(state, live_session, "planar_3r", end) == pytest.approx([0.9, 0.0, 0.0], abs=1e-5)
+    assert at(live_session, "planar_3r", end) == pytest.approx([0.9, 0.0, 0.0], abs=1e-5)
     status = run(live_session, 3.0, c.MoveDrag((0.9002, 0.0, 0.0))).robots["planar_3r"].status
     assert status.label == "out of reach by 0.2 mm"
 
 
 def test_what_is_let_go_as_a_pin_stays_held_and_what_was_pinned_is_pinned_again_where_it_was_led(session):
     live_session = session("delta4")
-    begin = place(live_session.state(), live_session, "delta4", "platform")
+    begin = at(live_session, "delta4", "platform")
     aside = c.MoveDrag(tuple(begin + np.array([0.1, 0, 0])))
     state = run(live_session, 0.5, c.StartDrag("delta4", "platform", (0, 0, 0)), aside, c.EndDrag(True))
     assert [task.source for task in state.robots["delta4"].tasks] == ["pin"]
@@ -72,7 +57,7 @@ def test_undo_goes_the_way_back_and_redo_goes_it_again(session):
     live_session = session(name)
     home = live_session.state().robots[name].q
     end = live_session.setup.robots[name].end
-    begin = place(live_session.state(), live_session, name, end)
+    begin = at(live_session, name, end)
     length = live_session.setup.robots[name].length
     run(live_session, 1.5, c.StartDrag(name, end, (0, 0, 0)), c.MoveDrag(tuple(begin + 0.05 * length * np.ones(3))))
     at_goal = run(live_session, 0.02, c.EndDrag(True))
@@ -91,7 +76,7 @@ def test_undo_goes_the_way_back_and_redo_goes_it_again(session):
 
 def test_undo_takes_back_a_drag_in_progress(session):
     live = session("planar_3r")
-    home, begin = live.state().robots["planar_3r"].q, place(live.state(), live, "planar_3r", "tool")
+    home, begin = live.state().robots["planar_3r"].q, at(live, "planar_3r", "tool")
     run(live, 1.0, c.StartDrag("planar_3r", "tool", (0, 0, 0)), c.MoveDrag(tuple(begin - [0.2, 0.0, 0.0])))
     state = run(live, 2.0, c.Undo())
     assert np.abs(state.robots["planar_3r"].q - home).max() < 1e-9
@@ -119,11 +104,11 @@ def test_a_switch_ties_a_sensor_to_a_node_and_the_hand_borrows_it(session):
     live = session("delta4")
     state = run(live, 0.2, c.SelectSensor("delta4", "platform", "gamepad"))
     assert [(task.source, task.label) for task in state.robots["delta4"].tasks] == [("sensor", "sensor gamepad")]
-    begin = place(state, live, "delta4", "platform")
+    begin = at(live, "delta4", "platform")
     for _ in range(20):
         live.obey(c.GamepadInput((0, 0, -1, 0, 0, 0), frozenset()))
         state = run(live, 0.01)
-    moved = place(state, live, "delta4", "platform") - begin
+    moved = at(live, "delta4", "platform") - begin
     assert moved[2] < -0.5 * 0.2 * state.settings.linear_speed
     assert np.abs(moved[:2]).max() < 1e-6
     state = run(live, 0.1, c.StartDrag("delta4", "platform", (0, 0, 0)))
@@ -147,11 +132,11 @@ def test_a_sensor_moves_along_the_frame_of_command(robot, closing, frame, way):
     session = closing(Session(Setup(setup.robots, {"arm": turned}, setup.devices, setup.switches)))
     eye = (0.5, 0.5, 0.5, 0.5)  # x to the right is the world's y, y up its z, z towards the viewer its x
     seen = c.ChangeSettings(frame=frame), c.SetView(eye), c.SelectSensor("arm", "tool", "gamepad")
-    state = run(session, 0.01, *seen, c.GamepadInput((0, 1, 0, 0, 0, 0), frozenset()))
-    begin = place(state, session, "arm", "tool")
+    run(session, 0.01, *seen, c.GamepadInput((0, 1, 0, 0, 0, 0), frozenset()))
+    begin = at(session, "arm", "tool")
     tool_y = session.robots["arm"].placement("tool").rotation[:, 1]
-    state = run(session, 0.1)
-    moved = place(state, session, "arm", "tool") - begin
+    run(session, 0.1)
+    moved = at(session, "arm", "tool") - begin
     assert moved / np.linalg.norm(moved) == pytest.approx(tool_y if way is None else way, abs=1e-3)
 
 
@@ -214,15 +199,9 @@ def test_a_recording_is_shown_and_can_not_be_driven(session, tmp_path, closing):
 
 def test_a_motion_that_leads_astray_ends_and_is_told(session):
     live_session = session("delta4")
-
-    class Astray:
-        name, trouble = "home", ""
-
-        def advance(self, dt):
-            return live_session.setup.robots["delta4"].q_home + 0.1  # loops torn
-
     before = live_session.state().robots["delta4"].q
-    live_session.robots["delta4"].motion = Astray()
+    torn = live_session.setup.robots["delta4"].q_home + 0.1
+    live_session.robots["delta4"].motion = SimpleNamespace(name="home", trouble="", advance=lambda dt: torn)
     state = run(live_session, 0.01)
     assert np.array_equal(state.robots["delta4"].q, before)
     assert "leaves loops" in state.notices[-1].text
@@ -242,10 +221,6 @@ def test_a_joint_that_its_limit_stops_is_named(raff, closing):
 
 # --- two drags --------------------------------------------------------------------------------------------------------
 # Two hands at one session: two pointers drag two parts, or two points of one part; each begins and ends by itself.
-
-
-def at(session, name, node, point=(0.0, 0.0, 0.0)):
-    return session.robots[name].placement(node).act(np.array(point))
 
 
 def test_two_pointers_drag_two_robots_each_ends_by_itself_and_both_are_one_undo_step(session):

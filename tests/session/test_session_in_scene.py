@@ -2,6 +2,7 @@
 
 import itertools
 import pickle
+import re
 
 import coal
 import numpy as np
@@ -11,7 +12,7 @@ from clearings import to_shape
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cinegen.collision import load_scene, scene_of
+from cinegen.collision import scene_of
 from cinegen.collision.body import PlacedShape
 from cinegen.collision.convex_hull import hull
 from cinegen.collision.links import link_bodies
@@ -140,9 +141,8 @@ def test_a_motor_that_is_led_into_an_obstacle_stays_before_it(session):
     least = [far(run(live_session, 1)) for _ in range(250)]
     assert min(least) >= SAFETY
     status = live_session.state().robots["arm7"].status
-    name, words = status.name, status.label
-    assert name == "JOINTS"
-    assert words.endswith("would hit 'pole'")
+    assert status.name == "JOINTS"
+    assert status.label.endswith("would hit 'pole'")
     live_session.obey(c.MoveJoint("arm7", "joint1", -0.5))  # a slider that moves on tries again
     assert run(live_session, 400).robots["arm7"].q[0] == pytest.approx(-0.5)
 
@@ -187,25 +187,6 @@ def test_motions_of_joints_home_and_to_a_configuration_obey_the_limits_of_accele
     assert max(map(mechanism.closure, q)) <= 1e-9
 
 
-def test_a_disc_that_moves_by_itself_keeps_clear_too(root, closing):
-    live_session = closing(Session(scene_setup(load_scene(root / "robots" / "scenes" / "discs.toml"), rate=250.0)))
-    scene = live_session.setup.avoidance.scene
-    begin = point(live_session, "mobile", "mobile")
-    run(live_session, 0, c.StartDrag("mobile", "mobile", (0, 0, 0)))
-    least = []
-
-    def seen(state):
-        centre = live_session.robots["mobile"].placement("mobile").translation
-        least.extend(
-            np.linalg.norm(centre - obstacle.placement.translation) - obstacle.written["radius"] - scene.mobile
-            for obstacle in scene.obstacles
-        )
-
-    lead(live_session, line(begin, scene.goal.translation, 200), each=2, seen=seen)
-    assert min(least) >= scene.safety
-    assert min(least) < 3.0 * scene.safety
-
-
 def test_names_that_mean_something_to_the_page_or_are_taken_are_changed(session):
     live = session("arm7", {**POLE, "name": "arm7"}, {**FLOOR, "name": "shelf/left\nside"}, {**POLE, "name": "ends'"})
     assert list(live.robots) == ["arm7"]
@@ -219,10 +200,8 @@ def test_names_that_mean_something_to_the_page_or_are_taken_are_changed(session)
 def test_where_something_is_in_an_obstacle_at_the_beginning_it_is_said(session):
     live_session = session("arm7", {**POLE, "point": [0.24, 0.09, 0.5]})
     status = run(live_session, 5).robots["arm7"].status
-    name, words = status.name, status.label
-    assert name == "TOUCHING"
-    assert words.startswith("'link")
-    assert words.endswith("touches 'pole'")
+    assert status.name == "TOUCHING"
+    assert re.fullmatch("'link.*touches 'pole'", status.label)
 
 
 # --- drawn obstacles --------------------------------------------------------------------------------------------------

@@ -45,10 +45,8 @@ def test_and_of_type_2_on_the_circle_about_elbows_that_fall_together(five_bar):
     for curve in curves:
         for (u, v), q in zip(curve.points, curve.q, strict=True):
             assert min(abs(np.hypot(u, v - y) - 0.4) for y in (-0.2, 0.2)) < 1e-6
-            assert singularity(five_bar.of.mechanism, q, tolerance=1e-5).kind in (
-                SingularityType.TYPE_2,
-                SingularityType.BOTH,
-            )
+            kind = singularity(five_bar.of.mechanism, q, tolerance=1e-5).kind
+            assert kind in (SingularityType.TYPE_2, SingularityType.BOTH)
             assert np.allclose(five_bar.of.mechanism.placement(q, "tool").translation[:2], (u, v), atol=1e-9)
 
 
@@ -98,8 +96,6 @@ def test_the_command_says_what_is_singular_at_a_pose(root, typed):
     said = typed("singular", root / "robots/tssm.raff", "--at", "x=0,y=0,z=20mm,rx=0,ry=0,rz=90").out
     assert said.startswith("tssm: type 2")
     assert "general complex (5a): all six legs belong to one linear complex" in said
-    (report,) = json.loads(typed("singular", root / "robots/tssm.raff", "--json").out)
-    assert (report["name"], report["kind"], report["class"]) == ("tssm", "regular", None)
 
 
 def test_the_command_draws_and_writes_a_scan(root, tmp_path, monkeypatch, typed):
@@ -129,14 +125,11 @@ def test_the_command_finds_where_a_recorded_way_is_singular_between_its_samples(
 
 
 @pytest.mark.parametrize(("code", "arguments", "words"), [
-    (1, ["--over", "x"], "--over x: name two coordinates"),
-    (1, ["--at", "jont1=10"], "no coordinate 'jont1' here (did you mean 'joint1'?): there are x, y, z, rx, ry, rz"),
     (1, ["--at", "joint1=10,x=1"], "no coordinate 'joint1' here: there are"),
     (1, ["--at", "joint2=10"], "no coordinate 'joint2' here (this joint is not actuated): there are"),
     (1, ["--at", "x=90"], "--at x: 90 m is far beyond the reach of linkage, at most 0.8 m: did you mean 90 mm?"),
     (1, ["--over", "x=-550..550,y=-700..700"], "did you mean -550 mm?"),
     (1, ["--over", "rz=-7..7rad,x"], "more than one revolution: did you mean -7..7deg?"),
-    (1, ["--at", "x=0.9"], "--at x=0.9 can't be reached along a straight line from home on its branch"),
     (1, ["--over", "x,y", "--grid", "3", "--plot", "a.tiff9"], "a.tiff9: can't be written"),
     (2, ["--over", "x=1,y"], "'1' is one number: write LOW..HIGH"),
     (2, ["--over", "x=1..b,y"], "--over: x: 'b' is not a length"),

@@ -56,10 +56,8 @@ def test_type_2_of_a_five_bar_is_where_its_outer_bars_are_in_line(robot):
     """Both outer bars on one line: elbows a distance 2 * 400 or 0 apart; here 0, at (0, -200)."""
     mechanism = robot("five_bar")
     elbow = math.atan2(-200.0, 150.0)
-    q = mechanism.close(
-        mechanism.configuration({"joint1": elbow, "joint3": math.pi - elbow, "joint2": 0.3, "joint4": 2.0}),
-        ["joint1", "joint3"],
-    )
+    values = {"joint1": elbow, "joint3": math.pi - elbow, "joint2": 0.3, "joint4": 2.0}
+    q = mechanism.close(mechanism.configuration(values), ["joint1", "joint3"])
     tool, elbow_at = mechanism.placement(q, "tool").translation, mechanism.placement(q, "link2").translation
     assert np.allclose(elbow_at, mechanism.placement(q, "link4").translation, atol=1e-9)
     report = singularity(mechanism, q)

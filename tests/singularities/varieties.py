@@ -25,8 +25,8 @@ class Built:
     pitch: float | None = None
 
 
-def _unit(rng, size=3):
-    v = rng.normal(size=size)
+def _unit(rng):
+    v = rng.normal(size=3)
     return v / np.linalg.norm(v)
 
 
@@ -46,16 +46,13 @@ def _in_plane(angle):
     return np.array([np.cos(angle), np.sin(angle), 0.0])
 
 
-Z = np.array([0.0, 0.0, 1.0])
+X, _, Z = np.eye(3)
 
 
 def one_line(rng, count=2):
     point, direction = rng.normal(size=3), _unit(rng)
-    return Built(
-        GrassmannClass.ONE_LINE,
-        [_at(point, direction, rng) for _ in range(count)],
-        directors=[(point, point + direction)],
-    )
+    segments = [_at(point, direction, rng) for _ in range(count)]
+    return Built(GrassmannClass.ONE_LINE, segments, directors=[(point, point + direction)])
 
 
 def flat_pencil(rng, count=3):
@@ -65,8 +62,8 @@ def flat_pencil(rng, count=3):
 
 def parallels_in_plane(rng, count=3):
     offsets = np.linspace(-1.0, 1.0, count) + rng.uniform(-0.3, 0.3, count)
-    segments = [_at(np.array([0.0, y, 0.0]), np.array([1.0, 0.0, 0.0]), rng) for y in offsets]
-    return Built(GrassmannClass.FLAT_PENCIL, segments, directions=[np.array([1.0, 0.0, 0.0])])
+    segments = [_at(np.array([0.0, y, 0.0]), X, rng) for y in offsets]
+    return Built(GrassmannClass.FLAT_PENCIL, segments, directions=[X])
 
 
 def hyperboloid(rng, count=4):
@@ -96,14 +93,11 @@ def two_pencils(rng, count=4):
 
 
 def two_pencils_one_parallel(rng, count=4):
-    x = np.array([1.0, 0.0, 0.0])
-    tilt = rng.uniform(0.5, 2.5)
-    segments = [_at(np.zeros(3), _in_plane(a), rng) for a in rng.uniform([0.5, 1.8], [1.2, 2.6])]
+    home, tilt = np.zeros(3), rng.uniform(0.5, 2.5)
+    segments = [_at(home, _in_plane(a), rng) for a in rng.uniform([0.5, 1.8], [1.2, 2.6])]
     for y in rng.uniform([-1.2, 0.6], [-0.6, 1.2]):
-        segments.append(_at(y * np.array([0.0, np.cos(tilt), np.sin(tilt)]), x, rng))
-    return Built(
-        GrassmannClass.TWO_PENCILS, segments, points=[np.zeros(3)], directions=[x], directors=[(np.zeros(3), x)]
-    )
+        segments.append(_at(y * np.array([0.0, np.cos(tilt), np.sin(tilt)]), X, rng))
+    return Built(GrassmannClass.TWO_PENCILS, segments, points=[home], directions=[X], directors=[(home, X)])
 
 
 def bundle(rng, count=4):
@@ -124,20 +118,15 @@ def plane(rng, count=4):
 
 def elliptic(rng, count=5):
     """Lines that twist about the z axis, all the same way."""
-    c = rng.uniform(0.5, 1.5)
-    segments = []
-    for _ in range(count):
-        x, y = rng.normal(size=2)
-        segments.append(_at(np.array([x, y, 0.0]), np.array([-y, x, c]), rng))
+    c, places = rng.uniform(0.5, 1.5), rng.normal(size=(count, 2))
+    segments = [_at(np.array([x, y, 0.0]), np.array([-y, x, c]), rng) for x, y in places]
     return Built(GrassmannClass.ELLIPTIC_CONGRUENCE, segments)
 
 
 def hyperbolic(rng, count=5):
-    a, b = (np.zeros(3), np.array([1.0, 0.2, 0.0])), (Z, Z + np.array([-0.3, 1.0, 0.4]))
-    segments = []
-    for s, t in rng.uniform(-2.0, 2.0, (count, 2)):
-        segments.append((a[0] + s * (a[1] - a[0]), b[0] + t * (b[1] - b[0])))
-    return Built(GrassmannClass.HYPERBOLIC_CONGRUENCE, segments, directors=[a, b])
+    first, second = np.array([1.0, 0.2, 0.0]), np.array([-0.3, 1.0, 0.4])
+    segments = [(s * first, Z + t * second) for s, t in rng.uniform(-2.0, 2.0, (count, 2))]
+    return Built(GrassmannClass.HYPERBOLIC_CONGRUENCE, segments, directors=[(np.zeros(3), first), (Z, Z + second)])
 
 
 def hyperbolic_one_far(rng, count=5):
@@ -161,9 +150,8 @@ def parabolic(rng, count=5):
 
 def parabolic_far(rng, count=5):
     """In each plane with normal z all lines are parallel."""
-    segments = []
-    for point, along in _fan(rng, count):
-        segments.append(_at(point + rng.uniform(-1.5, 1.5) * np.cross(Z, along), along, rng))
+    fan = _fan(rng, count)
+    segments = [_at(point + rng.uniform(-1.5, 1.5) * np.cross(Z, along), along, rng) for point, along in fan]
     return Built(GrassmannClass.PARABOLIC_CONGRUENCE, segments, normals=[Z])
 
 
@@ -184,10 +172,9 @@ def degenerate_three_inside(rng):
 
 
 def degenerate_parallel(rng):
-    x = np.array([1.0, 0.0, 0.0])
-    segments = [_at(rng.normal(size=3), x, rng) for _ in range(3)]
+    segments = [_at(rng.normal(size=3), X, rng) for _ in range(3)]
     segments += [_at(rng.normal(size=3) * [1, 1, 0], _in_plane(a), rng) for a in rng.uniform([0.4, 1.7], [1.4, 2.7])]
-    return Built(GrassmannClass.DEGENERATE_CONGRUENCE, segments, directions=[x])
+    return Built(GrassmannClass.DEGENERATE_CONGRUENCE, segments, directions=[X])
 
 
 def general_complex(rng, count=6):

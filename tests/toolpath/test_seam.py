@@ -145,10 +145,7 @@ def test_no_target_jumps(seed, again, work, travel, approach):
 
     def largest(count: int) -> float:
         places = [seam.target(time) for time in np.linspace(0, 2.2 * seam.duration, count)]
-        return max(
-            float(np.linalg.norm(b.translation - a.translation) + np.linalg.norm(b.rotation - a.rotation))
-            for a, b in pairwise(places)
-        )
+        return max(np.linalg.norm(b.homogeneous - a.homogeneous) for a, b in pairwise(places))
 
     count = 50 * math.ceil(seam.duration)
     assert largest(4 * count) < 0.3 * largest(count)
@@ -307,15 +304,11 @@ def weld(tmp_path, monkeypatch):
 
 
 def test_metres_and_degrees_or_other_units(weld):
-    url = weld()
-    seam = open_sensor(
-        f"{url}?distance=10mm&work=15&travel=-5deg&speed=25mm/s&roll=90&approach=0.02&turning=60&ramp=500ms&wait=2&again=back"
-    )
+    url, turned = weld(), "work=15&travel=-5deg&roll=90&turning=60"
+    seam = open_sensor(f"{url}?distance=10mm&speed=25mm/s&{turned}&approach=0.02&ramp=500ms&wait=2&again=back")
     points = [[0, 0, 0], [0.1, 0, 0], [0.2, 0.01, 0]]
-    same = Seam(
-        points, [[0, 0, 1]] * 3, 0.01, math.radians(15), math.radians(-5), 0.025,
-        roll=math.pi / 2, approach=0.02, turning=math.radians(60), ramp=0.5, wait=2.0, again="back",
-    )  # fmt: skip
+    leaning = dict(zip(("work", "travel", "roll", "turning"), np.radians([15, -5, 90, 60]), strict=True))
+    same = Seam(points, [UP] * 3, 0.01, speed=0.025, approach=0.02, ramp=0.5, wait=2.0, again="back", **leaning)
     assert isinstance(seam, Seam)
     assert seam.url == "seam:weld.csv"
     assert seam.duration == pytest.approx(same.duration)

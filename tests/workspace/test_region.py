@@ -10,6 +10,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from mapped import middles, over
 from small_maps import map_of
 
 import cinegen.workspace.extent as module
@@ -76,11 +77,10 @@ def test_a_ball_seen_from_a_centre_measures_what_it_should():
 
 
 def test_a_region_reads_back_from_its_document():
-    region = Region((GridAxis("azimuth", 0.0, 1.0, 3), GridAxis("elevation", 0.0, 1.0, 3)), {"radius": 1.0, "rx": 0.1},
-                    "fixed", (0.0, 1.0, 2.0))  # fmt: skip
-    assert Region.of_document(region.document()) == region
-    line = line_region((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 7)
-    assert Region.of_document(line.document()) == line
+    axes = GridAxis("azimuth", 0.0, 1.0, 3), GridAxis("elevation", 0.0, 1.0, 3)
+    region = Region(axes, {"radius": 1.0, "rx": 0.1}, "fixed", (0.0, 1.0, 2.0))
+    for made in (region, line_region((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 7)):
+        assert Region.of_document(made.document()) == made
 
 
 @pytest.mark.parametrize(
@@ -202,8 +202,9 @@ def test_a_slide_before_a_turn(raff):
 
 
 def test_the_base_stays_where_it_is(robot):
-    assert ReachBounds(robot("rx90"), "base").interval(0) == (-math.inf, math.inf)
-    assert not ReachBounds(robot("rx90"), "base").exclude(np.ones((2, 3)), np.eye(3)[None]).any()
+    bounds = ReachBounds(robot("rx90"), "base")
+    assert bounds.interval(0) == (-math.inf, math.inf)
+    assert not bounds.exclude(np.ones((2, 3)), np.eye(3)[None]).any()
 
 
 # --- default range ----------------------------------------------------------------------------------------------------
@@ -230,32 +231,22 @@ def test_what_is_reached_from_home_lies_in_the_range_of_each_coordinate_that_can
         assert f"{first:.4g}" == f"{first}".removesuffix(".0")  # easily read
 
 
-def test_a_range_is_little_wider_than_what_is_reached(robot):
+def test_a_range_is_little_wider_than_what_is_reached_and_that_of_a_motor_its_limits(robot):
     """Links of 400, 300 and 200 mm: a disc of 0.9 m."""
     for coordinate in "xy":
         low, high = default_range(robot("planar_3r"), coordinate)
         assert -1.0 <= low <= high <= 1.0
     assert default_range(robot("planar_3r"), "x")[1] >= 0.9
-
-
-def test_motors_go_as_far_as_their_limits_or_half_a_turn(robot):
-    five_bar = robot("five_bar")
-    assert default_range(five_bar, "joint1") == pytest.approx((math.radians(60.0), math.radians(200.0)))
+    assert default_range(robot("five_bar"), "joint1") == pytest.approx((math.radians(60.0), math.radians(200.0)))
 
 
 # --- extent -----------------------------------------------------------------------------------------------------------
 # Extents of maps: closed forms lie within the bound, which shrinks as cells do.
 
 
-def measured(region, inside):
-    """Extent of where a function of all middles holds."""
-    middles = np.meshgrid(*(axis.middles() for axis in region.axes), indexing="ij")
-    cells = inside(*middles)
+def counted(region, cells):
+    """Extent of cells, of which all are known."""
     return extent_of(region, "m^2", cells, *bounds(region.periodic, cells, np.zeros_like(cells)))
-
-
-def square(half, count, names="xy", shift=0.0):
-    return Region(tuple(GridAxis(name, -half + shift, half + shift, count) for name in names))
 
 
 @pytest.fixture(scope="module")
@@ -272,21 +263,23 @@ def wrist(tmp_path_factory):
 @given(st.floats(0.2, 1.0), st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.integers(20, 60), st.integers(20, 60))
 @settings(max_examples=200)
 def test_a_disc_is_always_within_the_bound(radius, x, y, rows, columns):
-    region = Region((GridAxis("x", -1.4, 1.4, rows), GridAxis("y", -1.4, 1.4, columns)))
+    region = over(("x", -1.4, 1.4, rows), ("y", -1.4, 1.4, columns))
     assume(radius > 1.5 * max(axis.width for axis in region.axes))
-    area = measured(region, lambda u, v: np.hypot(u - x, v - y) <= radius)
+    u, v = middles(region)
+    area = counted(region, np.hypot(u - x, v - y) <= radius)
     assert area.low <= math.pi * radius**2 <= area.high
     ring = math.hypot(*(axis.width for axis in region.axes))  # nothing is further from the border
     assert area.high - area.low <= 2.0 * math.pi * radius * 4.0 * ring
 
 
 def test_the_bound_shrinks_with_the_cells():
-    errors = [measured(square(1.0, n), lambda u, v: np.hypot(u, v) <= 0.77).error for n in (16, 32, 64, 128, 256)]
+    squares = [over(("x", -1.0, 1.0, n), ("y", -1.0, 1.0, n)) for n in (16, 32, 64, 128, 256)]
+    errors = [counted(square, np.hypot(*middles(square)) <= 0.77).error for square in squares]
     assert all(0.35 < finer / coarser < 0.65 for coarser, finer in pairwise(errors))
 
 
 def test_a_full_region_is_exact():
-    area = measured(square(1.0, 7), lambda u, v: u < 9.0)
+    area = counted(over(("x", -1.0, 1.0, 7), ("y", -1.0, 1.0, 7)), np.ones((7, 7), dtype=bool))
     assert (area.value, area.error) == (pytest.approx(4.0), 0.0)
     assert str(area) == "4 m^2"
 
@@ -296,33 +289,26 @@ def test_a_full_region_is_exact():
 
 @given(st.integers(1, 29))
 def test_where_a_whole_turn_begins_makes_no_difference(turn):
-    axes = GridAxis("azimuth", -math.pi, math.pi, 30), GridAxis("elevation", -1.5, 1.5, 15)
-    region = Region(axes, {"radius": 1.0})
-    middles = np.meshgrid(*(axis.middles() for axis in axes), indexing="ij")
-    cells = np.hypot(middles[0] - 0.3, middles[1]) < 1.0
-    rolled = np.roll(cells, turn, axis=0)
-    original, other = (
-        extent_of(region, "m^2", these, *bounds(region.periodic, these, np.zeros_like(these)))
-        for these in (cells, rolled)
-    )
-    for name in ("value", "low", "high"):
-        assert getattr(original, name) == pytest.approx(getattr(other, name))
+    region = over(("azimuth", -math.pi, math.pi, 30), ("elevation", -1.5, 1.5, 15), at={"radius": 1.0})
+    azimuth, elevation = middles(region)
+    cells = np.hypot(azimuth - 0.3, elevation) < 1.0
+    original, other = (counted(region, these) for these in (cells, np.roll(cells, turn, axis=0)))
+    assert (other.value, other.low, other.high) == pytest.approx((original.value, original.low, original.high))
 
 
 @pytest.mark.parametrize("at_once", [1, 100, 700])
 @pytest.mark.parametrize("names", [("x", "y"), ("azimuth", "elevation")])
 def test_slabs_count_as_the_whole_does(monkeypatch, names, at_once):
-    region = Region((GridAxis(names[0], -math.pi, math.pi, 23), GridAxis(names[1], -1.5, 1.5, 31)),
-                    {"radius": 1.0} if names[0] == "azimuth" else {})  # fmt: skip
+    axes = (names[0], -math.pi, math.pi, 23), (names[1], -1.5, 1.5, 31)
+    region = over(*axes, at={"radius": 1.0} if names[0] == "azimuth" else {})
     rng = np.random.default_rng(3)
-    u, v = np.meshgrid(*(axis.middles() for axis in region.axes), indexing="ij")
+    u, v = middles(region)
     cells, unknown = (np.abs(u) > 2.0) & (np.abs(v) < 1.0), rng.random(region.shape) < 0.02
     whole = extent_of(region, "m^2", cells & ~unknown, *bounds(region.periodic, cells, unknown))
     monkeypatch.setattr(module, "_AT_ONCE", at_once)
     slabs = module._in_slabs(region, "m^2", lambda rows: (cells[rows], unknown[rows]))
-    assert (slabs.value, slabs.low, slabs.high, slabs.cells) == pytest.approx(
-        (whole.value, whole.low, whole.high, whole.cells)
-    )
+    for name in ("value", "low", "high", "cells"):
+        assert getattr(slabs, name) == pytest.approx(getattr(whole, name))
 
 
 def test_what_nobody_has_looked_at_may_be_there(wrist):

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from mapped import over
 from small_robots import four_bar, two_bars
 
 import cinegen
 import raff2urdf
 from cinegen.plotting.sweep import draw_sweep
-from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map, open_map
+from cinegen.workspace import MapError, MapSpecification, make_map, open_map
 from cinegen.workspace.sweep import SweptParameter, Variation, WantedBox, sweep, variants
 from cinegen.workspace.sweep.box import BoxConfigurations, dexterity, regularity
 from cinegen.workspace.sweep.variants import KLEINFINGER
@@ -27,15 +28,13 @@ def arm_within(limit: int) -> str:
 
 
 @pytest.fixture
-def arm(tmp_path):
+def arm(text_file):
     """The path of an arm."""
-    path = tmp_path / "arm.raff"
-    path.write_text(arm_within(180), encoding="utf-8")
-    return path
+    return text_file("arm.raff", arm_within(180))
 
 
 def square(half, count):
-    return Region((GridAxis("x", -half, half, count), GridAxis("y", -half, half, count)))
+    return over(("x", -half, half, count), ("y", -half, half, count))
 
 
 def parse(*texts):
@@ -152,11 +151,9 @@ def test_a_wanted_box_is_wholly_reached_or_not(arm, tmp_path):
 @pytest.fixture(scope="module")
 def coarse(tmp_path_factory):
     """A specification of the planar arm in few cells, and the configurations of its map."""
-    folder = tmp_path_factory.mktemp("coarse")
-    (folder / "arm.raff").write_text(arm_within(180), encoding="utf-8")
-    region = Region((GridAxis("x", 0.2, 0.7, 5), GridAxis("y", -0.4, 0.4, 6)))
-    spec = MapSpecification(cinegen.load(folder / "arm.raff"), region, ("sigma_1",))
-    return spec, make_map(spec, folder / "map.zarr", workers=1).configuration.values
+    region = over(("x", 0.2, 0.7, 5), ("y", -0.4, 0.4, 6))
+    spec = MapSpecification(cinegen.load(arm_within(180)), region, ("sigma_1",))
+    return spec, make_map(spec, tmp_path_factory.mktemp("coarse") / "map.zarr", workers=1).configuration.values
 
 
 @given(st.floats(0.2, 0.65), st.floats(-0.4, 0.35), st.floats(0.01, 0.3), st.floats(0.01, 0.3))
@@ -184,7 +181,7 @@ def test_a_box_is_reached_as_far_as_its_far_corners_are(coarse, x, y, wide, high
 
 def test_motors_lose_hold_of_a_five_bar_where_its_outer_bars_are_in_line(robot, tmp_path):
     """Boxes of a few cells, here and there: seen is what the sign of the sine says, though no sample is singular."""
-    region = Region((GridAxis("x", -0.3, 0.3, 28), GridAxis("y", -0.6, 0.6, 28)))
+    region = over(("x", -0.3, 0.3, 28), ("y", -0.6, 0.6, 28))
     spec = MapSpecification(robot("five_bar"), region, limits=False)
     dataset = make_map(spec, tmp_path / "map.zarr", workers=1)
     q, sure = dataset.configuration.values, 0
@@ -208,14 +205,11 @@ def test_motors_lose_hold_of_a_five_bar_where_its_outer_bars_are_in_line(robot, 
 # --- loops that don't close -------------------------------------------------------------------------------------------
 
 
-def test_variants_whose_loops_can_not_be_closed_are_told_and_passed_over(tmp_path):
-    path = tmp_path / "bars.raff"
-    path.write_text(four_bar((70, -60, 70), (100, 300, 300, 100), ("actuated 1", "", "")), encoding="utf-8")
-    said = []
-    region = Region((GridAxis("joint1", math.radians(60), math.radians(80), 8),))
-    table = sweep(
-        path, parse("link3.d=200..800:4"), region, tmp_path / "out", workers=1, report=lambda *done: said.append(done)
-    )
+def test_variants_whose_loops_can_not_be_closed_are_told_and_passed_over(text_file, tmp_path):
+    path = text_file("bars.raff", four_bar((70, -60, 70), (100, 300, 300, 100), ("actuated 1", "", "")))
+    said, lengths = [], parse("link3.d=200..800:4")
+    region = over(("joint1", math.radians(60), math.radians(80), 8))
+    table = sweep(path, lengths, region, tmp_path / "out", workers=1, report=lambda *done: said.append(done))
     closed = [d <= 500.0 for d in (200.0, 400.0, 600.0, 800.0)]  # the longest bar against the others
     assert [row.dexterity is not None for row in table.rows] == closed
     assert "the mechanism can't be closed: these loops remain open: 'frame4-frame5'" in table.rows[-1].remark

@@ -52,18 +52,15 @@ UNREAD = {
 def test_each_is_refused_at_its_line_with_a_remedy(dialect, bars):
     added, says = UNREAD[dialect]
     path = bars(added)
-    with pytest.raises(RaffError) as caught:
+    with pytest.raises(RaffError, match=f"^{re.escape(f'{path}:6: {says}')}") as caught:
         readers.read(path)
-    assert str(caught.value).startswith(f"{path}:6: {says}")
     assert "--ignore-loops (in Python ignore_loops=True)" in str(caught.value)
     word = re.search(r'--ignore (\S+) [(]in Python ignore=\["\1"\][)]', str(caught.value))
     assert word or dialect == "raff2urdf"
     if word:
         with pytest.warns(RaffWarning, match=r"left out, as requested: .*\(line 6\)"):
             assert readers.read(path, ignore=[word[1]]).constraints is None
-    with pytest.warns(
-        RaffWarning, match=r"left out, as requested; every joint moves independently: .*\(line [67]\)"
-    ) as seen:
+    with pytest.warns(RaffWarning, match=r"requested; every joint moves independently: .*\(line [67]\)") as seen:
         assert readers.read(path, ignore_loops=True).constraints is None
     assert len(seen) == 1
 
@@ -116,8 +113,7 @@ def test_a_sidecar_file_must_close_as_many_loops_as_are_declared(bars, tmp_path)
     "<enclosure/>",
 ])  # fmt: skip
 def test_what_is_no_loop_raises_no_alarm(added, bars):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         assert readers.read(bars(added))[1] is None
 
 
@@ -162,12 +158,8 @@ YML = "{0} is not read under this name: rename it to {1}"
 GONE = "{} is a link to gone.json, which does not exist: restore that file"
 
 
-def renamed(*pairs):
-    def change(folder):
-        for old, new in pairs:
-            (folder / old).rename(folder / new)
-
-    return change
+def renamed(old, new):
+    return lambda folder: (folder / old).rename(folder / new)
 
 
 def instead(name, text=None):
@@ -184,14 +176,14 @@ LOOP = "closed_loop: [[link5, link3]]\ntype: [6d]\n"
 
 
 @pytest.mark.parametrize(("change", "says"), [
-    (renamed(("five_bar.urdf", "r.urdf")), f"{RENAMED.format(KEPT)}r.constraints.json, or leave the loops open"),
-    (renamed((KEPT, f"five_bar.urdf.{KEPT}")), f"{RENAMED.format(f'five_bar.urdf.{KEPT}')}five_bar"),
+    (renamed("five_bar.urdf", "r.urdf"), f"{RENAMED.format(KEPT)}r.constraints.json, or leave the loops open"),
+    (renamed(KEPT, f"five_bar.urdf.{KEPT}"), f"{RENAMED.format(f'five_bar.urdf.{KEPT}')}five_bar"),
     (instead("robot.yaml"), GONE.format("robot.yaml")),
     (instead("Robot.yaml", LOOP), YML.format("Robot.yaml", "robot.yaml")),
     (instead("five_bar.yml", LOOP), YML.format("five_bar.yml", "five_bar.yaml")),
     # a copy: the constraints name the URDF by its hash, though they belong to another one by their name
     (lambda folder: shutil.copy(folder / "five_bar.urdf", folder / "r.urdf"), COPIED.format(KEPT)),
-    (lambda folder: renamed((KEPT, "any.json"))(shutil.copy(folder / "five_bar.urdf", folder / "r.urdf").parent),
+    (lambda folder: renamed(KEPT, "any.json")(shutil.copy(folder / "five_bar.urdf", folder / "r.urdf").parent),
      COPIED.format("any.json")),
 ])  # fmt: skip
 def test_loops_that_a_file_of_another_name_holds_are_not_lost(change, says, five_bar):
@@ -203,11 +195,10 @@ def test_loops_that_a_file_of_another_name_holds_are_not_lost(change, says, five
 
 
 def edited(folder, old, new):
-    urdf = folder / "five_bar.urdf"
-    text = urdf.read_text()
+    text = (folder / "five_bar.urdf").read_text()
     assert old in text
-    urdf.write_text(text.replace(old, new, 1))
-    return urdf
+    (folder / "five_bar.urdf").write_text(text.replace(old, new, 1))
+    return folder / "five_bar.urdf"
 
 
 @pytest.mark.parametrize(("old", "new"), [
@@ -243,25 +234,24 @@ def test_a_limit_that_is_edited_in_the_urdf_holds(five_bar):
 
 
 def quiet(path):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         return readers.read(path)[1]
 
 
 def test_constraints_of_another_robot(five_bar, root):
     """They share the names of most links and joints."""
-    raff2urdf.convert(root / "robots" / "four_bar.raff", five_bar)
-    raff2urdf.convert(root / "robots" / "planar_3r.raff", five_bar)
-    (five_bar / "planar_3r.constraints.json").unlink()
-    (five_bar / "four_bar.urdf").unlink()
+    for name, lost in (("four_bar", "urdf"), ("planar_3r", "constraints.json")):
+        raff2urdf.convert(root / "robots" / f"{name}.raff", five_bar)
+        (five_bar / f"{name}.{lost}").unlink()
     urdf = five_bar / "planar_3r.urdf"
     urdf.write_text(re.sub("  <!--.*-->\n", "", urdf.read_text()))
     assert quiet(urdf) is None
 
 
-@pytest.mark.parametrize(
-    "text", ["", "[]", "{}", '{"loops": 5}', '{"loops": [], "joints": [], "robot": "linkage"}', "[" * 9999]
-)
+NO_CONSTRAINTS = ["", "[]", "{}", '{"loops": 5}', '{"loops": [], "joints": [], "robot": "linkage"}', "[" * 9999]
+
+
+@pytest.mark.parametrize("text", NO_CONSTRAINTS)
 def test_files_that_are_no_constraints(text, five_bar):
     (five_bar / "five_bar.constraints.json").rename(five_bar / "five_bar.constraints.json.bak")
     (five_bar / "constraints.json").write_text(text)

@@ -4,7 +4,6 @@ import json
 import os
 import re
 import warnings
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -34,10 +33,8 @@ def refused(folder: Path, message: str, **files: str) -> None:
     for name, text in files.items():
         (folder / name.replace("__", ".")).write_text(text, encoding="utf-8")
     path = folder / next(iter(files)).replace("__", ".")
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        with pytest.raises((RaffError, cinegen.CinegenError), match=message):
-            cinegen.load(path)
+    with warnings.catch_warnings(action="error"), pytest.raises((RaffError, CinegenError), match=message):
+        cinegen.load(path)
 
 
 # --- numbers -----------------------------------------------------------------------------------------------------
@@ -51,13 +48,9 @@ def test_numbers_of_loop_closures_yaml(tmp_path: Path, number: str) -> None:
 
 def test_an_mjcf_with_an_error_leaves_the_next_one_readable(tmp_path: Path) -> None:
     """MuJoCo 4.0 did not end at a warning after this error."""
-    pytest.importorskip("mujoco")
-    anchor = (
-        '<mujoco><worldbody><body name="a"/></worldbody><equality><connect body1="a" anchor=""/></equality></mujoco>'
-    )
-    refused(tmp_path, "can't read it", r__xml=anchor)
-    rgba = '<mujoco><worldbody><body name="a"><geom rgba="nan 0 0 1" size="1"/></body></worldbody></mujoco>'
-    refused(tmp_path, "its rgba must be four numbers", r__xml=rgba)
+    equality = '<equality><connect body1="a" anchor=""/></equality></mujoco>'
+    refused(tmp_path, "can't read it", r__xml=BODY.format("", "").replace("</mujoco>", equality))
+    refused(tmp_path, "its rgba must be four numbers", r__xml=BODY.format("", '/><geom rgba="nan 0 0 1" size="1"'))
 
 
 @pytest.mark.parametrize(("attributes", "message"), [
@@ -67,23 +60,19 @@ def test_an_mjcf_with_an_error_leaves_the_next_one_readable(tmp_path: Path) -> N
     (("", '/><geom rgba="nan 0 0 1" size="1"'), "geom 'geom0' of body 'a': its rgba must be four numbers, not .nan"),
 ])  # fmt: skip
 def test_numbers_of_mjcf(tmp_path: Path, attributes: tuple[str, str], message: str) -> None:
-    pytest.importorskip("mujoco")
     refused(tmp_path, message, r__xml=BODY.format(*attributes))
 
 
-def test_numbers_of_couplings_in_raff(tmp_path: Path) -> None:
-    for what, message in (
-        (
-            "ratio -1e308",
-            r"r.raff:3:24: what link 1 adds to link 2 has coefficients beyond 1e\+12 in SI units, or all below",
-        ),
-        ("ratio 1e-13", "all below 1e-12"),
-        (f"polynomial ( {300 * '1e300 '})", r"beyond 1e\+12"),  # divided by a power of a degree, which is 0
-        ("ratio 1 offset -1e308", r"r.raff:3:41: the 'offset' of link 2 in a coupling is beyond 1e\+12"),
-    ):
-        coupling = f"coupling {{ link 2 link 1 {what} }}"
-        text = f"RAFF x\nrobot r {{ base {{ }} link 1 {{ type 2 pred 0 }} link 2 {{ type 2 pred 1 }}\n{coupling} }}"
-        refused(tmp_path, message, r__raff=text)
+@pytest.mark.parametrize(("what", "message"), [
+    ("ratio -1e308", r":3:24: what link 1 adds to link 2 has coefficients beyond 1e\+12 in SI units, or all below"),
+    ("ratio 1e-13", "all below 1e-12"),
+    (f"polynomial ( {300 * '1e300 '})", r"beyond 1e\+12"),  # divided by a power of a degree, which is 0
+    ("ratio 1 offset -1e308", r"r.raff:3:41: the 'offset' of link 2 in a coupling is beyond 1e\+12"),
+], ids=["too-large", "too-small", "too-many-powers", "offset"])  # fmt: skip
+def test_numbers_of_couplings_in_raff(tmp_path: Path, what: str, message: str) -> None:
+    coupling = f"coupling {{ link 2 link 1 {what} }}"
+    text = f"RAFF x\nrobot r {{ base {{ }} link 1 {{ type 2 pred 0 }} link 2 {{ type 2 pred 1 }}\n{coupling} }}"
+    refused(tmp_path, message, r__raff=text)
 
 
 def test_a_velocity_limit_that_would_be_taken_for_none(tmp_path: Path) -> None:
@@ -114,21 +103,13 @@ def test_shapes_and_masses(tmp_path: Path, content: str, message: str, capfd: py
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize(
-    ("inertial", "lacks"),
-    [
-        ('<mass value="1"/>', "inertia"),
-        ('<mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0"/>', "izz of <inertia>"),
-    ],
-)
-def test_an_incomplete_mass_is_reported(
-    text_file: Callable[[str, str], Path], inertial: str, lacks: str, capfd: pytest.CaptureFixture[str]
-) -> None:
-    path = text_file("r.urdf", of_b(f"<inertial>{inertial}</inertial>"))
-    with pytest.warns(
-        cinegen.CinegenWarning, match=rf"r.urdf:2: the <inertial> of link 'b' has no {lacks}: its mass is"
-    ):
-        cinegen.load(path)
+@pytest.mark.parametrize(("inertia", "lacks"), [
+    ("", "inertia"), ('<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0"/>', "izz of <inertia>"),
+])  # fmt: skip
+def test_an_incomplete_mass_is_reported(inertia: str, lacks: str, capfd: pytest.CaptureFixture[str]) -> None:
+    text = of_b(f'<inertial><mass value="1"/>{inertia}</inertial>')
+    with pytest.warns(cinegen.CinegenWarning, match=f":2: the <inertial> of link 'b' has no {lacks}: its mass is"):
+        cinegen.load(text)
     assert capfd.readouterr() == ("", "")
 
 
@@ -142,7 +123,6 @@ LAUGHS = f'<!DOCTYPE l [<!ENTITY a "aaaaaaaaaa">{ENTITIES}]>'
     (LAUGHS + '<robot name="r"><link name="&j;"/></robot>', "amplification factor exceeded"),
     (LAUGHS + '<robot name="r"><link name="a">&j;</link></robot>', "amplification factor exceeded|is not read"),
     ('<xacro:robot name="r"/>', "its first element is <xacro:robot>: this is not a robot"),
-    (URDF.format("", "").replace('"j"', '"j&#x202e;"'), r"of this joint holds a character that can't be printed"),
 ])  # fmt: skip
 def test_xml(tmp_path: Path, text: str, message: str) -> None:
     refused(tmp_path, message, r__urdf=text)
@@ -201,9 +181,7 @@ def scara(root: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
     (COUPLING, '<!-- --><raff:term joint="oint4" coefficients="1"/>',
      "raff:coupling 'screw' must have numbers, .* did you mean 'joint4'"),
 ])  # fmt: skip
-def test_own_elements_of_an_sdf_are_read_or_refused(
-    scara: str, tmp_path: Path, old: str | re.Pattern[str], new: str, why: str
-) -> None:
+def test_own_elements_of_an_sdf_are_read_or_refused(scara: str, tmp_path: Path, old, new: str, why: str) -> None:
     text = scara.replace(old, new) if isinstance(old, str) else old.sub(new, scara)
     refused(tmp_path, rf"scara.sdf:\d+: {why}", scara__sdf=text)
 
@@ -225,20 +203,18 @@ def test_words_of_any_length_are_compared_at_once() -> None:
 
 def test_devices_and_pipes_next_to_a_urdf(tmp_path: Path) -> None:
     (tmp_path / "r.urdf").write_text(URDF.format("", ""))
-    for name in ("r.constraints.json", "robot.yaml", "loop_closures.yaml"):
+    for name in ("robot.yaml", "loop_closures.yaml"):
         os.mkfifo(tmp_path / name)
-        if name == "r.constraints.json":
-            refused(tmp_path, "r.constraints.json: is not a file", r__urdf=URDF.format("", ""))
-        else:
-            assert read(tmp_path / "r.urdf").constraints is None
-        (tmp_path / name).unlink()
+        assert read(tmp_path / "r.urdf").constraints is None
+    os.mkfifo(tmp_path / "r.constraints.json")
+    refused(tmp_path, "r.constraints.json: is not a file", r__urdf=URDF.format("", ""))
 
 
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="no /dev/zero")
 @pytest.mark.parametrize("name", ["r.urdf", "r.raff", "r.sdf", "r.xml"])
 def test_a_file_without_an_end(tmp_path: Path, name: str) -> None:
     (tmp_path / name).symlink_to("/dev/zero")
-    with pytest.raises((RaffError, cinegen.CinegenError), match="this is a device, not a file"):
+    with pytest.raises((RaffError, CinegenError), match="this is a device, not a file"):
         cinegen.load(tmp_path / name)
 
 
@@ -251,7 +227,6 @@ def test_a_file_of_gigabytes(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("element", ["<include file='{0}'/>", "<asset><model name='x' file='{0}'/></asset>"])
 def test_mjcf_includes_files_near_it_only(tmp_path: Path, element: str) -> None:
-    pytest.importorskip("mujoco")
     folder = tmp_path / "some" / "robot"
     folder.mkdir(parents=True)
     (tmp_path / "secret.xml").write_text("<mujocoinclude/>")
@@ -263,17 +238,14 @@ def test_mjcf_includes_files_near_it_only(tmp_path: Path, element: str) -> None:
     refused(folder, "'pipe.xml' is not a regular file", r__xml="<mujoco>" + element.format("pipe.xml") + body)
 
 
-def test_an_error_lists_twenty_problems(tmp_path: Path) -> None:
+def test_an_error_lists_twenty_problems() -> None:
     links = "\n".join(f"link {i} {{ type 7 pred 0 }}" for i in range(1, 100))
-    (tmp_path / "r.raff").write_text(f"RAFF x\nrobot r {{ base {{ }}\n{links}\n}}")
     with pytest.raises(RaffError, match=r"and 79 more$") as caught:
-        cinegen.load(tmp_path / "r.raff")
+        cinegen.load(f"RAFF x\nrobot r {{ base {{ }}\n{links}\n}}")
     assert len(caught.value.problems) == 99
 
 
-def test_an_error_quotes_some_of_a_long_text(text_file: Callable[[str, str], Path]) -> None:
-    text = URDF.format(f'<limit velocity="1e{"a" * 1_000_000}"/>', "")
-    path = text_file("r.urdf", text)
+def test_an_error_quotes_some_of_a_long_text() -> None:
     with pytest.raises(CinegenError, match="is not a number") as error:
-        cinegen.load(path)
+        cinegen.load(URDF.format(f'<limit velocity="1e{"a" * 1_000_000}"/>', ""))
     assert len(str(error.value)) < 5000

@@ -38,7 +38,6 @@ BAR = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro">
 
 @pytest.fixture
 def bars(text_file):
-    pytest.importorskip("xacro")
     text_file("bar.xacro", BAR)
     return lambda name, text=BARS: text_file(name, text)
 
@@ -146,10 +145,8 @@ def test_an_argument_is_a_name_and_a_value(argument, bars, typed):
 
 
 def test_a_file_of_macros_names_those_that_call_them(tmp_path, text_file, typed):
-    xacro, include = (
-        '<robot {0} xmlns:xacro="http://www.ros.org/wiki/xacro">{1}</robot>',
-        '<xacro:include filename="{}"/>',
-    )
+    xacro = '<robot {0} xmlns:xacro="http://www.ros.org/wiki/xacro">{1}</robot>'
+    include = '<xacro:include filename="{}"/>'
     (tmp_path / "robots").mkdir()
     (tmp_path / "macros").mkdir()
     (tmp_path / "package.xml").write_text("<package><name>arms</name></package>")
@@ -187,7 +184,6 @@ def test_without_xacro_the_error_names_the_command_that_installs_it(text_file, m
 
 
 def test_a_urdf_may_name_variables_of_the_environment(text_file, monkeypatch):
-    pytest.importorskip("xacro")
     mount = joint_text("mount", "base", "imu", '<origin xyz="$(optenv IMU_XYZ 0.1 0 0.2)"/>', "fixed")
     path = text_file("rover.urdf", robot(links("base", "imu"), mount))
     monkeypatch.delenv("IMU_XYZ", raising=False)

@@ -166,8 +166,7 @@ def test_a_robot_that_floats_has_a_base_that_moves():
     assert robot.base.parameters.r == 400
     made = translate(imported.document, robot, Path())
     assert made.constraints["floating"] == "joint0"
-    again = import_tree(parse(made.urdf, "y"), "y", made.constraints)
-    assert again.document.robot().movable
+    assert import_tree(parse(made.urdf, "y"), "y", made.constraints).document.robot().movable
 
 
 def test_names_that_raff_cant_say_are_changed_and_told():
@@ -194,13 +193,10 @@ def test_a_urdf_of_raff_gives_its_file_back(root):
     imported = import_tree(parse(made.urdf, "x"), "x", made.constraints, document.units)
     robot = imported.document.robot()
     assert [link.number for link in robot.links] == [link.number for link in document.robot().links]
-    assert {link.number: link.parameters for link in robot.links} == {
-        link.number: link.parameters for link in document.robot().links
-    }
+    assert [link.parameters for link in robot.links] == [link.parameters for link in document.robot().links]
     assert set(imported.offsets.values()) == {0.0}
     again = translate(imported.document, robot, root / "robots")
-    assert again.urdf == made.urdf
-    assert again.constraints == made.constraints
+    assert (again.urdf, again.constraints) == (made.urdf, made.constraints)
 
 
 COUPLED = """RAFF Coupled
@@ -225,8 +221,7 @@ robot coupled {{
     'name "wrist" link 5 link 1 ratio 0.5 link 2 ratio -0.5 link 3 radius 3',
 ])  # fmt: skip
 def test_a_coupling_of_raff_comes_back_as_it_was_written(coupling, units):
-    text = COUPLED.format(units=units, couplings=f"coupling {{ {coupling} }}")
-    document = parse_raff(text)
+    document = parse_raff(COUPLED.format(units=units, couplings=f"coupling {{ {coupling} }}"))
     made = translate(document, document.robot(), Path())
     imported = import_tree(parse(made.urdf, "x"), "x", made.constraints, units)
     (written,) = document.robot().couplings
@@ -388,27 +383,22 @@ def test_what_raff2urdf_draws_itself_is_drawn_again(root, tmp_path):
     """A skeleton needs no files."""
     convert(root / "robots/four_bar.raff", tmp_path)
     imported = raff2urdf.to_raff(tmp_path / "four_bar.urdf", tmp_path / "four_bar.raff")
-    robot = imported.document.robot()
-    assert all(part.filenames is None for part in (robot.base, *robot.parts))
+    assert all(part.filenames is None for part in imported.document.robot().nodes.values())
     assert not (tmp_path / "four_bar_graphics").exists()
     (made,) = convert(tmp_path / "four_bar.raff", tmp_path / "again")
     assert made.urdf.read_bytes() == (tmp_path / "four_bar.urdf").read_bytes()
 
 
-@pytest.mark.parametrize(
-    ("visual", "says"),
-    [
-        (MESH.format("meshes/part.stl", ' scale="1 1"', ""), r'arm.urdf:3: scale="1 1" of <mesh> in link .* must be 3'),
-        ('<visual><geometry><torus radius="1"/></geometry></visual>', r"arm.urdf:3: the shape <torus> is not in URDF"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("visual", "says"), [
+    (MESH.format("meshes/part.stl", ' scale="1 1"', ""), r'arm.urdf:3: scale="1 1" of <mesh> in link .* must be 3'),
+    ('<visual><geometry><torus radius="1"/></geometry></visual>', r"arm.urdf:3: the shape <torus> is not in URDF"),
+])  # fmt: skip
 def test_a_shape_that_is_wrong_is_told_by_its_line(mesh_folder, capsys, visual, says):
     path = write(mesh_folder, base=visual, upper=BOX)
     before = set(mesh_folder.rglob("*"))
     assert main([str(path), "-o", str(mesh_folder / "out/arm.raff")]) == 1
     out, err = capsys.readouterr()
     assert out == ""
-    assert "Traceback" not in err
     assert re.search(says, err)
     assert set(mesh_folder.rglob("*")) == before
     if "scale" not in says:  # a URDF whose numbers are wrong is refused
@@ -426,10 +416,8 @@ def test_a_link_whose_mesh_cannot_be_had_is_drawn_as_a_skeleton(mesh_folder, nam
     with pytest.warns(raff2urdf.RaffWarning, match=warned) as seen:
         imported = raff2urdf.to_raff(path, mesh_folder / "arm.raff")
     assert len(seen) == 1
-    robot = imported.document.robot()
-    files = {part.node: part.filenames for part in (robot.base, *robot.parts)}
-    assert files["base_link"] is None
-    assert files["upper"] == ("arm_graphics/upper.glb",)
+    files = {part.node: part.filenames for part in imported.document.robot().nodes.values()}
+    assert (files["base_link"], files["upper"]) == (None, ("arm_graphics/upper.glb",))
     (made,) = convert(mesh_folder / "arm.raff", mesh_folder / "again")
     drawn = {link.get("name"): link.findall("visual/geometry/*") for link in etree.parse(made.urdf).iter("link")}
     assert {shape.tag for shape in drawn["base"]} >= {"mesh", "cylinder"}  # the tube to the joint, and its hinge
@@ -440,7 +428,7 @@ def test_a_mesh_that_the_raff_file_may_not_name_is_copied(mesh_folder):
     """So that the file can be read where it is written."""
     path = write(mesh_folder, base=MESH.format("meshes/part.stl", "", ""))
     imported = raff2urdf.to_raff(path, mesh_folder / "far/away/arm.raff")
-    files = [part.filenames for part in (imported.document.robot().base, *imported.document.robot().parts)]
+    files = [part.filenames for part in imported.document.robot().nodes.values()]
     assert ("arm_graphics/base_link.glb",) in files
     (made,) = convert(mesh_folder / "far/away/arm.raff", mesh_folder / "again")
     assert shown(made.urdf)["base_link"][0][0] == pytest.approx(shown(path)["base_link"][0][0], rel=1e-5)
