@@ -126,7 +126,7 @@ def _plain(value: Any) -> Any:
 def _encoded(value: Any) -> Any:
     if isinstance(value, pin.SE3):
         return pin.SE3ToXYZQUAT(value).tolist()
-    if isinstance(value, np.ndarray):
+    if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     raise NotImplementedError(f"a {type(value).__name__} has no form in JSON")
 

@@ -79,7 +79,7 @@ def _test(program: Program, cases: Cases) -> dict[str, Any]:
     return {
         "cases": "\n".join(lines), "fabs": function("abs", language), "fmax": fmax, "aims": aims,
         "frames": 12 * program.memory.nodes, "closure": literal(program.closure, language),
-        "tolerance": literal(program.tolerance, language), "counts_iterations": int(not language.is_single),
+        "tolerance": literal(program.tolerance, language),
         "placed_at_aims": placed("AIMS", 9), "placed_as_reached": placed("REACHED", 0),
         **{f"{what}_cases": len(values) for what, values in cases.items()},
     }  # fmt: skip

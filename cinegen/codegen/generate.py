@@ -9,7 +9,7 @@ from typing import Any
 from cinegen.codegen import c_code, inverse_kernels, javascript, kernels
 from cinegen.codegen.cases import recorded
 from cinegen.codegen.inverse import InverseKinematics, most_iterations
-from cinegen.codegen.language import Language, identifier
+from cinegen.codegen.language import Language, identifier, name_of
 from cinegen.codegen.program import FIELDS, Function, GenerationError, Program
 from cinegen.codegen.robot import robot_memory
 from cinegen.codegen.translation import translated
@@ -67,7 +67,7 @@ def generate(
         CinegenError: dt is not positive, a node is unknown, there are more than six tasks, or the mechanism has joints
             that the kernels don't know.
     """
-    name = identifier(name or re.sub(r"\W", "_", mechanism.name))
+    name = identifier(name) if name else name_of(mechanism.name)
     if not re.fullmatch(r"[A-Za-z_]\w*", name):
         raise GenerationError(f"'{name}' is no name in C and JavaScript: give another one")
     if not mechanism.actuated:

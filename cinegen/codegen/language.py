@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from enum import Enum
 
@@ -45,6 +46,11 @@ class Language(Enum):
 def identifier(name: str) -> str:
     """Return a name of Python as one of both languages."""
     return f"{name}_" if name in _WORDS else name
+
+
+def name_of(text: str) -> str:
+    """Return a text, such as a file's name, as a name of both languages: compilers differ in letters beyond ASCII."""
+    return identifier(re.sub(r"\W|^(?=\d)", "_", text, flags=re.ASCII))
 
 
 def literal(value: float, language: Language) -> str:

@@ -37,7 +37,7 @@ class ReadingMessage(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     Attributes:
         twist: deflection, three translations and three rotations; each is clipped to -1 to 1. Send it at least ten
             times a second.
-        placement: target, a homogeneous 4 x 4 matrix in rows (m).
+        placement: target in the world, a homogeneous 4 x 4 matrix in rows (m).
         translation: position of the target [x, y, z] (m), instead of `placement`.
         quaternion: orientation of the target [x, y, z, w], with `translation`.
         buttons: buttons that are pressed.

@@ -93,8 +93,8 @@ class Teleoperation:
         frame: command frame: a name in `axes`, or "node" for the axes of the target itself (the tool's).
 
     Attributes:
-        axes: command frames by name, each (3, 3), axes in the world: "world", "base", and any that are added, such as
-            the view's. They may be changed at any time.
+        axes: command frames by name, each (3, 3), axes in the world: "world", "base" (at first those of the world), and
+            any that are added, such as the view's. They may be changed at any time.
 
     Raises:
         UnknownNameError: no such command frame.

@@ -123,11 +123,27 @@ class SessionSensors:
             rotation = robot.base.rotation.T
             teleoperation.axes["world"], teleoperation.axes["view"] = rotation, rotation @ self.view
             teleoperation.frame = _FRAMES[settings.frame]
+            if settings.frame == "base":  # it may be turned in its world, or float
+                base = robot.mechanism.placement(robot.solver.q, robot.mechanism.nodes[0])
+                teleoperation.axes["base"] = base.rotation
+            device = self._devices[self.selected[key] or ""]
+            if 0 < device.translation < 3 and device.rotation in (0, 3):  # what it commands is what it constrains
+                axes = {"tool": "target", "base": robot.mechanism.nodes[0]}.get(settings.frame, "world")
+                if teleoperation.task.axes != axes:
+                    teleoperation.task.axes = axes
             mapping = teleoperation.mapping
             if (mapping.speed, mapping.turning) != speeds:
                 teleoperation.mapping = replace(mapping, speed=speeds[0], turning=speeds[1])
             if moving and robot.motion is None:  # readings during a motion have no effect later
-                teleoperation.advance_by(new[self.selected[key] or ""], dt)
+                teleoperation.advance_by(self._in_world_of(robot, new, self.selected[key] or ""), dt)
+
+    def _in_world_of(self, robot: DrivenRobot, readings: Mapping[str, Reading | None], name: str) -> Reading | None:
+        """Return the reading of a sensor with its target in the robot's own world: programs and their recordings send
+        targets in the session's world, paths and seams are in the robot's."""
+        reading = readings[name]
+        if reading is None or reading.target is None or not self._devices[name].has_axes:
+            return reading
+        return reading._replace(target=robot.base.actInv(reading.target))
 
     def reports(self) -> tuple[SensorReport, ...]:
         """Return the state of each sensor."""

@@ -115,6 +115,27 @@ def test_ball_joints_and_floating_bases(tmp_path, text, name, language):
     assert json.loads(names)["q"] == NUMBERS[name]
 
 
+CAM = """
+RAFF Cam
+units mm
+robot cam {
+  link 1 { parameters { theta 20 r 50 } type 2 pred 0 limits { -150 150 } }
+  link 2 { parameters { gamma 90 epsilon 60 alpha 90 r 100 } type 1 pred 0 limits { 20 220 } }
+  link 3 { parameters { alpha -90 d 70 theta 3 } type 2 pred 2 }
+  frame 4 { parameters { d 80 r -10 } pred 3 }
+  coupling { link 2 link 1 polynomial ( 0.4 0.003 -0.00002 ) offset 90.96 }
+  coupling { link 3 link 2 polynomial ( 0.3 -0.001 ) offset -17 }
+}
+"""
+
+
+@needs_node
+def test_rounding_may_change_the_number_of_iterations(tmp_path):
+    """Of a robot with one degree of freedom, whose task has six rows: it ends in the same configuration."""
+    written(tmp_path, cinegen.load(CAM), Language.JAVASCRIPT, functions=[Function.IK])
+    assert largest(run(tmp_path, NODE, "robot_test.mjs")) < 1e-9
+
+
 INVALID = """
 import create from "./robot.mjs";
 const robot = create(), before = [...robot.q];
@@ -158,11 +179,11 @@ def test_what_cannot_be_generated_is_named(robot, settings, message):
     assert issubclass(GenerationError, cinegen.CinegenError)
 
 
-def test_nodes_whose_identifiers_would_be_equal_have_different_ones():
+def test_names_are_identifiers_and_those_of_nodes_differ():
     names = ("a-b", "a_b", "a b", *KEYS)
-    mechanism = cinegen.load(urdf(links=names, joints=tuple(map(str, range(len(names))))))
-    header = generate(mechanism, Language.C, functions=(), name="arm")["arm.h"]
-    assert len(set(re.findall(r"(arm_NODE_\w+) = \d+", header))) == 1 + len(names)
+    mechanism = cinegen.load(urdf("3r-\xfc", names, tuple(map(str, range(len(names))))))
+    header = generate(mechanism, Language.C, functions=())["_3r__.h"]
+    assert len(set(re.findall(r"(_3r___NODE_\w+) = \d+", header, re.ASCII))) == 1 + len(names)
 
 
 def comprehends(memory):

@@ -6,6 +6,7 @@ import math
 import os
 from types import SimpleNamespace
 
+import numpy as np
 import pinocchio as pin
 import pytest
 
@@ -16,7 +17,7 @@ READINGS = [
     Reading(100.0, (0, 0, 0.5, 0, 0, 0)),
     Reading(100.05, (0, 0, 0.25, 0, 0, 0.125), None, frozenset({1}), (1,)),
     Reading(100.05, None, pin.SE3.Random(), frozenset(), (2, 3)),
-    Reading(100.10, (1, 0, 0, 0, 0, 0)),
+    Reading(np.float64(100.10), tuple(np.eye(6)[0])),  # as numpy computes it
 ]
 
 

@@ -14,7 +14,7 @@ def record(path: Path, mechanism: Mechanism, times, q, name: str = "robot") -> R
     """A recording of configurations."""
     with MissionRecorder(path, {name: mechanism}, overwrite=True) as recorder:
         for time, q_now in zip(times, q, strict=True):
-            recorder.write(float(time), {name: RobotSample(np.asarray(q_now), "IDLE")})
+            recorder.write(time, {name: RobotSample(np.asarray(q_now), "IDLE")})
     assert recorder.lost == 0
     return Recording.load(path)
 

@@ -1,6 +1,7 @@
 """A session as people at it meet it: taking, leading, pinning, undoing, motors, home, sensors, robots on robots."""
 
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 
 import bipeds
@@ -10,6 +11,7 @@ import pytest
 from leading import run
 
 import cinegen
+from cinegen.devices import Reading, ReadingRecorder
 from cinegen.mission import BasePose
 from cinegen.session import Session, Setup, arrange, replay_setup
 from cinegen.session import commands as c
@@ -138,6 +140,33 @@ def test_a_sensor_moves_along_the_frame_of_command(robot, closing, frame, way):
     run(session, 0.1)
     moved = at(session, "arm", "tool") - begin
     assert moved / np.linalg.norm(moved) == pytest.approx(tool_y if way is None else way, abs=1e-3)
+
+
+def test_the_command_frame_base_is_turned_as_the_file_turns_the_base(closing):
+    """Sliders on a base whose y axis is the world's z; a sensor that commands two translations along it."""
+    sliders = "link 1 { type 1 pred 0 } link 2 { parameters { alpha 90 } type 1 pred 1 } frame 3 { pred 2 }"
+    robot = f"base {{ parameters {{ gamma 90 alpha 90 }} }} {sliders} constraint {{ frame 3 sensor ( 0 1 ) }}"
+    sensor = 'sensor 1 { port "gamepad:" translation 2 rotation 0 }'
+    gantry = cinegen.load(f"RAFF R\nunits mm robot g {{ {robot} }} {sensor}")
+    session = closing(Session(arrange({"g": gantry})))
+    begin = session.robots["g"].placement("frame3").translation
+    push = c.ChangeSettings(frame="base"), c.SelectSensor("g", "frame3", "1")
+    run(session, 0.2, *push, c.GamepadInput((0, 1, 0, 0, 0, 0), frozenset()))
+    moved = session.robots["g"].placement("frame3").translation - begin
+    assert moved / np.linalg.norm(moved) == pytest.approx([0, 0, 1], abs=1e-3)
+
+
+def test_targets_of_programs_are_in_the_sessions_world(robot, closing, tmp_path):
+    aside = BasePose(placement=pin.SE3(pin.rpy.rpyToMatrix(0, 0, 1.0), np.array([1.0, 2.0, 0.0])))
+    arm = robot("rx90")
+    target = aside.placement * arm.placement(arm.q_home, "tool")
+    target.translation += [0.02, 0.0, 0.01]
+    with ReadingRecorder(tmp_path / "run.jsonl") as recorder:
+        recorder.write(Reading(0.0, target=target))
+    setup = arrange({"arm": arm}, sensors=[f"tool=replay:{tmp_path}/run.jsonl"])
+    session = closing(Session(replace(setup, bases={"arm": aside})))
+    run(session, 0.3)
+    assert session.robots["arm"].placement("tool").isApprox(target, 1e-6)
 
 
 def test_a_robot_on_another_goes_along_and_what_is_pinned_stays_in_the_world(session):

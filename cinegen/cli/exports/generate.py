@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Literal
 
@@ -45,9 +44,9 @@ def run(
     if precision == "float" and to == "js":
         raise UsageError("--precision float: JavaScript computes with doubles only; use --to c")
     key, mechanism = options.load_one(file)
-    prefix = re.sub(r"\W", "_", f"{key}_{options.robot}" if options.robot else key)  # robots of a file replace none
-    from cinegen.codegen import Function, Language, generate
+    from cinegen.codegen import Function, Language, generate, name_of
 
+    prefix = name_of(f"{key}_{options.robot}" if options.robot else key)  # robots of a file replace none
     language = Language.C_FLOAT if precision == "float" else Language(to)
     files = generate(
         mechanism, language, tasks=task, functions=[Function(function) for function in chosen], dt=1.0 / rate,
