@@ -227,10 +227,12 @@ class Parameters:
         """Return the parameter that is the offset of a joint's encoder.
 
         Raises:
-            DesignError: no such joint.
+            DesignError: no such joint, or its variable is no parameter.
         """
         variable = next((parameter for parameter in self.all if parameter.joint == joint), None)
         if variable is None:
+            if joint in self.mechanism.joints:
+                raise DesignError(f"{joint}: the offset of its encoder is no parameter: only theta and r of a link are")
             known = [parameter.joint for parameter in self.all if parameter.joint]
             raise DesignError(f"{self.robot.name} has no joint '{joint}'{did_you_mean(joint, known)}")
         return variable

@@ -126,9 +126,22 @@ class Tolerances:
     def closing(self) -> list[ToleranceSource]:
         """The sources that open no loop: at home and most of a few random configurations, since at a singularity there
         are more."""
-        samples = [self.design.evaluate(q=q) for q in self.design.mechanism.structure.samples]
+        return self._closing(self.design)
+
+    @cached_property
+    def contradicting(self) -> list[ToleranceSource]:
+        """The sources that open loops only while all actuated joints keep their readings, since actuation is
+        redundant."""
+        design, mechanism = self.design, self.design.mechanism
+        if len(mechanism.actuated) <= mechanism.mobility:
+            return []
+        assembled = self._closing(Design(design.parameters, design.play, fixed=()))
+        return [each for each in assembled if each not in self.closing]
+
+    def _closing(self, design: Design) -> list[ToleranceSource]:
+        samples = [design.evaluate(q=q) for q in design.mechanism.structure.samples]
         counts = Counter(name for each in samples for name in each.opening)
-        opening = {self.design.names.index(name) for name, count in counts.items() if 2 * count > len(samples)}
+        opening = {design.names.index(name) for name, count in counts.items() if 2 * count > len(samples)}
         return [each for each in self.sources if opening.isdisjoint(each.columns)]
 
     def at(
@@ -169,9 +182,12 @@ class Tolerances:
         shares = np.divide(shares, total, out=np.zeros_like(shares), where=moves)
         covariance = (jacobian * deviations**2) @ jacobian.T
         second = self._second_order(evaluation, name, closing)
+        contradicting = self.contradicting
+        others = [source for source in self.sources if source not in closing and source not in contradicting]
         report = ToleranceReport(
             mechanism.name, name, start, evaluation.placements(name)[0], tuple(closing), tuple(idle), jacobian,
-            covariance, linear, second, shares, self._forced(evaluation, closing), None, self.interval,
+            covariance, linear, second, shares, self._forced(evaluation, others),
+            self._forced(evaluation, contradicting), None, self.interval,
         )  # fmt: skip
         if not samples:
             return report
@@ -221,13 +237,12 @@ class Tolerances:
         bend[3:] -= 0.5 * np.moveaxis(np.cross(turning[None], turning[:, None]), 2, 0)
         return np.asarray(0.5 * np.abs(bend).sum(axis=(1, 2)))
 
-    def _forced(self, evaluation: DesignEvaluation, closing: Sequence[ToleranceSource]) -> Forced:
+    def _forced(self, evaluation: DesignEvaluation, others: Sequence[ToleranceSource]) -> Forced:
         mechanism = self.design.mechanism
         units = mechanism._loop_units
         turns = ["r" in component for loop in mechanism.loops for component in loop.components]
         turns += [not mechanism.is_prismatic(coupling.follower) for coupling in mechanism.couplings]
         angular = np.array(turns, dtype=bool)
-        others = [source for source in self.sources if source not in closing]
         gaps = np.zeros((len(others), len(units)))
         for row, source in zip(gaps, others, strict=True):
             row[:] = source.half_width * np.linalg.norm(evaluation.opens[0][:, source.columns], axis=1) * units
@@ -343,7 +358,8 @@ def _cut(interval: float) -> tuple[float, float]:
         density = math.exp(-0.5 * cut * cut) / math.sqrt(2.0 * math.pi)
         return math.sqrt(1.0 - 2.0 * cut * density / (2.0 * float(ndtr(cut)) - 1.0))
 
-    if interval <= math.sqrt(3.0):  # narrower than an even distribution
+    least = 1e-2
+    if interval <= least / deviation(least):  # narrower than about an even distribution
         raise DesignError(f"an interval of {interval:g} standard deviations is narrower than any normal distribution's")
-    cut = float(brentq(lambda c: c / deviation(c) - interval, 1e-2, interval))
+    cut = float(brentq(lambda c: c / deviation(c) - interval, least, interval))
     return cut, 1.0 / deviation(cut)

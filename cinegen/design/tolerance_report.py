@@ -95,6 +95,7 @@ class ToleranceReport:
         second_order: (6,) bound of the terms of second order.
         shares: (sources, 2) fraction of the variance of position and orientation that each contributes.
         forced: tolerances that open loops.
+        contradicting: those that do so only while all actuated joints keep their readings: actuation is redundant.
         monte_carlo: None without samples.
         interval: half-width of the intervals, in standard deviations.
     """
@@ -111,6 +112,7 @@ class ToleranceReport:
     second_order: Array
     shares: Array
     forced: Forced
+    contradicting: Forced
     monte_carlo: MonteCarlo | None
     interval: float
 
@@ -148,7 +150,9 @@ class ToleranceReport:
         if drawn.failed:
             lost = f"; the loops of {drawn.failed} samples could not be closed"
         compared, ratio = self._ratios()
-        if not len(ratio) or counted < 2:
+        if counted < 2:
+            return f"{counted} samples with loops closed: too few to compare{lost}"
+        if not len(ratio):
             return f"{counted} samples with loops closed: nothing deviates to first order{lost}"
         names = ", ".join(COMPONENTS[i] for i in compared)
         return (
@@ -204,7 +208,10 @@ class ToleranceReport:
                 for source, share in zip(self.sources, self.shares, strict=True)
             ],
             idle=self.idle,
-            forced=as_json(self.forced, "names", "position", "angle", "worst_position", "worst_angle"),
+            **{
+                key: as_json(gaps, "names", "position", "angle", "worst_position", "worst_angle")
+                for key, gaps in (("forced", self.forced), ("contradicting", self.contradicting))
+            },
             monte_carlo=drawn
             and as_json(
                 drawn, "failed", "mean", "covariance", "largest", "outside", samples=drawn.count,

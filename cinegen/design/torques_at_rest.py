@@ -22,14 +22,13 @@ from cinegen.design.evaluation import DesignEvaluation
 from cinegen.dynamics.errors import MassError
 from cinegen.model.masses import stated
 
-GRAVITY = (0.0, 0.0, -9.81)
 _CONSISTENT = 1e-8  # dimensionless: the loops that the fixed joints' motions leave open
 
 
 def holding_torques(
     evaluation: DesignEvaluation,
     wrenches: Mapping[str, ArrayLike] | None = None,
-    gravity: ArrayLike = GRAVITY,
+    gravity: ArrayLike | None = None,
     massless: bool = False,
     masses: Mapping[str, LinkMass] | None = None,
 ) -> tuple[Array, Array]:
@@ -38,7 +37,7 @@ def holding_torques(
     Args:
         evaluation: of a design whose fixed joints are the actuated ones.
         wrenches: force (N) and moment (N m), (6,), on nodes, in the world's axes at their origins.
-        gravity: acceleration in the world, m/s2.
+        gravity: acceleration in the world, m/s2; the mechanism's if None.
         massless: whether links without mass count as having none.
         masses: of links, with derivatives by the design's columns; those of the file unless given, at their centres in
             the links' frames at all values of the parameters.
@@ -58,7 +57,8 @@ def holding_torques(
         raise DesignError(
             f"{mechanism.name} has more fixed joints than degrees of freedom: loads do not determine their torques"
         )
-    acceleration, bodies = np.asarray(gravity, dtype=float), _bodies(evaluation, masses)
+    acceleration = np.asarray(mechanism.gravity if gravity is None else gravity, dtype=float)
+    bodies = _bodies(evaluation, masses)
     if mechanism.massless and acceleration.any() and not massless:
         names = ", ".join(f"'{name}'" for name in mechanism.massless[:6])
         raise MassError(f"{mechanism.name}: these links have no mass: {names}: give them, or pass massless=True")

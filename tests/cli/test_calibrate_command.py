@@ -33,11 +33,25 @@ def test_the_robot_its_picture_and_the_next_poses_are_written(typed, tmp_path):
     assert (tmp_path / "new.raff").read_text() == before
 
 
+def test_what_is_written_twice(typed, tmp_path):
+    """A gain counts once; one pose, however often it is measured, is no sign of a motion of the whole robot."""
+    words = "planar_3r", "m.csv", "--vary", "link*.d", "--gain"
+    assert typed(*words, "joint1,joint1") == typed(*words, "joint1")
+    header, sigma, first, *_ = (tmp_path / "m.csv").read_text().splitlines()
+    (tmp_path / "one.csv").write_text("\n".join([header, sigma, *[first] * 9]))
+    printed = typed("planar_3r", "one.csv", "--vary", "link*.d")
+    assert "can't be told apart" in printed
+    assert "as one body" not in printed
+
+
 def test_mistakes(typed, tmp_path):
     (tmp_path / "bad.csv").write_text("pose,joint1,joint3,tool.x\nsigma,,,1mm\na,1,2,x\n")
     assert "bad.csv, line 3, column tool.x: 'x' is not a length" in typed("planar_3r", "bad.csv", code=1)
     assert "--poses has no effect without --propose" in typed("planar_3r", "m.csv", "--poses", "p.csv", code=2)
     assert "--sigma" in typed("planar_3r", "m.csv", "--sigma", "link2.d", code=2)
     assert "is not above 0" in typed("planar_3r", "m.csv", "--sigma", "link2.d=0mm", code=1)
+    assert "link2.r: it is not estimated" in typed(
+        "planar_3r", "m.csv", "--vary", "*.d", "--sigma", "link2.r=1mm", code=1
+    )
     assert "absent.csv" in typed("planar_3r", "absent.csv", code=1)
     assert not (tmp_path / "new.raff").exists()

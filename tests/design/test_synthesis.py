@@ -11,6 +11,7 @@ import pytest
 from clearings import apart, at
 from five_bar import FiveBar
 from orthoglide import orthoglide
+from small_robots import two_bars
 from variants import slow
 
 import cinegen
@@ -210,6 +211,21 @@ def test_objectives_are_those_of_the_loaded_robot(tmp_path, what, more):
     assert LARGEST[what](cinegen.load(path), path, scores.reached.q) == pytest.approx(result.values[0], rel=1e-3)
 
 
+@pytest.mark.parametrize(("more", "g"), [({}, 1.62), ({"gravity": [0.0, -9.81, 0.0]}, 9.81)])
+def test_gravity_is_that_of_the_file_unless_the_task_gives_it(tmp_path, more, g):
+    words = ("inertial { mass 0 }",) * 2
+    (tmp_path / "arm.raff").write_text(f"{two_bars(words=words)}gravity {{ 0 -1.62 0 }}\n", encoding="utf-8")
+    task = {
+        "parameters": {"tool.d": "200..400mm"},
+        "reach": {"points": [[0.5, 0.3]], "axes": ["x", "y"]},
+        "objective": [{"minimise": "torque"}],
+        "load": {"payload": "2kg", **more},
+        "starts": 1,
+    }
+    best = synthesize(tmp_path / "arm.raff", task)
+    assert best.values[0] == pytest.approx(2.0 * g * 0.5, rel=1e-9)  # at the shoulder
+
+
 @pytest.mark.slow
 def test_clearance_is_that_of_capsules_in_coal(tmp_path):
     obstacle = {"from": [0.0, 0.12, 0.0], "radius": "30mm"}
@@ -383,7 +399,8 @@ def test_path(points, starts):
     assert max(lack) < 1e-9
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", cinegen.CinegenWarning)  # home is outside of the limits of joint3
-        assert cinegen.load(linkage.raff).mobility == 1
+        robot = cinegen.load(linkage.raff)
+    np.testing.assert_allclose(robot.placement(robot.q_home, "tool").translation[:2], points[0], atol=1e-7)
 
 
 def test_guidance():
@@ -420,7 +437,22 @@ def test_function():
         ("four_bar", {"parameters": RANGES, "path": {"points": NINE, "pionts": 1}}, "did you mean 'points'"),
         ("four_bar", {"parameters": RANGES, "path": {"points": [[1, 2, 3]]}}, "rows of 2 numbers"),
         ("four_bar", {"parameters": RANGES, "path": {"points": NINE}, "guidance": {"poses": []}}, "cannot be combined"),
+        (
+            "four_bar",
+            {"parameters": RANGES, "function": {"input": "joint1", "output": "joint1", "pairs": NINE}},
+            "output must be another joint than the input",
+        ),
         ("four_bar", {"parameters": {"link2.alpha": "-1..1"}, "path": {"points": NINE}}, "opens the loops"),
+        (
+            "four_bar",
+            {"parameters": {**RANGES, "frame20.theta": "-9..9"}, "path": {"points": NINE}},
+            "^frame20.theta: without any effect on the precision points",
+        ),
+        (
+            "four_bar",
+            {"parameters": {"link3.theta": "0..180"}, "path": {"points": NINE}},
+            "link3.theta is the variable",
+        ),
     ],
 )
 def test_bad_precision_points(robot, values, message):

@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 from small_robots import four_bar, two_bars
 
+import raff2urdf
 from cinegen.design import DesignError, Parameters, Tolerances, tolerance
 from cinegen.errors import ClosureError
 
 FOUR_BAR = four_bar(words=("actuated 1", "", ""), more='frame 6 { name "tool" parameters { gamma 20 d 150 } pred 2 }')
+UNIVERSAL = raff2urdf.loads(
+    "RAFF arm robot arm { link 1 { joint universal pred 0 } frame 2 { parameters { d 300 } pred 1 } }"
+)
 
 
 @pytest.fixture
@@ -49,6 +53,10 @@ def test_a_2r_arm(two_r):
     assert report.covariance_error < 0.03
     assert report.monte_carlo.outside == report.monte_carlo.failed == 0
     assert report.monte_carlo.largest[0] > 0.5 * report.linear[0]
+
+
+def test_one_sample_compares_nothing(two_r):
+    assert tolerance(two_r, {"link2.d": 1e-4}, samples=1).agreement == "1 samples with loops closed: too few to compare"
 
 
 def coupler_point(a, b, c, g, e, slant, angle):
@@ -143,15 +151,24 @@ def test_dimensions_of_a_geared_five_bar(tmp_path):
     np.testing.assert_allclose(report.covariance[:3, :3], 1e-8 * np.outer(slope, slope), rtol=1e-9, atol=1e-20)
 
 
-def test_encoders_of_joints_that_are_coupled_are_forced(tmp_path):
+def test_encoders_of_joints_that_are_coupled_contradict_each_other(tmp_path):
     """And what remains open of a gear is an angle, of a screw a length."""
     both = SCREW.replace("pred 0 }", "pred 0 actuated 1 }")
     gear = f"{DRIVE % 10} {DRIVE.replace('link 1', 'link 2') % -20} coupling {{ link 2 link 1 ratio -2 }}"
     for robot, position, angle in ((both, 0.005 / math.tau, 0.0), (gear, 0.0, 2.0)):
         (tmp_path / "both.raff").write_text(f"RAFF both\nrobot both {{ {robot} }}")
-        forced = tolerance(tmp_path / "both.raff", encoder={"joint1": 1e-3}).forced
+        forced = tolerance(tmp_path / "both.raff", encoder={"joint1": 1e-3}).contradicting
         assert forced.names == ("joint1 (encoder)",)
         np.testing.assert_allclose([forced.position[0], forced.angle[0]], [3e-3 * position, 3e-3 * angle], rtol=1e-9)
+
+
+def test_errors_that_only_contradict_redundant_encoders_are_listed_apart(tmp_path):
+    """The same linkage with one encoder is assembled with the error of a length."""
+    for words, names in ((("actuated 1", "", ""), ()), (("actuated 1", "", "actuated 1"), ("frame5.d",))):
+        (tmp_path / "bars.raff").write_text(four_bar(words=words), encoding="utf-8")
+        report = tolerance(tmp_path / "bars.raff", {"frame5.d": 1e-4, "link3.r": 1e-4})
+        assert report.contradicting.names == names
+        assert report.forced.names == ("link3.r",)
 
 
 def test_covariance_and_worst_case_hold_for_samples_of_a_spatial_loop():
@@ -229,6 +246,8 @@ def test_dimensions_of_one_set_up_err_alike():
         ({"play": [("joint2", 0.1), ("joint2.x", 0.2)]}, "the play of joint2 along x is given twice"),
         ({"encoder": {"joint1": "0.1mm"}}, "encoder of joint1: '0.1mm' is a length"),
         ({"sigma": {"link2.d": 0.1}, "interval": 1.5}, "narrower than any normal distribution"),
+        ({"sigma": {"link2.d": 0.1}, "interval": 1.73206}, "narrower than any normal distribution"),
+        ({"source": UNIVERSAL, "encoder": {"joint1_Y": 0.1}}, "joint1_Y: the offset of its encoder is no parameter"),
         ({"source": "delta4", "play": {"link5-link11": 1e-4}}, "is rigid: it has no play"),
         ({"source": "five_bar", "sigma": {"link2.d": "1mm", "link4.d": "2mm"}, "ties": ["link2.d = link4.d"]},
          "link2.d and link4.d are tied, but have diff"),

@@ -27,6 +27,11 @@ ENCODER = option("JOINT=S", "standard deviations of joints' readings: joint1=0.0
 TIE = option("TIE", "dimensions that have one error, as of one set-up: 'link2.d = link7.d'", (), "--tie")
 
 _SHOWN = 8  # contributors
+_OVER_CONSTRAINED = ": the mechanism is over-constrained and can't be assembled with them unless it is forced"
+_REDUNDANT = (
+    " while all actuated joints keep their readings: actuation is redundant, and these joints work against each other "
+    "then"
+)
 _LABEL = 16  # width of the labels of rows
 
 
@@ -114,7 +119,9 @@ def _text(report: ToleranceReport, name: str, where: str) -> str:
                 listed.append((f"{len(largest) - _SHOWN} more", sum(share for _, share in largest[_SHOWN:])))
             width = max(24, *(len(name) + 1 for name, _ in listed))
             lines += [f"    {name:<{width}}{100.0 * share:5.1f} %" for name, share in listed]
-    for paragraph in (_worst(report), _idle(report), _forced(report.forced, report.interval), report.agreement):
+    forced = [_forced(report.forced, report.interval, _OVER_CONSTRAINED)]
+    forced.append(_forced(report.contradicting, report.interval, _REDUNDANT))
+    for paragraph in (_worst(report), _idle(report), *forced, report.agreement):
         if paragraph:
             lines += ["", *textwrap.wrap(paragraph, 110, initial_indent="  ", subsequent_indent="  ")]
     return "\n".join(lines)
@@ -135,18 +142,18 @@ def _idle(report: ToleranceReport) -> str:
     return f"{len(report.idle)} tolerances do not move {report.node}: {first_of(report.idle, 6)}"
 
 
-def _forced(forced: Forced, interval: float) -> str:
+def _forced(forced: Forced, interval: float, why: str) -> str:
     if not forced.names:
         return ""
     each = [
         f"{name} ({_number(1e3 * x)} mm, {_number(math.degrees(a))} degrees)"
         for name, x, a in zip(forced.names, forced.position, forced.angle, strict=True)
     ]
+    gaps = f"{_number(1e3 * forced.worst_position)} mm, {_number(math.degrees(forced.worst_angle))} degrees"
     return (
-        f"{len(forced.names)} tolerances open loops: the mechanism is over-constrained and can't be assembled with "
-        f"them unless it is forced. Largest gap of each within ±{interval:g} sigma: {first_of(each, 6)}. All together: "
-        f"{_number(1e3 * forced.worst_position)} mm, {_number(math.degrees(forced.worst_angle))} degrees. They are not "
-        "in the numbers above: how the node moves then depends on the elasticity of the parts"
+        f"{len(forced.names)} tolerances open loops{why}. Largest gap of each within ±{interval:g} sigma: "
+        f"{first_of(each, 6)}. All together: {gaps}. They are not in the numbers above: how the node moves then "
+        "depends on the elasticity of the parts"
     )
 
 

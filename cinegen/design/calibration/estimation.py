@@ -153,13 +153,15 @@ def expected_errors(parameters: Parameters, sigma: Amounts | None) -> Array:
     """Return the expected errors (count,) of free parameters, m and rad; later patterns replace earlier ones.
 
     Raises:
-        DesignError: an unknown name, a wrong unit, or an error that is not above 0.
+        DesignError: an unknown name, a wrong unit, an error that is not above 0, or of what is not estimated.
     """
     indices = [parameters.find(name) for name in parameters.names]
     errors = np.array([LENGTH_ERROR if parameters.all[i].unit == "m" else ANGLE_ERROR for i in indices])
     for pattern, amount in pairs(sigma):
         matching = parameters.matching([pattern])
         fitting = [i for i in matching if fits(str(amount), parameters.all[i].dimension)] or matching
+        if set(indices).isdisjoint(fitting):
+            raise DesignError(f"expected error of {pattern}: it is not estimated: add it to --vary, or leave this out")
         for i in set(fitting) & set(indices):
             value = amount_in(f"expected error of {pattern}", amount, parameters.all[i].dimension)
             if not value > 0.0:
@@ -194,6 +196,7 @@ def _dependencies(observation: Observation, space: Subspace, errors: Array, q: A
         _keyword(parameters, each.number): _keyword(parameters, getattr(each, "pred", None)) for each in nodes_of
     }
     frames, bodies = observation.frames, list[Array]()
+    q = q[np.sort(np.unique(q, axis=0, return_index=True)[1])]  # one pose alone moves as one body
     some = np.linspace(0, len(q) - 1, min(len(q), _SEEN)).astype(int)
     evaluation = observation.design.evaluate(q=q[some])
     measured = dict.fromkeys(each.of for each in observation.quantities if each.kind != "joint")

@@ -101,7 +101,7 @@ class Observation:
         for joint in gains:
             if joint not in columns:
                 raise DesignError(f"{joint} has no column of readings: its encoder's gain can't be found")
-        self.gains = tuple(gains)
+        self.gains = tuple(dict.fromkeys(gains))
         self._at = [mechanism.q_index(joint) for joint in self.inputs]
         self._v = [mechanism.v_index(joint) for joint in self.inputs]
         self._rough = False

@@ -1,6 +1,7 @@
 """Synthesis: dimensions with which a mechanism does a task best."""
 
-from cinegen.design.synthesis.linkages import LinkageSynthesis, PrecisionProblem
+from cinegen.design.synthesis.linkage_result import LinkageSynthesis
+from cinegen.design.synthesis.linkages import PrecisionProblem
 from cinegen.design.synthesis.problem import SynthesisProblem
 from cinegen.design.synthesis.quantities import QUANTITIES
 from cinegen.design.synthesis.region import Reach

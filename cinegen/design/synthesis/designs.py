@@ -11,20 +11,22 @@ import numpy as np
 from cinegen.arrays import Array, ArrayLike
 from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
+from cinegen.design.synthesis.home import HomedDocuments
 from cinegen.design.synthesis.objectives import Scoring
 from cinegen.design.synthesis.reaching import Reached, Reaching
 from cinegen.design.synthesis.region import Reach
 from cinegen.design.synthesis.scores import Scores
-from cinegen.design.synthesis.task import DesignObjective, SynthesisTask, check_bounds
+from cinegen.design.synthesis.task import DesignObjective, SynthesisTask, check_free
 from raff2urdf import Document
 
 FEASIBLE = 1e-6
 """A constraint that is violated by no more, dimensionless, holds."""
 
 _COARSE = 3  # points along each axis
+WITHOUT_EFFECT = 1e-10
+"""Dimensionless: a parameter that changes less has no effect."""
+
 _LARGEST = math.log(20.0)  # of the region's scale, and of its inverse
-_SAME = 1e-9  # m or rad: the home that is written stays
-_WITHOUT_EFFECT = 1e-10  # dimensionless
 
 
 class Designs:
@@ -55,7 +57,7 @@ class Designs:
         self.task = task
         common = {"ties": task.ties, "robot": robot}
         self.parameters = Parameters(source, list(task.parameters), bounds=task.parameters, **common)  # type: ignore[arg-type]
-        self._check_parameters()
+        check_free(self.parameters)
         actuated = self.parameters.mechanism.actuated
         variables = [self.parameters.own_variable(name).name for name in actuated]
         further = Parameters(self.parameters.document, [*task.parameters, *variables], **common)  # type: ignore[arg-type]
@@ -72,12 +74,6 @@ class Designs:
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} of {self.parameters.robot.name}: {len(self.names)} variables>"
-
-    def _check_parameters(self) -> None:
-        for free in self.parameters.free:
-            if free.joint:
-                raise DesignError(f"{free.name} is the variable of {free.joint}, which moves: the task can't choose it")
-        check_bounds(self.parameters)
 
     def _check_opening(self) -> None:
         mechanism, parameters = self.parameters.mechanism, self.parameters
@@ -104,7 +100,7 @@ class Designs:
             every += [self.scoring.objective(objective, scores) for objective in self.task.objectives]
             for rows in every:
                 effect = np.maximum(effect, np.abs(rows.slopes).max(axis=(0, 1), initial=0.0) * width)
-        idle = [name for name, size in zip(self.names, effect, strict=True) if size <= _WITHOUT_EFFECT]
+        idle = [name for name, size in zip(self.names, effect, strict=True) if size <= WITHOUT_EFFECT]
         if idle:
             raise DesignError(
                 f"{', '.join(idle)}: without any effect on {self.reaching.node} where the task wants it, on the loops, "
@@ -177,27 +173,12 @@ class Designs:
 
     def document_with(self, p: Array) -> Document:
         """Return the document with other values of the parameters (count,). Its home is in the
-        assembly mode of the file's: closed from the file's numbers, the loops might end in another one."""
-        home, every = self.reaching.home_with(p), self._with_homes
-        values = every.values.copy()
-        values[[every.index(name) for name in self.parameters.names]] = p
-        for k, joint in self._homes.items():
-            value = home[self.parameters.mechanism.q_index(joint)]
-            if abs(value - values[k]) > _SAME:
-                values[k] = value
-        return every.document_with(values)
+        assembly mode of the file's."""
+        return self._documents.at(p, self.reaching.home_with(p))
 
     @cached_property
-    def _with_homes(self) -> Parameters:
-        """The parameters, and the own variables of all joints, whose written values are the home."""
-        variables = [parameter.name for parameter in self.parameters.all if parameter.joint]
-        names, robot = [*self.task.parameters, *variables], self.parameters.robot.name
-        return Parameters(self.parameters.document, names, self.task.ties, robot=robot)
-
-    @cached_property
-    def _homes(self) -> dict[int, str]:
-        every, mechanism = self._with_homes, self.parameters.mechanism
-        return {k: parameter.joint for k, parameter in enumerate(every.free) if parameter.joint in mechanism.joints}
+    def _documents(self) -> HomedDocuments:
+        return HomedDocuments(self.parameters, self.task.ties)
 
     def value(self, objective: DesignObjective, scores: Scores) -> float:
         """Return the score of an objective; larger is better."""

@@ -15,9 +15,7 @@ of the order, and of the branch (the actuated joint turns back between two point
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -26,14 +24,12 @@ from cinegen.design.design import Design
 from cinegen.design.errors import DesignError
 from cinegen.design.evaluation import DesignEvaluation
 from cinegen.design.parameters import Parameters
+from cinegen.design.synthesis.designs import WITHOUT_EFFECT
+from cinegen.design.synthesis.linkage_result import EXACT, LinkageSynthesis
 from cinegen.design.synthesis.nearest import closed_motions, nearest
-from cinegen.design.synthesis.task import Precision, check_bounds
+from cinegen.design.synthesis.task import Precision, check_free
 from cinegen.errors import UnknownNameError
-from cinegen.typed_json import as_json
 from raff2urdf import Document, closure
-
-EXACT = 1e-9
-"""What may be missing at a precision point, characteristic lengths and rad."""
 
 _ATLAS, _LARGEST_ATLAS = 64, 4096  # random designs, of which the best are starts: by the squared number of points
 _FITTED = 32  # of them
@@ -45,87 +41,6 @@ _FINE = 0.01  # the same, of the motion in which defects show
 _BACK = 10  # fine steps after which it may be back at its beginning
 _MET = 0.75 * _FINE  # distance from a configuration that it passes
 _MOST_FINE = 20_000
-
-
-@dataclass(frozen=True, eq=False)
-class LinkageSynthesis:
-    """The result of a synthesis by precision points.
-
-    Attributes:
-        task: as given.
-        parameters: free ones of the file.
-        p: (parameters,) values, m and rad.
-        q: (points, nq) closed configurations at the precision points.
-        error: (points,) what is missing there, characteristic lengths and rad.
-        one_circuit: all points are on one motion without taking the linkage apart.
-        in_order: it passes them in their order.
-        one_branch: the actuated joint never turns back between the first and the last.
-        starts: least squares that were solved.
-        evaluations: designs that these evaluated, without the random ones.
-        exact: number of starts that met all points.
-    """
-
-    task: Precision
-    parameters: Parameters
-    p: Array
-    q: Array
-    error: Array
-    one_circuit: bool
-    in_order: bool
-    one_branch: bool
-    starts: int
-    evaluations: int
-    exact: int
-
-    @property
-    def holds(self) -> bool:
-        """True where all points are met without a defect."""
-        return bool(self.error.max() <= EXACT and self.one_circuit and self.in_order and self.one_branch)
-
-    @property
-    def raff(self) -> str:
-        """The RAFF file with these values."""
-        return self.parameters.with_values(self.p)
-
-    @property
-    def text(self) -> str:
-        """The result as people read it."""
-        met = int((self.error <= EXACT).sum())
-        lines = [
-            f"{self.parameters.robot.name}: {met} of {len(self.error)} precision points are met, at most "
-            f"{self.error.max():.2g} is missing (characteristic lengths, rad)",
-            f"  {self.exact} of {self.starts} starts met all",
-        ]
-        for name, old, new in zip(self.parameters.names, self.parameters.values, self.p, strict=True):
-            lines.append(f"  {name:<12} {self.parameters.text(name, old)} -> {self.parameters.text(name, new, 9)}")
-        return "\n".join([*lines, f"  {self.defects}"])
-
-    @property
-    def defects(self) -> str:
-        """The defects that the linkage has or has not, as people read them."""
-        return "; ".join(
-            good if holds else bad
-            for holds, good, bad in (
-                (self.one_circuit, "all points are on one circuit", "circuit defect: points are on several circuits"),
-                (self.in_order, "passed in their order", "order defect: passed in another order"),
-                (
-                    self.one_branch,
-                    "the actuated joint never turns back",
-                    "branch defect: the actuated joint turns back",
-                ),
-            )
-        )
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the result for JSON: m and rad."""
-        names = ("one_circuit", "in_order", "one_branch", "starts", "exact", "evaluations", "holds")
-        return {
-            "robot": self.parameters.robot.name,
-            "parameters": dict(zip(self.parameters.names, self.p.tolist(), strict=True)),
-            "before": dict(zip(self.parameters.names, self.parameters.values.tolist(), strict=True)),
-            "errors": self.error.tolist(),
-            **as_json(self, *names),
-        }
 
 
 class PrecisionProblem:
@@ -149,7 +64,7 @@ class PrecisionProblem:
         self.task = task
         self.parameters = Parameters(source, list(task.parameters), task.ties, task.parameters, robot)
         self.mechanism = mechanism = self.parameters.mechanism
-        check_bounds(self.parameters)
+        check_free(self.parameters)
         if mechanism.mobility != 1:
             raise DesignError(
                 f"{mechanism.name} has mobility {mechanism.mobility}: precision points are of linkages with 1"
@@ -171,6 +86,17 @@ class PrecisionProblem:
         self._joints = [(mechanism.q_index(name), mechanism.v_index(name)) for name in task.joints]
         self._weights = np.repeat([1.0 / mechanism.length, 1.0], 3)[self.rows] if not task.joints else np.ones(2)
         self.evaluations = 0
+        self._check_effects()
+
+    def _check_effects(self) -> None:
+        """Check that each parameter changes what is missing, in the file's design or some random one."""
+        p = self._random(_ATLAS, np.random.default_rng(0))
+        evaluation = self.design.evaluate(p, np.tile(self.mechanism.q_home, (len(p), 1)))
+        slopes = self._slopes(evaluation)[evaluation.gap <= closure.CLOSED]
+        effect = np.abs(slopes).max(axis=(0, 1)) * (self.high - self.low)
+        idle = [name for name, size in zip(self.parameters.names, effect, strict=True) if size <= WITHOUT_EFFECT]
+        if idle:
+            raise DesignError(f"{', '.join(idle)}: without any effect on the precision points: leave it out")
 
     # --- what is missing -----------------------------------------------------------------------------------------
 
@@ -203,15 +129,18 @@ class PrecisionProblem:
         best, missing, size = nearest(
             self.design, p, q, lambda trial, at: (self.missing(trial, at), self._columns(trial))
         )  # fmt: skip
-        evaluation = self.design.evaluate(p, best)
+        slopes = self._slopes(self.design.evaluate(p, best))
+        return best, np.where(np.isfinite(size)[:, None], missing, 1.0), slopes
+
+    def _slopes(self, evaluation: DesignEvaluation) -> Array:
+        """Return the derivative (n, rows, parameters) of what is missing at the nearest configurations."""
         columns = self._columns(evaluation) @ closed_motions(self.design, evaluation.jacobians)
         if self._joints:
             by_p = evaluation.joint_derivative[:, [v for _, v in self._joints]] * self._weights[:, None]
         else:
             by_p = evaluation.pose_derivative(self.node, "world")[:, self.rows] * self._weights[:, None]
         outside = np.eye(columns.shape[1]) - columns @ np.linalg.pinv(columns, rcond=1e-8)
-        missing = np.where(np.isfinite(size)[:, None], missing, 1.0)
-        return best, missing, np.asarray(-(outside @ by_p))
+        return np.asarray(-(outside @ by_p))
 
     # --- starts --------------------------------------------------------------------------------------------------
 
@@ -230,11 +159,15 @@ class PrecisionProblem:
             q, before = evaluation.q + length * tangent * scale, tangent
         return motions, closed
 
-    def atlas(self, count: int, generator: np.random.Generator) -> list[tuple[float, Array, Array]]:
-        """Return random designs as (what is missing, values, configurations at the points), best first."""
-        n = len(self._targets)
+    def _random(self, count: int, generator: np.random.Generator) -> Array:
+        """Return random values (count, parameters) within the bounds, the file's first."""
         p = self.low + generator.random((count, len(self.low))) * (self.high - self.low)
         p[0] = self.parameters.values
+        return np.asarray(p)
+
+    def atlas(self, count: int, generator: np.random.Generator) -> list[tuple[float, Array, Array]]:
+        """Return random designs as (what is missing, values, configurations at the points), best first."""
+        n, p = len(self._targets), self._random(count, generator)
         q = np.tile(self.mechanism.q_home, (count, 1))
         motions, closed = self.followed(p, q, _FOLLOWED, _STEP)
         keep = np.flatnonzero(closed.all(axis=0))

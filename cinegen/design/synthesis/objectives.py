@@ -50,6 +50,7 @@ class Scoring:
         )
         wanted = [*(objective.of for objective in task.objectives), task.size[0] if task.size else ()]
         self._lengths = {of: self._of(of) for of in wanted if of}
+        self.gravity = task.load.gravity or tuple(mechanism.gravity)
         self.wrenches = {reaching.node: self._wrench()} if any(self._wrench()) else {}
         self._masses = DimensionedMasses(reaching.parameters) if task.uses("mass") or task.uses("torque") else None
         self.torque_units, self.torque_dimension = self._torque_units() if task.uses("torque") else (np.ones(0), NUMBER)
@@ -70,7 +71,7 @@ class Scoring:
         return indices
 
     def _wrench(self) -> list[float]:
-        weight = [self.load.payload * x for x in self.load.gravity] + [0.0] * 3
+        weight = [self.load.payload * x for x in self.gravity] + [0.0] * 3
         return [a + b for a, b in zip(self.load.wrench, weight, strict=True)]
 
     def _torque_units(self) -> tuple[Array, Dimension]:

@@ -112,7 +112,7 @@ class Scores:
         """(count, actuated) torques or forces at rest, N m or N, or parts of their limits."""
         scoring = self._scoring
         masses = scoring.masses_at(self.p)
-        values, by_columns = holding_torques(self.evaluation, scoring.wrenches, scoring.load.gravity, masses=masses)
+        values, by_columns = holding_torques(self.evaluation, scoring.wrenches, scoring.gravity, masses=masses)
         return ScoreRows(values / scoring.torque_units, self.total(by_columns) / scoring.torque_units[:, None])
 
     @cached_property

@@ -18,7 +18,8 @@ from cinegen.arrays import Array
 from cinegen.cluster import check_workers, connected, each, processes
 from cinegen.design.errors import DesignError
 from cinegen.design.synthesis.front import front_of, knee
-from cinegen.design.synthesis.linkages import LinkageSynthesis, PrecisionProblem
+from cinegen.design.synthesis.linkage_result import LinkageSynthesis
+from cinegen.design.synthesis.linkages import PrecisionProblem
 from cinegen.design.synthesis.problem import Goal, SynthesisProblem
 from cinegen.design.synthesis.result import Check, FrontPoint, Start, Synthesis
 from cinegen.design.synthesis.task import Precision, SynthesisTask

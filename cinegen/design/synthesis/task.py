@@ -22,13 +22,15 @@ FLOOR = 0.01
 """Least distance to singularities of both types unless the task gives one: the smallest singular value, and the inverse
 of the largest, dimensionless."""
 
-GRAVITY = (0.0, 0.0, -9.81)
 STARTS = 8
 FRONT = 9
 
 
-def check_bounds(parameters: Parameters) -> None:
-    """Raise a `DesignError` if a parameter has no bounds."""
+def check_free(parameters: Parameters) -> None:
+    """Raise a `DesignError` if a free parameter is the variable of a joint, or has no bounds."""
+    for free in parameters.free:
+        if free.joint:
+            raise DesignError(f"{free.name} is the variable of {free.joint}, which moves: the task can't choose it")
     loose = [name for name, b in zip(parameters.names, parameters.bounds, strict=True) if not np.isfinite(b).all()]
     if loose:
         raise DesignError(f"{', '.join(loose)}: without bounds: give them in [parameters], as low..high")
@@ -67,12 +69,12 @@ class DesignLoad:
     Attributes:
         payload: mass at the node's origin, kg.
         wrench: force (N) and moment (N m) on the node at its origin, in the world's axes.
-        gravity: acceleration in the world, m/s2.
+        gravity: acceleration in the world, m/s2; empty for that of the mechanism.
     """
 
     payload: float = 0.0
     wrench: tuple[float, ...] = (0.0,) * 6
-    gravity: tuple[float, ...] = GRAVITY
+    gravity: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

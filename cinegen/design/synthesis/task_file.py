@@ -37,7 +37,6 @@ from cinegen.design.synthesis.quantities import QUANTITIES
 from cinegen.design.synthesis.region import AXES, Reach
 from cinegen.design.synthesis.task import (
     FRONT,
-    GRAVITY,
     STARTS,
     DesignClearance,
     DesignErrors,
@@ -194,9 +193,7 @@ def _load(table: SceneTable) -> DesignLoad:
         {
             "payload": lambda: _positive(table, "payload", MASS) if "payload" in table else 0.0,
             "wrench": lambda: table.vector("wrench", 6, dimension=NUMBER) if "wrench" in table else np.zeros(6),
-            "gravity": lambda: (
-                table.vector("gravity", 3, dimension=NUMBER) if "gravity" in table else np.array(GRAVITY)
-            ),
+            "gravity": lambda: table.vector("gravity", 3, dimension=NUMBER) if "gravity" in table else np.zeros(0),
             "rest": table.finish,
         },
         SceneError,
@@ -222,6 +219,8 @@ def _precision(table: SceneTable, kinds: list[str]) -> tuple[Array, tuple[int, .
     inner = table.table(kinds[0])
     key = {"path": "points", "guidance": "poses", "function": "pairs"}[kinds[0]]
     joints = tuple(inner.text(name) for name in ("input", "output")) if kinds[0] == "function" else ()
+    if len(joints) > len(set(joints)):
+        raise inner.error("output", "must be another joint than the input")
     columns = {"path": (LENGTH,) * 2, "guidance": (LENGTH, LENGTH, ANGLE), "function": (ANGLE,) * 2}
     points = inner.rows(key, columns[kinds[0]])
     inner.finish()
