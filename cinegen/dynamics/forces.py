@@ -124,6 +124,12 @@ class Forces:
     def message(self) -> str:
         """The finding, but for the numbers, as a text."""
         parts = [self._holding]
+        if self.mechanism.floating and self.is_held:
+            force, moment = np.linalg.norm(self.reactions[0].wrench.reshape(2, 3), axis=1)
+            parts.append(
+                f"the base floats: a force of {force:.4g} N and a moment of {moment:.4g} N m hold it, which no "
+                "actuated joint gives"
+            )
         if len(self.prestress) and self.is_held:
             more = f"{len(self.prestress)} independent combination{'s' * (len(self.prestress) > 1)} of torques"
             does = "do" if len(self.prestress) > 1 else "does"

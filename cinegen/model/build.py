@@ -202,6 +202,8 @@ def _at_home(
     )
     if not uncontrolled:
         return mechanism
+    if dependent and not mechanism.structure.uncontrolled_dof:  # home alone is singular
+        return replace(mechanism, uncontrolled=(), dependent=())
     text = advice(uncontrolled, dependent, syntax_of(Path(name)), mechanism.structure.uncontrolled_dof)
     notes += _noted(text, where, bool(dependent))
     return replace(mechanism, source=mechanism.source._replace(notes=notes))

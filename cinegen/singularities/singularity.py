@@ -70,6 +70,8 @@ class Singularity:
         second: singular values of the passive joints in the loops, likewise, and 0 for each motion of the node that the
             actuated joints control nowhere (type 2).
         lost: the motions that the node loses, or is nearest to lose; of order 0 if it can't move at all.
+        keeps_rotations: whether only its position loses motions: with its rotations, which follow from the position
+            elsewhere and do not count, the node has as many DoF as ever.
         supported: the wrenches that the structure supports there without the actuated joints.
         uncontrolled: the motions of the node that the actuated joints don't control, or control least; of order 0 if
             there are no passive joints, or the node does not move in them.
@@ -86,6 +88,7 @@ class Singularity:
     first: Array
     second: Array
     lost: ScrewSystem
+    keeps_rotations: bool
     supported: ScrewSystem
     uncontrolled: ScrewSystem
     unsupported: ScrewSystem
@@ -159,6 +162,8 @@ class Singularity:
             if self.lost.order > 1:
                 lost = f"{self.lost.order} DoF: {self.supported.complement_text()}"
             parts.append(f"{node} loses, or nearly, {lost}")
+            if self.keeps_rotations:
+                parts.append("its rotations, which follow from its position elsewhere, are left out: they remain")
             parts.append(f"the structure supports {supported} without its actuated joints")
         if self.near in (SingularityType.TYPE_2, both) and self.uncontrolled.order:
             moves, unsupported = self.uncontrolled.text(), self.unsupported.text()
@@ -229,7 +234,7 @@ def singularity(
         raise ClosureError(f"{mechanism.name}: loops are open by {gap:.2g} (rad or lengths): close(q) first")
     frame = LineFrame(mechanism.placement(checked, name).translation, mechanism.length)
     jacobians = counted(mechanism, checked, name)
-    first, lost, known = _first(mechanism, jacobians, name, tolerance, within)
+    first, lost, keeps_rotations, known = _first(mechanism, jacobians, name, tolerance, within)
     lost_twists, supported = _systems(frame, lost, known)
     second, motions, known = _second(mechanism, jacobians, name, tolerance, within)
     images = motions @ jacobians.node.T
@@ -245,8 +250,8 @@ def singularity(
         exact = classify(legs, mechanism.length, tolerance)
         dependence = exact or near(legs, mechanism.length, within, tolerance)
     return Singularity(
-        _kind(first, second, tolerance), _kind(first, second, within), name, first, second, lost_twists, supported,
-        uncontrolled, unsupported, motions, legs, dependence,
+        _kind(first, second, tolerance), _kind(first, second, within), name, first, second, lost_twists,
+        keeps_rotations, supported, uncontrolled, unsupported, motions, legs, dependence,
     )  # fmt: skip
 
 
@@ -254,25 +259,27 @@ def _kind(first: Array, second: Array, threshold: float) -> SingularityType:
     return SingularityType.of(*(bool(len(values)) and float(values[-1]) <= threshold for values in (first, second)))
 
 
-def _images(mechanism: Mechanism, jacobians: CountedJacobians) -> Array:
-    """Return the node's motions (6, k) in the free motions, in the world, dimensionless."""
-    motions = free_motions(jacobians.loops, mechanism.loop_rank)[0]
+def _images(jacobians: CountedJacobians, loop_rank: int) -> Array:
+    """Return the node's motions (6, k) in the motions that loops of this rank leave, in the world, dimensionless."""
+    motions = free_motions(jacobians.loops, loop_rank)[0]
     return np.asarray(jacobians.node @ orthonormal(motions, jacobians.cut_rates))
 
 
 def _first(
     mechanism: Mechanism, jacobians: CountedJacobians, node: str, tolerance: float, within: float
-) -> tuple[Array, Array, float]:
-    """Return the singular values of type 1, the directions (n, 6) that are lost, dimensionless, and their accuracy.
+) -> tuple[Array, Array, bool, float]:
+    """Return the singular values of type 1, the directions (n, 6) that are lost, dimensionless, whether rotations that
+    don't count remain (`Singularity.keeps_rotations`), and the accuracy of the directions.
 
-    Rotations count if they don't follow from the translations. A direction that the node never has is not lost.
+    Rotations count if they don't follow from the translations. A direction that the node never has is not lost. Where
+    the loops lose a rank, and the mechanism has more motions than elsewhere, all of them count.
     """
-    everywhere = [_images(mechanism, counted(mechanism, q, node)) for q in mechanism.structure.samples]
-    current = _images(mechanism, jacobians)
+    everywhere = [_images(counted(mechanism, q, node), mechanism.loop_rank) for q in mechanism.structure.samples]
+    current = _images(jacobians, min(mechanism.loop_rank, rank(jacobians.loops, tolerance)))
     ranks = [max(rank(images[:count]) for images in everywhere) for count in (3, 6)]
     count = 6 if ranks[1] > ranks[0] else 3
     if max(ranks) == 0:
-        return np.zeros(0), np.zeros((0, 6)), _EVER
+        return np.zeros(0), np.zeros((0, 6)), False, _EVER
     u, sigma, _ = np.linalg.svd(np.hstack([*everywhere, current])[:count], full_matrices=False)
     ever = u[:, sigma > _EVER * sigma[0]]
     directions, values, _ = np.linalg.svd(ever.T @ current[:count], full_matrices=False)
@@ -280,7 +287,8 @@ def _first(
     weakest, known = _weakest(values, tolerance, within)
     lost = np.zeros((len(values) - weakest, 6))
     lost[:, :count] = (ever @ directions[:, weakest : len(values)]).T
-    return values, lost, known
+    twists = np.linalg.svd(current, compute_uv=False)[len(values) - 1]
+    return values, lost, bool(values[-1] <= within < twists), known
 
 
 def _second(

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from assembled import apart, closings, places
-from linkages import direction, hexapod, hinge, ring
+from linkages import direction, hexapod, hinge, points, ring
 from making import TOOL, Mechanism
 from numpy.random import default_rng as rng
 from test_self_motions import moves, on_self_motions
@@ -89,6 +89,22 @@ def test_bricards_octahedra_are_flexible(built, symmetry):
         assert np.cross(across[1], normal) == pytest.approx(np.zeros(3), abs=1e-9)
         in_plane = np.array([middle[1], base[2], corners[2]]) - middle[0]
         assert in_plane @ normal == pytest.approx(np.zeros(3), abs=1e-9)
+
+
+def test_a_platform_that_is_as_its_base_is_controlled_although_its_legs_are_parallel_at_home(built, recwarn):
+    """Rotated, the lines of its legs are independent (numpy)."""
+    feet, shift = points(rng(0))[0], [0.1, -0.2, 0.9]
+    m = built(hexapod(rng(0), feet=feet, heads=feet + shift))
+    assert (m.uncontrolled, m.dependent, [str(each.message) for each in recwarn]) == ((), (), [])
+    c, s = math.cos(0.7), math.sin(0.7)
+    legs = (
+        feet
+        @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        @ np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
+        + shift
+        - feet
+    )
+    assert np.linalg.matrix_rank(np.c_[legs, np.cross(feet, legs)], tol=1e-3) == 6
 
 
 # --- rings ------------------------------------------------------------------------------------------------------------

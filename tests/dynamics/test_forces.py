@@ -379,3 +379,17 @@ def test_trajectories_that_are_none(swing, robot):
     still[2, 0] += 0.1
     with pytest.raises(ClosureError, match=r"at 2 s loops are open by 0\.\d+"):
         torques_along(held, np.arange(4.0), still)
+
+
+def test_what_holds_a_floating_base_is_reported(raff):
+    """Its weight, 3 kg + 2 kg, and the moment of 2 kg at 0.3 m."""
+    mechanism = raff("""
+robot hand {
+  base { inertial { mass 3 } }
+  link 1 { parameters { alpha 90 } type 2 pred 0 inertial { mass 2 centre { 300 0 0 } } }
+  constraint { base sensor ( 0 1 ) }
+}
+sensor 1 { port "/dev/null" }
+""")
+    message = forces(mechanism, mechanism.q_home).message
+    assert f"a force of {5 * 9.81:.4g} N and a moment of {0.6 * 9.81:.4g} N m hold it" in message

@@ -96,6 +96,43 @@ def test_a_3rrr_gains_a_motion_where_its_outer_bars_meet_in_a_point_or_are_paral
         assert "meet in one point" in report.message
 
 
+@pytest.mark.parametrize("turn", [0.0, 0.3])
+def test_all_motions_of_a_constraint_singularity_count_for_type_1(raff, turn):
+    """A 3-UPU whose first axes meet has five degrees of freedom where its platform is level (D. Zlatanov, I. Bonev and
+    C. Gosselin, 2002): all translations, those across its axis of symmetry alike."""
+    legs = []
+    for angle in turn + 2.0 * math.pi * np.arange(3) / 3.0:
+        radial, across = np.array([[math.cos(angle), math.sin(angle), 0.0], [-math.sin(angle), math.cos(angle), 0.0]])
+        foot, head = 0.4 * radial, 0.25 * radial + [0.0, 0.0, 0.8]
+        leg = [*linkages.universal(foot, radial, across), linkages.slide(foot, head - foot, motor=True)]
+        legs.append([*leg, *linkages.universal(head, across, radial)])
+    level = linkages.legged(legs, "joint", lambda: linkages.axis((0.0, 0.0, 0.8), linkages.Z))
+    mechanism = raff(level.text(joint_digits=None))
+    report = singularity(mechanism, mechanism.q_home)
+    assert (mechanism.mobility, report.uncontrolled.order) == (3, 2)
+    values = np.sort(report.first)
+    assert min(abs(values[1] - values[0]), abs(values[2] - values[1])) < 1e-9
+
+
+def test_a_level_3rps_keeps_its_rotations_where_its_position_is_singular(raff):
+    """Its platform shifts by the square of its tilt: level, it moves up and tilts about two axes, three DoF (K. Hunt,
+    1983)."""
+    rng, legs = np.random.default_rng(0), []
+    for angle in 2.0 * math.pi * np.arange(3) / 3.0:
+        radial, across = np.array([[math.cos(angle), math.sin(angle), 0.0], [-math.sin(angle), math.cos(angle), 0.0]])
+        foot, head = 0.5 * radial, 0.3 * radial + [0.0, 0.0, 0.8]
+        leg = [linkages.hinge(foot, across), linkages.slide(foot, head - foot, motor=True)]
+        legs.append([*leg, *linkages.ball(head, rng)])
+    level = linkages.legged(legs, "ball", lambda: linkages.axis((0.0, 0.0, 0.8), linkages.Z))
+    mechanism = raff(level.text(joint_digits=None))
+    report = singularity(mechanism, mechanism.q_home)
+    assert (report.kind, report.lost.order, report.keeps_rotations) == (SingularityType.TYPE_1, 2, True)
+    assert "its rotations, which follow from its position elsewhere, are left out: they remain" in report.message
+    loops = mechanism.loop_jacobian(mechanism.q_home)
+    motions = np.linalg.svd(loops)[2][np.linalg.matrix_rank(loops) :].T
+    assert np.linalg.matrix_rank(mechanism.jacobian(mechanism.q_home, mechanism.end) @ motions, tol=1e-9) == 3
+
+
 # --- legs that are lines -----------------------------------------------------------------------------------------
 
 
