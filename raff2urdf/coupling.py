@@ -110,28 +110,29 @@ def _steepest(slope: Polynomial, scale: float, low: float, high: float) -> float
 
 
 def coupled_scales(
-    couplings: Sequence[Coupling], scales: Mapping[str, float], outermost: Collection[str]
-) -> dict[str, float]:
+    couplings: Sequence[Coupling], scales: Mapping[str, float], outermost: Collection[str],
+    limits: Mapping[str, tuple[float, float]],
+) -> dict[str, float]:  # fmt: skip
     """Return the size of a dimensionless step of each joint in couplings, rad or m.
 
     A joint that drives others by gears or a screw may make many revolutions while they move by little. Counted like any
     other joint it would dominate every motion that it takes part in, and the mechanism would seem nearly singular. So
-    one step of a joint that moves nothing but its own body is as large as the step of the joint that it drives.
+    one step of a joint that moves nothing but its own body is as large as the step of the joint that it drives; of a
+    curve where it is steepest, see `Coupling.slopes`.
 
     Args:
         couplings: all of them.
         scales: of the joints without couplings: the characteristic length (m), or 1 rad.
         outermost: joints behind which there are no other joints and no ends of loops.
+        limits: of the joints in couplings, rad or m.
     """
     sizes = dict(scales)
     for coupling in couplings:
+        slopes = coupling.slopes(scales, limits)
         for joint in coupling.terms.keys() & outermost:
-            factor = abs(coupling.terms[joint][0])
-            driven = max(
-                (abs(c[0]) * scales[other] for other, c in coupling.terms.items() if other != joint), default=0.0
-            )
-            if factor > 0.0:
-                sizes[joint] = max(sizes[joint], driven / factor)
+            driven = max((abs(slope) for other, slope in slopes.items() if other != joint), default=0.0)
+            if slopes[joint] != 0.0:
+                sizes[joint] = max(sizes[joint], driven / abs(slopes[joint]) * scales[joint])
     return sizes
 
 

@@ -229,11 +229,10 @@ class Cluster:
         self._signs = [self._sign(*pair) for pair in branches]
         self._columns = {joint.joint: i for i, joint in enumerate(self.joints)}
         equations = [coupling_of(document, robot, i) for i in couplings]
-        scales = coupled_scales(
-            equations, dict(zip(self._columns, self.scale.tolist(), strict=True)), _outermost(robot)
-        )
-        self.scale = np.array(list(scales.values()))
         ranges = {joint.joint: limits(document, joint) for joint in self.joints}
+        alone = dict(zip(self._columns, self.scale.tolist(), strict=True))
+        scales = coupled_scales(equations, alone, _outermost(robot), ranges)
+        self.scale = np.array(list(scales.values()))
         self._equations = [(equation, equation.size(scales, ranges)) for equation in equations]
 
     @property

@@ -109,7 +109,12 @@ def _of_series(linkage: Linkage, samples: list[LinkageBodies], series: list[int]
         revolute = [k for k, joint in enumerate(joints) if joint.kind is LoopKind.REVOLUTE]
         if len(joints) != dof or not all(_are_parallel([row[k] for k in revolute]) for row in ordered):
             return None
-        return _family("one axis", f"{dof} joints that rotate about one direction", 2 if len(revolute) > 1 else 1)
+        turning, sliding = (
+            f"{number} {kind} joint{'s' * (number > 1)}" if number else ""
+            for number, kind in ((len(revolute), "revolute"), (prismatic, "prismatic"))
+        )
+        text = " and ".join(filter(None, [turning and f"{turning} about one direction", sliding]))
+        return _family("one axis", text, 2 if len(revolute) > 1 else 1)
     if dof > 6 or prismatic > 3:
         return None
     chain = "six joints in series" if prismatic else "six revolute joints in series"

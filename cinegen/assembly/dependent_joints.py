@@ -46,10 +46,8 @@ def followers(mechanism: Mechanism) -> tuple[list[Coupling], dict[str, _Mimic]]:
         elif unknown:
             leaders = [joint for joint in unknown if joint != coupling.follower] or unknown
             raise ModesError(
-                f"{mechanism.name}: coupling '{coupling.name}' does not determine {list_of(unknown)}: assembly modes "
-                "are computed where a coupling determines a joint by a linear term, from actuated joints or from those "
-                "that others determine so, or one passive joint follows another by a ratio of 1 or -1"
-                + remedy(mechanism, leaders, "actuated")
+                f"{mechanism.name}: coupling '{coupling.name}' does not determine {list_of(unknown)} linearly from "
+                "actuated joints, nor from a passive one by a ratio of 1 or -1" + remedy(mechanism, leaders, "actuated")
             )
     return followed, mimics
 

@@ -148,6 +148,7 @@ class Homotopy:
         for two bodies only, where the solutions are those of a quadratic equation.
         """
         count, family = len(fibre.solutions), self._family
+        solutions = f"{count} complex solution{'s' * (count != 1)}"
         followed = counts.lost == 0 and not curve
         remarks = [f"{counts.lost} of {count} paths were lost"] if counts.lost else []
         if curve:
@@ -156,13 +157,13 @@ class Homotopy:
             remarks.append("there are other configurations too, in which its actuated joints don't determine it")
         if family is not None and self._is_bound_reached(fibre):
             if not family.everywhere:
-                method = f"{count} modes, proved" if followed else f"{count} complex solutions"
+                method = f"{count} modes, proved" if followed else solutions
                 others = "modes in which it has rotated are not among them"
                 return False, None, [f"{family.description}: {method}; {others}", *remarks]
             if counts.infinite and family.name != "dyad":
                 remarks.append(f"{counts.infinite} are at infinity, and curves of configurations are not excluded")
                 followed = False
-            method = f"{family.description}: {count} complex solutions, as many as there can be"
+            method = f"{family.description}: {solutions}, as many as there can be"
             return followed and not fibre.loose, None, [method, *remarks]
         if not self._linkage.passive:
             return True, None, ["there are no passive joints in its loops"]
@@ -170,7 +171,7 @@ class Homotopy:
             start = f"no actuated joint moves its loops: {count} solutions, from {fibre.hits} random starts"
             return False, None, [start, *remarks]
         apart = f" in {fibre.parts} sets that no closed path has joined" if fibre.parts > 1 else ""
-        done = [f"monodromy: {count} complex solutions{apart}"]
+        done = [f"monodromy: {solutions}{apart}"]
         if fibre.quiet:
             done.append(f"the last {fibre.quiet} monodromy loops found no more")
         if fibre.traced.complete:

@@ -22,6 +22,17 @@ def pairs(amounts: Amounts | None) -> list[tuple[str, float | str]]:
     return [(name, amount) for name, amount in (amounts.items() if isinstance(amounts, Mapping) else amounts)]
 
 
+def known_pairs(parameters: Parameters, amounts: Amounts | None) -> list[tuple[str, float | str]]:
+    """Return names or patterns of parameters, and their amounts, as `pairs`.
+
+    Raises:
+        DesignError: unknown names; names all of them.
+    """
+    chosen = pairs(amounts)
+    parameters.matching(pattern for pattern, _ in chosen)
+    return chosen
+
+
 def amount_in(name: str, amount: float | str, dimension: Dimension) -> float:
     """Return an amount in m or rad.
 
@@ -46,11 +57,9 @@ def sizes_by_index(parameters: Parameters, amounts: Amounts | None) -> dict[int,
     Raises:
         DesignError: unknown names (all of them), a wrong unit, or a negative amount.
     """
-    chosen = pairs(amounts)
-    parameters.matching(pattern for pattern, _ in chosen)
     return {
         i: amount_in(pattern, amount, parameters.all[i].dimension)
-        for pattern, amount in chosen
+        for pattern, amount in known_pairs(parameters, amounts)
         for i in _matching(parameters, pattern, amount)
     }
 

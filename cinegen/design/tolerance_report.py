@@ -65,7 +65,8 @@ class Forced:
 
     Attributes:
         names: of these sources, the one that opens most first.
-        position: largest gap of a loop that each opens within its interval, m.
+        position: largest gap of a loop that each opens within its interval, m; of a coupling, that of the
+            joint that follows, whose term has the factor 1 in RAFF.
         angle: likewise, rad.
         worst_position: gap if all are at the worst ends of their intervals, m.
         worst_angle: likewise, rad.

@@ -104,8 +104,7 @@ class _Assembly:
         self._columns = np.array([mechanism.v_index(name) for name in self._moving])
         revolute = [mechanism.q_index(name) for name in self._moving if not mechanism.is_prismatic(name)]
         self._revolute = np.array(revolute, dtype=np.intp)
-        # couplings with other joints are fulfilled afterwards
-        self._equations_used = mechanism.structure.system.rows - (0 if parts.couplings else len(mechanism.couplings))
+        self._rows = parts.rows(parts.couplings)  # couplings with other joints are fulfilled afterwards
 
     def solutions(self, report: Callable[[str], None] | None, effort: float) -> IKSolutions:
         """Return all solutions."""
@@ -147,14 +146,10 @@ class _Assembly:
         if not any(_CURVE in modes.method for modes in groups) and any(map(self._can_move, configurations)):
             remarks.append(f"; solutions are singular: {_CURVE} is not excluded")
             complete = False
-        if parts.driven.features:
-            bent = ", ".join(feature.joint for feature in parts.driven.features)
-            remarks.append(f"; with all real roots of the polynomials by which couplings determine {bent}")
+        remarks += parts.driven.remarks(self._moving if configurations else ())
         if unexamined:
             remarks.append(f"; other solutions of couplings are not excluded: {', '.join(sorted(unexamined))}")
             complete = False
-        if parts.driven.staying:
-            remarks.append(f"; joints that do not move it stay where they are: {', '.join(parts.driven.staying)}")
         if self._mechanism.floating:
             remarks.append("; the base stays where it is")
         tests = [modes.trace_test for modes in groups if modes.trace_test is not None]
@@ -245,7 +240,7 @@ class _Assembly:
         jacobian = task.offset.toActionMatrixInverse() @ mechanism.jacobian(q, task.node)
         error, by = task.equations(mechanism.placement(q, task.node) * task.offset, jacobian)
         units = np.repeat([length, 1.0], [task.translation, task.rotation])
-        c, loops = (part[: self._equations_used] for part in mechanism.structure.system.evaluate(q))
+        c, loops = (part[self._rows] for part in mechanism.structure.system.evaluate(q))
         rows = np.vstack([by * mechanism.scale / units[:, None], loops])
         return np.concatenate([error / units, -c]), rows[:, self._columns]
 

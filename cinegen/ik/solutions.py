@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -31,7 +31,8 @@ class IKError(CinegenError):
 class IKSolutions(SolutionSet):
     """All isolated configurations q (nq,) that bring a node to a pose; a sequence, nearest to the start first.
 
-    Configurations are the same if they place all links alike: angles count modulo 2 pi. Where a whole number of
+    Configurations are the same if they place all links alike; angles of joints that move the node count modulo 2 pi,
+    even where couplings drive others by them: `method` names revolutions that displace these. Where a whole number of
     revolutions brings a joint within its limits, it is within them.
 
     Attributes:
@@ -75,12 +76,13 @@ class IKSolutions(SolutionSet):
         return f"<{number}, {len(self.within_limits)} within the limits, {self.completeness}>"
 
     def _repr_html_(self) -> str:
-        """Show the joints of each solution as a table in a notebook."""
-        rows = []
-        for number, (q, beyond) in enumerate(zip(self, self.outside, strict=True), 1):
-            values = [float(q[self.mechanism.q_index(name)]) for name in self.mechanism.actuated]
-            rows.append([number, *(f"{value:.4f}" for value in values), ", ".join(beyond)])
-        header = ["solution", *(f"{name} (rad, m)" for name in self.mechanism.actuated), "outside limits"]
+        """Show the joints of each solution as a table in a notebook: the actuated ones, and what else distinguishes
+        solutions."""
+        at = {name: self.mechanism.q_index(name) for name in self.mechanism.joints}
+        columns = {name: [f"{q[k]:.4f}" for q in self] for name, k in at.items()}
+        names = distinguishing(columns, self.mechanism.actuated)
+        rows = [[k + 1, *(columns[n][k] for n in names), ", ".join(beyond)] for k, beyond in enumerate(self.outside)]
+        header = ["solution", *(f"{name} (rad, m)" for name in names), "outside limits"]
         return table(f"{self!r}: {self.task.node}. {self.method}. {self.certification}", header, rows)
 
     @cached_property
@@ -135,6 +137,25 @@ class IKSolutions(SolutionSet):
                 "error": self.task.distances(self.mechanism, self.closest),
             },
         )  # fmt: skip
+
+
+def distinguishing(columns: Mapping[str, Sequence[str]], first: Sequence[str]) -> list[str]:
+    """Return names of columns of a table: the first ones, and of the others those by which rows differ that are alike
+    in all columns before.
+
+    Args:
+        columns: the texts of all rows, by the column's name.
+        first: names of some of them.
+    """
+
+    def kinds(names: Sequence[str]) -> int:
+        return len({tuple(columns[name][k] for name in names) for k in range(len(next(iter(columns.values()))))})
+
+    chosen = list(first)
+    for name in columns:
+        if name not in chosen and kinds([*chosen, name]) > kinds(chosen):
+            chosen.append(name)
+    return chosen
 
 
 def _values(mechanism: Mechanism, q: Array) -> dict[str, Any]:

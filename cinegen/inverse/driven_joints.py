@@ -7,7 +7,7 @@ have one solution if they are linear. Loops that joints in couplings belong to m
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 from flint import acb_poly, arb
@@ -23,6 +23,7 @@ from raff2urdf.coupling import Coupling, determining
 _KNOWN = 1e-10  # rad, m: how exactly other joints are known
 _SAME = 1e-6  # rad, m
 _STILL = 1e-9  # steps of a joint for one of a joint that moves the node
+_REVOLUTION = 2.0 * np.pi + 1e-6  # rad: between limits that are farther apart a joint makes more than one revolution
 
 
 class DrivenJoints:
@@ -32,7 +33,7 @@ class DrivenJoints:
         mechanism: the mechanism.
         idle: these joints, without locked ones.
         in_loops: all joints in loops.
-        q: (nq,) a closed configuration.
+        samples: closed configurations (nq,).
 
     Attributes:
         staying: those that stay where they are: with the joints that move the node they determine the others. Of joints
@@ -41,11 +42,14 @@ class DrivenJoints:
         features: points that distinguish the values of joints of whose variables powers occur.
     """
 
-    def __init__(self, mechanism: Mechanism, idle: Collection[str], in_loops: Collection[str], q: Array) -> None:
+    def __init__(
+        self, mechanism: Mechanism, idle: Collection[str], in_loops: Collection[str], samples: Sequence[Array]
+    ) -> None:
         self._mechanism = mechanism
         columns = {mechanism.v_index(name): name for name in sorted(idle, key=lambda name: name in mechanism.actuated)}
         coupled = {name for coupling in mechanism.couplings for name in coupling.terms}
-        equations = mechanism.structure.system.evaluate(q)[1]
+        matrices = [mechanism.structure.system.evaluate(q)[1] for q in reversed(samples)]
+        equations = max(matrices, key=lambda matrix: closure.rank(matrix[:, [*columns]]))  # a cam dwells at home
         dependent = closure.passive(equations, [*columns]) if columns else []
         others = np.delete(equations, [*columns], axis=1)
         moved = np.abs(np.linalg.pinv(equations[:, dependent]) @ others).max(axis=1, initial=0.0) > _STILL
@@ -62,6 +66,39 @@ class DrivenJoints:
         }
         bent = [c.follower for c in self._solved if len(c.terms[c.follower]) > 1]
         self.features = tuple(BodyFeature(name, False, self._beside_axis(name)) for name in bent)
+
+    def remarks(self, moving: Iterable[str]) -> list[str]:
+        """Return what solutions are without: parts of a sentence. `moving` are the joints that move the node."""
+        remarks = list[str]()
+        if self.features:
+            bent = ", ".join(feature.joint for feature in self.features)
+            remarks.append(f"; with all real roots of the polynomials by which couplings determine {bent}")
+        if turning := ", ".join(self._turning(moving)):
+            remarks.append(f"; revolutions of {turning}, after which driven joints are elsewhere, are not counted")
+        if self.staying:
+            remarks.append(f"; joints that do not move it stay where they are: {', '.join(self.staying)}")
+        return remarks
+
+    def _turning(self, moving: Iterable[str]) -> list[str]:
+        """Return those of some joints that have room for more than one revolution, and displace by each what they
+        drive: couplings pass it on to a slider, by a polynomial, or as a part of a revolution.
+
+        Seen by derivatives at general values of all joints, where those of a polynomial are no whole numbers.
+        """
+        mechanism, rng = self._mechanism, np.random.default_rng(0)
+        room = {name: mechanism.limits[name].upper - mechanism.limits[name].lower for name in moving}
+        turning = [name for name, width in room.items() if width > _REVOLUTION and not mechanism.is_prismatic(name)]
+        driven = [name for name in mechanism.joints if name not in self._kept]
+        values = dict(zip(mechanism.joints, rng.normal(size=len(mechanism.joints)).tolist(), strict=True))
+        slopes = [coupling.evaluate(values)[1] for coupling in mechanism.couplings]
+        by_driven, by_turning = (
+            np.array([[slope.get(name, 0.0) for name in some] for slope in slopes]).reshape(len(slopes), len(some))
+            for some in (driven, turning)
+        )
+        ratios = np.linalg.pinv(by_driven) @ by_turning
+        slides = np.array([mechanism.is_prismatic(name) for name in driven], dtype=bool)
+        off = np.abs(ratios - np.where(slides[:, None], 0.0, np.rint(ratios))).max(axis=0, initial=0.0)
+        return [name for name, part in zip(turning, off, strict=True) if part > _STILL]
 
     def _beside_axis(self, joint: str) -> tuple[float, ...]:
         """Return a point (3,) of a joint's body that every motion of the joint moves, m."""

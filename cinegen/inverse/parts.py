@@ -51,7 +51,8 @@ class TaskPart:
     """A linkage of some of the joints that bring the node to its pose.
 
     Attributes:
-        mechanism: whose actuated joints are the virtual ones.
+        mechanism: whose actuated joints are the virtual ones; without limits, by which only curves are measured:
+            its couplings are linear.
         joints: names of its other joints.
         distinct: names of those whose values distinguish solutions: actuated ones, those in couplings, and those in no
             loop of the whole mechanism.

@@ -26,7 +26,7 @@ from cinegen.inverse.driven_joints import DrivenJoints
 from cinegen.inverse.motion_group import MotionGroup, generated
 from cinegen.inverse.parts import NodeTask, TaskPart, VirtualPose
 from cinegen.joints import kinematic_data
-from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
+from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint, linked
 from cinegen.loops.clusters import subsystems
 from cinegen.model import Mechanism
 from cinegen.model.mechanism_model import MechanismSource
@@ -88,7 +88,7 @@ class TaskParts:
         split = self._split()
         used = self._names(split)
         idle = tuple(name for name in mechanism.joints if name not in used and name not in locked)
-        self.driven = DrivenJoints(mechanism, idle, self._in_loops, self.start)
+        self.driven = DrivenJoints(mechanism, idle, self._in_loops, self._samples)
         self._parts = split
 
     @cached_property
@@ -148,9 +148,7 @@ class TaskParts:
         columns = np.eye(mechanism.model.nv)[:, free] * mechanism.scale[free]
         if not mechanism.is_constrained:
             return np.asarray(columns)
-        loops = mechanism.structure.system.rows - len(mechanism.couplings)
-        used = [*range(loops), *(loops + k for k, c in enumerate(mechanism.couplings) if c in couplings)]
-        jacobian = mechanism.loop_jacobian(q)[used] @ columns
+        jacobian = mechanism.loop_jacobian(q)[self.rows(couplings)] @ columns
         rank, rows = closure.rank(jacobian), np.linalg.svd(jacobian)[2]
         return np.asarray(columns @ rows[rank:].T)
 
@@ -253,22 +251,38 @@ class TaskParts:
 
     def _related(self, used: set[str]) -> list[Coupling]:
         """Return the couplings that relate joints of the parts to each other: none if other joints, such as those that
-        drive them, fulfil them whatever the values of the used ones."""
-        mechanism = self.mechanism
-        couplings = [coupling for coupling in mechanism.couplings if used & coupling.terms.keys()]
-        others = sorted({name for coupling in couplings for name in coupling.terms} - used - set(self._locked))
-        values = {name: float(self.start[mechanism.q_index(name)]) for name in mechanism.joints}
-        slopes = [coupling.evaluate(values)[1] for coupling in couplings]
-        matrix = np.array([[slope.get(name, 0.0) for name in (*others, *sorted(used))] for slope in slopes])
-        if not couplings or closure.rank(matrix) == closure.rank(matrix[:, : len(others)]):
+        drive them, fulfil all couplings whatever the values of the used ones."""
+        mechanism, system = self.mechanism, self.mechanism.structure.system
+        jacobians = [system.evaluate(q)[1] for q in self._samples]
+        free = [mechanism.v_index(name) for name in mechanism.joints if name not in self._locked]
+        others = [mechanism.v_index(name) for name in mechanism.joints if name not in (*self._locked, *used)]
+
+        def relations(couplings: Collection[Coupling]) -> int:
+            """Return how many equations of loops and couplings are between used joints: as many as others can't fulfil;
+            generic ranks, as a cam may dwell at home."""
+            rows = self.rows(couplings)
+            every, by_others = (max(closure.rank(matrix[rows][:, at]) for matrix in jacobians) for at in (free, others))
+            return every - by_others
+
+        direct = [coupling for coupling in mechanism.couplings if coupling.terms.keys() <= used]
+        count = relations(mechanism.couplings)
+        if count == relations(()):
             return []
-        if others or self._locked:
-            names = ", ".join(f"'{coupling.name}'" for coupling in couplings)
+        if count > relations(direct):
+            moving, first = {mechanism.v_index(name) for name in used}, len(mechanism.loops)
+            related = (group for group, columns in linked(system.columns) if not moving.isdisjoint(columns.tolist()))
+            names = ", ".join(f"'{mechanism.constraint_names[k]}'" for group in related for k in group if k >= first)
             raise ModesError(
                 f"{mechanism.name}: couplings ({names}) relate joints that move '{self.task.node}' to others, or to "
                 "locked ones: inverse solutions of these are not computed"
             )
-        return couplings
+        return direct
+
+    def rows(self, couplings: Collection[Coupling]) -> list[int]:
+        """Return the indices of the equations of all loops and of some couplings."""
+        every = self.mechanism.couplings
+        loops = self.mechanism.structure.system.rows - len(every)
+        return [*range(loops), *(loops + k for k, coupling in enumerate(every) if coupling in couplings)]
 
     # --- parts ----------------------------------------------------------------------------------------------------
 

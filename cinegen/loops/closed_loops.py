@@ -112,10 +112,12 @@ class ClosedLoops:
         self.rows = sum(loop.rows for loop in self.loops) + len(self.couplings)
         names = dict.fromkeys(joint for coupling in self.couplings for joint in coupling.terms)
         self._coupled = {name: model.joints[model.getJointId(name)] for name in names}
+        lower, upper = model.lowerPositionLimit, model.upperPositionLimit
+        self._limits = {name: (lower[joint.idx_q], upper[joint.idx_q]) for name, joint in self._coupled.items()}
         alone, outermost = self._scales_of(names), self._outermost(names)
-        scales = coupled_scales(self.couplings, alone, outermost)
+        scales = coupled_scales(self.couplings, alone, outermost, self._limits)
         if screws := self._screws(alone, scales):
-            scales = coupled_scales(self.couplings, alone, [*outermost, *screws])
+            scales = coupled_scales(self.couplings, alone, [*outermost, *screws], self._limits)
         for name, joint in self._coupled.items():
             self.scale[joint.idx_v] = scales[name]
         self._set_coupling_sizes(scales)
@@ -128,12 +130,10 @@ class ClosedLoops:
         self.sizes = [sign[sign != 0.0] * self.scale[sign != 0.0] for sign in signs]
 
     def _set_coupling_sizes(self, scales: Mapping[str, float]) -> None:
-        lower, upper = self.model.lowerPositionLimit, self.model.upperPositionLimit
-        limits = {name: (lower[joint.idx_q], upper[joint.idx_q]) for name, joint in self._coupled.items()}
-        self.coupling_sizes = [coupling.size(scales, limits) or 1.0 for coupling in self.couplings]
+        self.coupling_sizes = [coupling.size(scales, self._limits) or 1.0 for coupling in self.couplings]
         self.coupling_slopes = np.zeros((len(self.couplings), self.model.nv))
         for row, coupling, size in zip(self.coupling_slopes, self.couplings, self.coupling_sizes, strict=True):
-            for name, slope in coupling.slopes(scales, limits).items():
+            for name, slope in coupling.slopes(scales, self._limits).items():
                 row[self._coupled[name].idx_v] = slope / size
 
     def _scales_of(self, names: Iterable[str]) -> dict[str, float]:
@@ -157,11 +157,10 @@ class ClosedLoops:
         for coupling in self.couplings:
             if any(scales[name] > alone[name] for name in coupling.terms):
                 continue
-            for name, (slope, *_) in coupling.terms.items():
-                driven = max(
-                    (abs(c[0]) * alone[other] for other, c in coupling.terms.items() if other != name), default=0.0
-                )
-                if driven > abs(slope) * alone[name] / NEAR_SINGULAR > 0.0 and self._is_coaxial(name):
+            slopes = coupling.slopes(alone, self._limits)
+            for name, slope in slopes.items():
+                driven = max((abs(s) for other, s in slopes.items() if other != name), default=0.0)
+                if driven > abs(slope) / NEAR_SINGULAR > 0.0 and self._is_coaxial(name):
                     screws.append(name)
         return screws
 

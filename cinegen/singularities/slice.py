@@ -222,7 +222,7 @@ def about_home(mechanism: Mechanism, name: str, node: str | None = None) -> Axis
     within an actuated joint's limits.
 
     Raises:
-        SliceError: no such coordinate.
+        SliceError: no such coordinate, or a joint that can't move.
         UnknownNameError: no such node.
     """
     home = Coordinates(mechanism, [name], node).home[name]
@@ -231,4 +231,6 @@ def about_home(mechanism: Mechanism, name: str, node: str | None = None) -> Axis
     low, high = home - reach, home + reach
     if name in mechanism.actuated:
         low, high = max(low, mechanism.limits[name].lower), min(high, mechanism.limits[name].upper)
+        if low == high:
+            raise SliceError(f"{mechanism.name}: {name} can't move: its limits are equal. Name another")
     return Axis(name, low, high)

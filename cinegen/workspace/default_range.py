@@ -43,7 +43,7 @@ def default_range(
         centre: (3,) m, the centre of a radius.
 
     Raises:
-        MapError: no such coordinate.
+        MapError: no such coordinate, or it can't change.
         UnknownNameError: no such node.
     """
     node = mechanism.end if node is None else node
@@ -51,6 +51,8 @@ def default_range(
         home = float(mechanism.q_home[mechanism.q_index(name)])
         reach = mechanism.length if mechanism.is_prismatic(name) else math.pi
         low, high, *_ = mechanism.limits[name]
+        if low == high:
+            raise MapError(f"{mechanism.name}: {name} can't move: its limits are equal. Leave it out")
         return low if math.isfinite(low) else home - reach, high if math.isfinite(high) else home + reach
     if name in POSE:
         return _pose_range(mechanism, node, POSE.index(name))

@@ -82,8 +82,9 @@ def test_a_joint_that_has_the_roots_of_a_polynomial_as_values_is_not_called_dete
     }
     """
     remedy = "'joint2-joint1' does not determine 'joint1'.*: let 'joint1' be actuated"
-    with pytest.raises(ModesError, match=remedy):
+    with pytest.raises(ModesError, match=remedy) as caught:
         cinegen.assembly_modes(cinegen.load(text))
+    assert len(str(caught.value)) < 220
     driven = cinegen.load(text.replace("actuated 1", "").replace("type 2", "type 2 actuated 1"))
     with pytest.raises(ModesError, match="no loops: each value of its joints has one configuration"):
         cinegen.assembly_modes(driven)

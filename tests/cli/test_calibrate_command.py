@@ -53,5 +53,8 @@ def test_mistakes(typed, tmp_path):
     assert "link2.r: it is not estimated" in typed(
         "planar_3r", "m.csv", "--vary", "*.d", "--sigma", "link2.r=1mm", code=1
     )
+    unknown = typed("planar_3r", "m.csv", "--sigma", "lnk2.d=1mm, link2.q=1mm", code=1)
+    assert "did you mean 'link2.d'" in unknown
+    assert "link2 has no parameter 'q'" in unknown
     assert "absent.csv" in typed("planar_3r", "absent.csv", code=1)
     assert not (tmp_path / "new.raff").exists()

@@ -26,6 +26,30 @@ def test_one_solution_within_limits_nearest_home(robot, printed):
     assert "--all lists all" in printed("ik", "delta4", "--at", "x=0.1,y=0.2,z=-2.9")
 
 
+CAM = """RAFF Cam
+robot cam {
+  link 1 { parameters { theta 10 } type 2 pred 0 }
+  link 2 { parameters { d 100 r 6 } type 1 pred 0 actuated 1 }
+  coupling { link 2 link 1 polynomial ( 0.5 0.01 ) }
+}
+"""
+
+
+def test_passive_joints_are_shown_where_solutions_differ_in_these_only(tmp_path, printed):
+    """0.5 theta + 0.01 theta^2 = 10 has the roots -25 +- sqrt(1625) degrees."""
+    path = tmp_path / "cam.raff"
+    path.write_text(CAM)
+    said = printed("ik", path, "--node", "link2", "--at", "x=0.1,y=0,z=0.01", "--all").splitlines()
+    assert ["solution", "joint2", "joint1"] in [line.split() for line in said]
+    rows = [line.split() for line in said if "0.010000" in line]
+    assert rows == [["1", "0.010000", "15.31"], ["2", "0.010000", "-65.31"]]
+    cam = cinegen.load(path)
+    target = cinegen.FrameTask("link2", cam.placement(cam.q_home, "link2"))
+    shown = cinegen.inverse_kinematics(cam, [target], all=True)._repr_html_()
+    assert "joint1 (rad, m)" in shown
+    assert "joint1 " not in printed("ik", path, "--node", "link2", "--at", "x=0.1,y=0,z=0.01")
+
+
 def test_a_pose_out_of_reach_ends_with_code_1(printed):
     assert "None was found within the limits." in printed("ik", "planar_3r", "--at", "x=0.9,y=0.9,rz=20", code=1)
     said = printed("ik", "planar_3r", "--at", "x=0.9,y=0.9,rz=20", "--all", code=1)

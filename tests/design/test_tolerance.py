@@ -171,6 +171,18 @@ def test_errors_that_only_contradict_redundant_encoders_are_listed_apart(tmp_pat
         assert report.forced.names == ("link3.r",)
 
 
+def test_the_forced_gap_of_a_coupling_is_that_of_the_joint_that_follows(tmp_path):
+    """4 b + 2 a = 0: if a is off by 1, b is off by 1/2 from where a drives it."""
+    bodies = "".join(f'<body name="{x}"><joint name="{x}" axis="0 0 1"/><geom size="0.1"/></body>' for x in "ab")
+    path = tmp_path / "pair.xml"
+    path.write_text(f"""<mujoco model="pair"><worldbody>{bodies}</worldbody>
+      <tendon><fixed name="sum"><joint joint="b" coef="4"/><joint joint="a" coef="2"/></fixed></tendon>
+      <equality><tendon tendon1="sum"/></equality>
+      <actuator><general joint="a"/><general joint="b"/></actuator></mujoco>""")
+    forced = tolerance(path, encoder={"joint1": 1e-3}).contradicting
+    np.testing.assert_allclose([*forced.position, *forced.angle], [0.0, 3e-3 * 0.5], rtol=1e-9)
+
+
 def test_covariance_and_worst_case_hold_for_samples_of_a_spatial_loop():
     report = tolerance("delta4", {"link*.d": "0.05mm", "link*.alpha": "0.01deg"}, samples=30_000, seed=1)
     assert report.monte_carlo.failed == report.monte_carlo.outside == 0

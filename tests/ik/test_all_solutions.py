@@ -358,6 +358,24 @@ def test_serial_arms_have_as_many_solutions_as_theory_allows(word, bound):
     assert solutions.counts.total == bound
 
 
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [
+        ("P", "1 prismatic joint: 1 complex solution,"),
+        ("R", "1 revolute joint about one direction: 1 complex solution,"),
+        ("RRP", "2 revolute joints about one direction and 1 prismatic joint: 2 complex solutions,"),
+    ],
+)
+def test_revolute_and_prismatic_joints_of_a_part_are_counted(word, said):
+    """R: revolute about z, P: prismatic along x."""
+    kinds = {"R": "revolute", "P": "prismatic"}
+    joints = [(kinds[c], (0.2 * k, 0.0, 0.0), (0.0, RIGHT * (c == "P"), 0.0)) for k, c in enumerate(word)]
+    arm = chain(*joints, ("fixed", (0.1, 0.2, 0.3), (0.0, 0.0, 0.0)))
+    solutions = solved(arm, arm.placement(0.3 * np.ones(len(word)), "tool"))
+    assert solutions.method.startswith(said)
+    assert len(solutions) == int(said.split(": ")[1][0])
+
+
 def test_joints_are_brought_within_their_limits_by_whole_revolutions():
     first = ("revolute", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     arm = chain(first, ("fixed", (0.5, 0.0, 0.0), (0.0, 0.0, 0.0)))
@@ -469,6 +487,85 @@ def test_the_cam_of_a_slider_has_all_angles_that_its_polynomial_allows(height):
     turned = sorted(math.degrees(q[cam.q_index("joint1")]) for q in solutions)
     assert np.allclose(turned, angles, rtol=0.0, atol=1e-8)
     assert np.allclose([q[cam.q_index("joint2")] for q in solutions], height, rtol=0.0, atol=1e-12)
+
+
+def test_a_cam_that_dwells_at_home_has_the_two_angles_of_its_square():
+    """r = 6 + 0.01 theta^2 in mm and degrees: at home, theta = 0, the angle does not move the slider."""
+    text = CAM.replace(" actuated 1", "").replace("pred 0 }", "pred 0 actuated 1 }", 1)
+    dwelling = cinegen.load(text.replace("theta 10", "theta 0").replace("( 0.5 0.01 )", "( 0 0.01 ) offset 6"))
+    target = FrameTask("link2", pin.SE3(np.eye(3), np.array([0.1, 0.0, 0.01])), rotation=0)
+    solutions = cinegen.inverse_kinematics(dwelling, [target], all=True)
+    assert (solutions.proved, solutions.certified) == (True, 2)
+    angles = sorted(math.degrees(q[dwelling.q_index("joint1")]) for q in solutions)
+    assert np.allclose(angles, [-20.0, 20.0], rtol=0.0, atol=1e-8)
+
+
+GEARS = """RAFF Gears
+robot gears {
+  link 1 { parameters { theta 20 } type 2 pred 0 actuated 1 }
+  link 2 { parameters { theta 60 d 400 } type 2 pred 1 }
+  link 3 { parameters { theta -60 d 300 } type 2 pred 2 }
+  frame 20 { name "tool" parameters { d 100 } pred 3 }
+  link 6 { parameters { d 500 } type 2 pred 0 } link 7 { parameters { d 600 } type 2 pred 0 }
+  link 8 { parameters { d 700 } type 2 pred 0 }
+  coupling { link 3 link 2 ratio -1 }
+  coupling { link 6 link 1 ratio 2 } coupling { link 7 link 6 ratio 2 } coupling { link 8 link 7 ratio 2 } LAST
+}
+"""
+
+
+def test_couplings_one_after_another_are_followed_to_their_end():
+    """By a train of gears to joint 2 the tool has 1 DoF, for two coordinates; without its last pair of wheels they only
+    drive wheels: theta8 = 8 theta1."""
+    gears = cinegen.load(GEARS.replace("LAST", ""))
+    pose = gears.placement(gears.q_home, "tool")
+    solutions = solved(gears, pose, rotation=0)
+    assert (len(solutions), solutions.complete, solutions.certified) == (2, True, 2)
+    x, y, _ = pose.translation
+    bends = sorted(q[gears.q_index("joint2")] for q in solutions)
+    two = math.acos((x * x + y * y - 0.5**2 - 0.3**2) / (2.0 * 0.5 * 0.3))
+    assert np.allclose(bends, [-two, two])
+    assert all(abs(q[gears.q_index("joint8")] - 8.0 * q[gears.q_index("joint1")]) < 1e-12 for q in solutions)
+    train = cinegen.load(GEARS.replace("LAST", "coupling { link 2 link 8 ratio 0.375 }"))
+    with pytest.raises(IKError, match=r"\('joint3-joint2', .*'joint8-joint7', 'joint2-joint8'\) relate joints"):
+        solved(train, pose, rotation=0)
+
+
+TURN = """RAFF Turn
+robot turn {
+  link 1 { parameters { theta 20 } type 2 pred 0 actuated 1 LIMITS }
+  link 2 { parameters { theta 40 d 300 } type 2 pred 1 actuated 1 }
+  frame 3 { parameters { d 250 } pred 2 name "tool" }
+  link 6 { parameters { d 500 } type KIND pred 0 }
+  COUPLING
+}
+"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "limits", "coupling", "named"),
+    [
+        (1, "", "link 6 link 1 lead 20", True),
+        (1, "limits { -180 180 }", "link 6 link 1 lead 20", False),
+        (1, "limits { -181 180 }", "link 6 link 1 lead 20", True),
+        (2, "", "link 6 link 1 ratio 2 link 2 ratio -3", False),
+        (2, "", "link 6 link 1 ratio 0.5 link 2 ratio -3", True),
+        (2, "", "link 6 link 1 polynomial ( 2 0.01 )", True),
+    ],
+)
+def test_whole_revolutions_that_place_driven_joints_elsewhere_are_named(kind, limits, coupling, named):
+    """And with the first joint a revolution further, the tool is where it was, and link 6 is not, by Pinocchio."""
+    text = TURN.replace("KIND", str(kind)).replace("LIMITS", limits).replace("COUPLING", f"coupling {{ {coupling} }}")
+    robot = cinegen.load(text)
+    solutions = solved(robot, pin.SE3(np.eye(3), np.array([0.3, 0.2, 0.0])), rotation=0)
+    assert (len(solutions), solutions.proved) == (2, True)
+    remark = "; revolutions of joint1, after which driven joints are elsewhere, are not counted"
+    assert (remark in solutions.method) == named
+    driving = {name: solutions[0][robot.q_index(name)] for name in ("joint1", "joint2")}
+    turned = robot.close(robot.configuration({**driving, "joint1": driving["joint1"] + 2.0 * math.pi}), driving)
+    assert max(solutions.task.distances(robot, turned)) < 1e-12
+    moved = np.abs(robot.placement(turned, "link6").homogeneous - robot.placement(solutions[0], "link6").homogeneous)
+    assert (moved.max() > 1e-3) == (named or bool(limits))
 
 
 def test_what_couplings_may_allow_besides_is_not_excluded():

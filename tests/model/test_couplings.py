@@ -89,14 +89,33 @@ def test_a_curve_counts_by_its_steepest_slope_in_its_limits(none):
 
 def test_a_joint_that_only_drives_others_counts_as_much_as_what_it_drives(robot):
     couplings = [Coupling("a", {"y": (1.0,), "x": (-0.01,)})]
-    assert coupled_scales(couplings, {"y": 1.0, "x": 1.0}, {"x"}) == {"y": 1.0, "x": 100.0}
-    assert coupled_scales(couplings, {"y": 1.0, "x": 1.0}, set()) == {"y": 1.0, "x": 1.0}
+    alone, unlimited = {"y": 1.0, "x": 1.0}, dict.fromkeys("xy", (-np.inf, np.inf))
+    assert coupled_scales(couplings, alone, {"x"}, unlimited) == {"y": 1.0, "x": 100.0}
+    assert coupled_scales(couplings, alone, set(), unlimited) == {"y": 1.0, "x": 1.0}
     scara = robot("scara")
     assert scara.scale[scara.v_index("joint3")] == pytest.approx(scara.length * 2.0 * np.pi / 0.02)
     assert scara.scale[scara.v_index("joint4")] == 1.0  # it turns the quill, too
     solver = cinegen.Solver(scara, 0.01)
     solver.add_task("tool")
     assert solver.step().singular_values.min() > 0.1  # by the plain angle of the nut it would be 0.009
+
+
+@pytest.mark.parametrize("level", [0.0, 1e-9, 1e-6, 1e-3, 0.5])
+def test_a_cam_that_is_nearly_level_at_zero_is_closed_as_exactly_as_others(level):
+    """A lift of level theta + 0.01 theta^2 in mm and degrees, at 40 degrees: 0.8 mm for a degree there."""
+    cam = cinegen.load(f"""RAFF Cam
+robot cam {{
+  link 1 {{ parameters {{ theta 40 }} type 2 pred 0 actuated 1 }}
+  link 2 {{ parameters {{ d 100 r 16 }} type 1 pred 0 }}
+  coupling {{ link 2 link 1 polynomial ( {level} 0.01 ) }}
+}}
+""")
+    lift, lacking = cam.q_index("joint2"), np.array(cam.q_home)
+    lacking[lift] += 1e-6
+    assert cam.closure(lacking) > 1e-7  # rad or characteristic lengths
+    assert cam.close(lacking, ["joint1"])[lift] == pytest.approx(1e-3 * (40.0 * level + 16.0), abs=1e-13)
+    steepest = np.degrees(1.0) * 1e-3 * (level + 0.02 * np.degrees(1.0))  # m/rad, within 1 rad of 0
+    assert cam.scale[cam.v_index("joint1")] == pytest.approx(max(1.0, cam.length / steepest))
 
 
 def test_gears_are_what_their_textbooks_say(robot):

@@ -11,7 +11,7 @@ from cinegen.plotting.loci import draw_loci
 from cinegen.singularities import SingularityType, singularity
 from cinegen.singularities.crossing import _alignment
 from cinegen.singularities.loci import singular_loci
-from cinegen.singularities.slice import Axis, Coordinates, Slice, SliceError
+from cinegen.singularities.slice import Axis, Coordinates, Slice, SliceError, about_home
 
 
 @pytest.fixture(scope="module")
@@ -87,6 +87,12 @@ def test_a_slice_out_of_reach_and_a_range_without_extent_are_told(robot):
         Slice(robot("five_bar"), (Axis("x", 1.0, 1.0), Axis("y", -0.1, 0.1)))
     with pytest.raises(SliceError, match="a grid of 1 points has no cells"):
         singular_loci(far, 1)
+
+
+def test_a_joint_with_equal_limits_has_no_range_about_home(raff):
+    arm = raff("robot r { base { } link 1 { type 2 pred 0 parameters { theta 10 d 300 } limits { 10 10 } } }")
+    with pytest.raises(SliceError, match=r"joint1 can't move: its limits are equal\. Name another"):
+        about_home(arm, "joint1")
 
 
 # --- the command -------------------------------------------------------------------------------------------------

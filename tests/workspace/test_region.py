@@ -347,3 +347,9 @@ def test_as_many_digits_are_said_as_are_worth_it(value, error, says):
 def test_an_extent_that_makes_no_sense_is_refused(wrist, ask, says):
     with pytest.raises(MapError, match=says):
         ask(wrist)
+
+
+def test_a_joint_with_equal_limits_has_no_range(raff):
+    arm = raff("robot r { base { } link 1 { type 2 pred 0 parameters { theta 10 d 300 } limits { 10 10 } } }")
+    with pytest.raises(MapError, match=r"joint1 can't move: its limits are equal\. Leave it out"):
+        default_range(arm, "joint1")

@@ -199,17 +199,21 @@ def _bases(solutions: IKSolutions) -> list[str]:
 
 
 def _table(solutions: IKSolutions) -> list[str]:
-    """Return a heading and a line for each solution, with the values of the actuated joints."""
+    """Return a heading and a line for each solution, with the values of the actuated joints, and of those passive ones
+    in which solutions differ whose actuated joints are alike."""
+    from cinegen.ik.solutions import distinguishing
     from cinegen.user_units import in_user_units, length_digits, rounded
 
-    mechanism = solutions.mechanism
-    columns = []
-    for joint in mechanism.actuated:
+    mechanism, cells = solutions.mechanism, dict[str, list[str]]()
+    for joint in mechanism.joints:
         digits = length_digits() if mechanism.is_prismatic(joint) else 2
         numbers = [in_user_units(mechanism, joint, float(q[mechanism.q_index(joint)])) for q in solutions]
-        cells = [joint, numbers[0][1], *(f"{rounded(number, digits):.{digits}f}" for number, _ in numbers)]
-        width = max(map(len, cells)) + 2
-        columns.append([cell.rjust(width) for cell in cells])
+        cells[joint] = [f"{rounded(number, digits):.{digits}f}" for number, _ in numbers]
+    columns = []
+    for joint in distinguishing(cells, mechanism.actuated):
+        column = [joint, in_user_units(mechanism, joint, 0.0)[1], *cells[joint]]
+        width = max(map(len, column)) + 2
+        columns.append([cell.rjust(width) for cell in column])
     notes = [limits_text(mechanism, q) for q in solutions]
     heads = ["  solution", "          ", *(f"  {k:>8}" for k in range(1, len(solutions) + 1))]
     ends = ["outside limits" if any(notes) else "", ""]

@@ -27,7 +27,7 @@ import numpy as np
 from scipy.special import gammainc
 
 from cinegen.arrays import Array, Bools
-from cinegen.design.amounts import Amounts, amount_in, pairs
+from cinegen.design.amounts import Amounts, amount_in, known_pairs
 from cinegen.design.calibration.checks import ContradictionError, check, check_fit, doubt
 from cinegen.design.calibration.comparison import ColumnComparison
 from cinegen.design.calibration.identifiability import LISTED, Dependency, Subspace, dependencies, subspace
@@ -153,11 +153,12 @@ def expected_errors(parameters: Parameters, sigma: Amounts | None) -> Array:
     """Return the expected errors (count,) of free parameters, m and rad; later patterns replace earlier ones.
 
     Raises:
-        DesignError: an unknown name, a wrong unit, an error that is not above 0, or of what is not estimated.
+        DesignError: unknown names (all of them), a wrong unit, an error that is not above 0, or of what is not
+            estimated.
     """
     indices = [parameters.find(name) for name in parameters.names]
     errors = np.array([LENGTH_ERROR if parameters.all[i].unit == "m" else ANGLE_ERROR for i in indices])
-    for pattern, amount in pairs(sigma):
+    for pattern, amount in known_pairs(parameters, sigma):
         matching = parameters.matching([pattern])
         fitting = [i for i in matching if fits(str(amount), parameters.all[i].dimension)] or matching
         if set(indices).isdisjoint(fitting):

@@ -52,6 +52,7 @@ _DEVICE = re.compile(r"(?P<what>.*\S)\s*@\s*(?P<device>[^\W\d]\w*)")
 _TARGET = re.compile(r"[^\W\d]\w*")
 _OF_NODE = re.compile(r"(?P<node>[^()]+?)(?:\((?P<point>[^()]*)\))?\.(?P<kind>\w+)(?:\((?P<of>[^()]*)\))?")
 _HEADER = re.compile(r"(?P<what>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
+_IN_ROUND_BRACKETS = re.compile(r"(?P<what>.*\S)\s*\((?P<unit>[^()\s]+)\)")
 _COMMA = re.compile(r"[-+]?\d+,\d+(?![\d,])")
 _SCALES = {LENGTH: {"mm": 1e3, "m": 1.0}, ANGLE: {"deg": math.degrees(1.0), "rad": 1.0}}
 
@@ -357,7 +358,10 @@ def _read_columns(header: Sequence[str], mechanism: Mechanism, where: str, colum
             text = str(error).replace(f"'1 {unit}'", f"[{unit}]", 1)
             raise DesignError(f"{at}: {quantity.name}: {text}") from None
         except DesignError as error:
-            raise DesignError(f"{at}: {error}") from None
+            of, why = _IN_ROUND_BRACKETS.fullmatch(text), str(error)
+            if of and any(of["unit"] in dimension.units for dimension in _SCALES):
+                why = f"'{text}': write the unit in square brackets: {of['what']} [{of['unit']}]"
+            raise DesignError(f"{at}: {why}") from None
         if quantity.name in (other.name for other, _ in columns.values()):
             raise DesignError(f"{at}: {quantity.name} has two columns: a second measurement is another line")
         return quantity, unit

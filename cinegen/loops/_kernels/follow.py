@@ -116,7 +116,8 @@ def _keep_jacobian(memory: LoopMemory, cluster: ClusterMemory) -> None:
 
 @compiled
 def _step(memory: LoopMemory) -> bool:
-    """Move `trial` from q along the tangent, to the goal or by the longest stride; return False if it has diverged."""
+    """Move `trial` from q along the tangent, to the goal or by the longest stride, whichever is nearer; each of the
+    `halvings` halves this step. Return False if the tangent has diverged."""
     n, q, trial, tangent, delta = memory.n, memory.q, memory.trial, memory.tangent, memory.delta
     furthest = 0.0
     for k in range(n):

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from cinegen.arrays import Array
 from cinegen.design.synthesis import LinkageSynthesis, PrecisionProblem
-from cinegen.design.synthesis.linkages import EXACT
+from cinegen.design.synthesis.linkage_result import EXACT
 from cinegen.model.motion_plane import motion_plane
 from cinegen.plotting.sheet import BLUE, FAINT, GREEN, INK, LABEL, ORANGE, SKY, VERMILION, finish, graph, label
 from cinegen.plotting.skeleton import Skeleton
