@@ -15,7 +15,7 @@ from cinegen.ik.singular_values import gained
 from cinegen.mission.recording import between
 from cinegen.mission.trajectory import Trajectory
 from cinegen.model import Mechanism
-from cinegen.singularities.crossing import Rows, crossings, of_end, of_passive_joints
+from cinegen.singularities.crossing import Rows, can_vanish, crossings, of_end, of_passive_joints
 from cinegen.tolerances import AT_SINGULAR, CLOSURE, NEAR_SINGULAR
 from raff2urdf.quantities import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, shown
 
@@ -226,7 +226,7 @@ def _singular(
     sigma = np.concatenate([rows.sigma(matrices[k : k + _AT_ONCE]) for k in range(0, len(q), _AT_ONCE)])
     changed = np.linalg.norm(np.diff(matrices, axis=0), axis=(1, 2))
     through = np.zeros(len(q), dtype=bool)
-    for k in np.flatnonzero((sigma[1:] + sigma[:-1] <= changed) & (changed > 0.0)):
+    for k in np.flatnonzero(can_vanish(sigma[1:], sigma[:-1], changed) & (changed > 0.0)):
         segment = partial(between, mechanism, q[k], q[k + 1])
         for crossing in crossings(rows, segment):
             time = float(times[k] + crossing.x * (times[k + 1] - times[k]))

@@ -17,7 +17,7 @@ import numpy as np
 
 from cinegen.arrays import Array, Bools
 from cinegen.singularities.branch import BranchTracker, neighbours
-from cinegen.singularities.crossing import Rows
+from cinegen.singularities.crossing import Rows, can_vanish
 from cinegen.singularities.singularity import SingularityType
 
 Edge = tuple[int, int]
@@ -148,7 +148,7 @@ class SingularityGrid:
         """Return the singularities between two points."""
         for kind, of in matrices.items():
             sigma = self._sigma[kind]
-            if sigma[first] + sigma[second] > np.linalg.norm(of[second] - of[first]):  # see `crossing.may_cross`
+            if not can_vanish(sigma[first], sigma[second], np.linalg.norm(of[second] - of[first])):
                 continue
             start, end = (
                 self._nudged(node) if sigma[node] <= _ZERO * np.linalg.norm(of[node]) else self.q[node]

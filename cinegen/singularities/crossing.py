@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from cinegen.arrays import Array
+from cinegen.arrays import Array, Bools
 from cinegen.errors import ClosureError
 from cinegen.loops.motions import free_motions, orthonormal
 from cinegen.model import Mechanism
@@ -19,6 +19,7 @@ _SURE = 0.7  # product of the cosines between singular vectors that belong toget
 _DEPTH = 7  # times a path is halved until they do
 _HALVES = 30  # of a path, to where the sign changes
 _ZERO = 1e-12  # of a matrix: a smaller singular value is 0, and its vectors are arbitrary
+_CURVED = 1.05  # length of a path between two matrices, of their distance
 _ASIDE = 0.47  # part of a path where it is halved: singularities of symmetric robots lie in the middle
 
 
@@ -126,10 +127,18 @@ def crossings(rows: Rows, path: Callable[[float], Array]) -> Iterator[Crossing]:
 
 
 def may_cross(rows: Rows, a: Array, b: Array) -> bool:
-    """Return whether the singular value can pass through 0 between two matrices. By Weyl's inequality the matrix
-    changes by at least as much as both values together then."""
+    """Return whether the singular value can pass through 0 between two matrices, see `can_vanish`."""
     sigma = rows.sigma(np.array([a, b]))
-    return bool(sigma.sum() <= np.linalg.norm(b - a))
+    return bool(can_vanish(sigma[0], sigma[1], np.linalg.norm(b - a)))
+
+
+def can_vanish(first: Array | float, second: Array | float, distance: Array | float) -> Bools:
+    """Return whether singular values can pass through 0 between matrices that are so far apart.
+
+    By Weyl's inequality the matrix changes by at least as much as both values together then: on the straight path to
+    the other matrix where it has full rank, else on one that is bent a little, as between unit vectors.
+    """
+    return np.asarray(np.add(first, second) <= np.multiply(_CURVED, distance))
 
 
 def turned(rows: Rows, a: Array, b: Array) -> bool:

@@ -2,6 +2,7 @@
 
 import math
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from cinegen.mission.recording import between
 from cinegen.mission.trajectory import Trajectory, curve_through
 from cinegen.model import ForwardKinematics
 from cinegen.model.motion_limits import DEFAULT_ACCELERATION, motion_limits
-from cinegen.singularities.crossing import Rows, crossings, of_passive_joints
+from cinegen.singularities.crossing import Rows, crossings, of_end, of_passive_joints
 
 ROBOTS = ["planar_3r", "rx90", "four_bar", "five_bar", "delta4", "gough", "hybrid", "sr400"]
 seeds = st.integers(0, 2**32 - 1)
@@ -250,6 +251,31 @@ def test_singularities_far_apart_from_samples():
         assert angles == pytest.approx([angle for angle in expected if angle < way], abs=1e-6)
         counts.append(len(angles))
     assert set(counts) == {0, 1}
+
+
+@pytest.mark.parametrize("samples", [36, 720])
+def test_dead_centres_between_two_samples_are_passed(raff, samples):
+    """A piston turns back where its crank and its rod are in line. It moves in one direction of three: its Jacobian
+    has rank 1."""
+    mechanism = raff("""
+robot slider_crank {
+  base { parameters { gamma -90 d 200 alpha 60 theta 11 r 300 } }
+  link 1 { parameters { theta 60 } type 2 pred 0 actuated 1 }
+  link 2 { parameters { d 90 theta -80 } type 2 pred 1 }
+  frame 4 { parameters { d 230 } pred 2 }
+  link 3 { parameters { gamma 90 alpha 90 r 260 } type 1 pred 0 }
+  frame 5 { parameters { alpha -90 } pred 3 }
+  constraint { frame 4 frame 5 type 2 }
+}
+""")
+    forward, step = ForwardKinematics(mechanism), 2.0 * math.pi / samples
+    path = [forward.move({"joint1": math.radians(60.0) + k * step}) for k in range(samples + 1)]
+    angles = [
+        crossing.q[0]
+        for a, b in pairwise(path)
+        for crossing in crossings(of_end(mechanism), partial(between, mechanism, a, b))
+    ]
+    assert angles == pytest.approx([math.pi, 2.0 * math.pi], abs=1e-6)
 
 
 @pytest.mark.parametrize("turn", [0.0, 1.0, 1.8, 2.6])

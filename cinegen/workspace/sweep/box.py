@@ -20,7 +20,7 @@ from cinegen.arrays import Array, Bools, Indices
 from cinegen.ik.batch import BatchEvaluator
 from cinegen.singularities.ball_joints import balls
 from cinegen.singularities.branch import SINGULAR, flood, neighbours
-from cinegen.singularities.crossing import Rows
+from cinegen.singularities.crossing import Rows, can_vanish
 from cinegen.singularities.singularity import SingularityType
 from cinegen.workspace.cells import Cells, CellStatus
 from cinegen.workspace.continuation import Continuation
@@ -261,7 +261,7 @@ def regularity(box: BoxConfigurations) -> Regularity:
 
 
 def _candidates(box: BoxConfigurations, rows: Rows, edges: Indices) -> Iterator[tuple[int, int]]:
-    """Yield neighbours between which the singular value can pass through 0 (`crossing.may_cross`), or of which it is 0
+    """Yield neighbours between which the singular value can pass through 0 (`crossing.can_vanish`), or of which it is 0
     at one; layer by layer, so that few matrices are kept."""
     layers = box.grid.shape[0]
     layer = len(box.q) // layers
@@ -276,7 +276,7 @@ def _candidates(box: BoxConfigurations, rows: Rows, edges: Indices) -> Iterator[
         first, second = (edges[edges[:, 1] // layer == k] - offset).T
         change = np.linalg.norm(matrices[first] - matrices[second], axis=(1, 2))
         least = np.minimum(sigma[first], sigma[second])
-        for edge in np.flatnonzero((sigma[first] + sigma[second] <= change) | (least <= SINGULAR)):
+        for edge in np.flatnonzero(can_vanish(sigma[first], sigma[second], change) | (least <= SINGULAR)):
             yield int(first[edge]) + offset, int(second[edge]) + offset
         before = of_layer
 
