@@ -106,6 +106,12 @@ def test_the_command_lists(root, typed):
     assert "no sensor '7'" in typed("sensors", root / "robots/delta4.raff", "--sensor", "7=spnav:", code=1).err
 
 
+@pytest.mark.filterwarnings("default::cinegen.CinegenWarning")
+def test_the_command_says_what_can_not_be_monitored(typed):
+    assert "use cinegen drive" in typed("sensors", "--monitor", "path:circle", "--seconds", "0", code=1).err
+    assert "IRIX" in typed("sensors", "--monitor", "/dev/ttyd2", "--seconds", "0.2").err
+
+
 class Watched:
     """What a monitor says; presses Ctrl-C as soon as all that is expected was said."""
 

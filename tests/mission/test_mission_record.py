@@ -3,6 +3,9 @@
 import errno
 import json
 import os
+import signal
+import subprocess
+import sys
 import threading
 import time
 
@@ -141,6 +144,31 @@ def test_a_recording_has_no_meshes_shown_that_are_far_from_it_unless_the_user_al
 
 
 # --- programs, disks -------------------------------------------------------------------------------------------------
+
+
+def test_a_process_that_is_killed_leaves_all_but_the_last_line(tmp_path, root):
+    path = tmp_path / "run.jsonl"
+    program = f"""
+import itertools, time
+import numpy as np
+import cinegen
+from cinegen.mission import RobotSample, MissionRecorder
+arm = cinegen.load({str(root / "robots" / "planar_3r.raff")!r})
+recorder = MissionRecorder({str(path)!r}, {{"arm": arm}})
+for i in itertools.count():
+    recorder.write(i / 100, {{"arm": RobotSample(np.full(3, float(i)), "IDLE")}})
+    print(i, flush=True)
+    time.sleep(0.001)
+"""
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as process:
+        said = [process.stdout.readline() for _ in range(100)]
+        assert becomes(lambda: path.read_bytes().count(b"\n") > 101, 60.0)
+        process.send_signal(signal.SIGKILL)
+    assert said[-1] == "99\n"
+    recording = Recording.load(path)
+    count = len(recording.times)
+    assert count >= 100
+    assert (recording.q["arm"] == np.arange(float(count))[:, None]).all()
 
 
 @pytest.mark.parametrize("keep", [0.3, 0.9999])

@@ -28,6 +28,14 @@ def test_the_extended_jacobian_labels_its_rows_and_columns(robot):
     assert "platform rz" in str(matrix)
 
 
+def test_a_joint_that_does_not_move_a_loop_has_exactly_zero_there(robot):
+    delta = robot("delta4")
+    q = delta.random_closed(3)[-1]
+    loop = delta.extended_jacobian(q).block("link5-link11")
+    assert not loop[:, [delta.v_index(f"joint{i}") for i in range(12, 17)]].any()
+    assert np.abs(loop[:, delta.v_index("joint1")]).max() > 0.1
+
+
 @pytest.mark.parametrize("axis", ["1 0 0", "0 1 0", "0 0 1", "0.6 0.8 0"])
 def test_a_prismatic_joint_of_any_axis_is_one_translation_and_the_next_joint_is_none(axis):
     """The scale of a prismatic joint is the characteristic length, that of a revolute joint 1 rad."""

@@ -186,6 +186,16 @@ def test_pinocchio_reads_the_same_robot(robot: Exported) -> None:
 
 
 # --- what is written ---------------------------------------------------------------------------------------------
+def test_a_free_robot_falls_and_its_loops_stay_closed(folder: Path) -> None:
+    robot = exported("loose", folder)
+    model, data = read(robot)
+    height = data.body("base").xpos[2]
+    for _ in range(round(0.5 / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+    assert data.body("base").xpos[2] - height == pytest.approx(-0.5 * 9.81 * 0.25, rel=0.01)
+    assert opening(model, data) / robot.length < STAY
+
+
 @pytest.mark.parametrize("seed", [0, 1, 2, 3, 4, 6, 9, 13, 19])
 def test_quaternions_turn_as_their_matrices_do(seed: int) -> None:
     vector = np.random.default_rng(seed).normal(size=3)

@@ -19,6 +19,7 @@ from raff2urdf.cli import main
 from raff2urdf.errors import Problem
 from raff2urdf.raff import document as raff
 from raff2urdf.raff.document import Document, JointType, LoopKind, RaffLink, RaffLoop, RaffParameters, RaffRobot
+from raff2urdf.raff.reader import parse
 from raff2urdf.raff.textmate import grammar
 from raff2urdf.raff.tokens import tokens
 
@@ -368,8 +369,9 @@ def test_a_cycle_of_parents_is_one_fault_however_long(length: int) -> None:
 
 def test_all_faults_are_reported_at_once_in_the_order_of_the_text() -> None:
     wrong = ["link 1 { type 2 pred 9 limits { 2 1 } }", ONE, "link 3 { type 2 pred 3 }", "constraint { base link 8 }"]
-    problems = faults_of(text_of("\n".join(wrong), "robot r { }"))
-    assert [problem.location and problem.location.line for problem in problems] == [3, 3, 4, 5, 6, 8]
+    with pytest.raises(RaffError) as caught:
+        raff2urdf.check(parse(text_of("\n".join(wrong), "robot r { }")))
+    assert [problem.location and problem.location.line for problem in caught.value.problems] == [3, 3, 4, 5, 6, 8]
 
 
 # --- understood, but probably not meant --------------------------------------------------------------------------

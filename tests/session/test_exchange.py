@@ -201,6 +201,21 @@ def drag(session, name, by, **options):
     return state.robots[name]
 
 
+@pytest.mark.parametrize(("name", "joint"), [("arm7", "joint1"), ("gough", "joint3")])
+def test_a_drag_does_not_move_a_locked_joint_until_it_is_unlocked(session, name, joint):
+    live = session(name)
+    before, by = value(live, joint), 0.05 * live.robots[name].mechanism.length * np.array([0.3, 1.0, 0.2])
+    live.obey(c.LockJoint(name, joint, True))
+    state = drag(live, name, by)
+    assert state.locked == (joint,)
+    assert value(live, joint) == before
+    assert not np.array_equal(live.robots[name].q, live.robots[name].home)
+    live.obey(c.LockJoint(name, joint, False))
+    state = drag(live, name, by)
+    assert state.locked == ()
+    assert value(live, joint) != before
+
+
 def test_sliders_home_and_lines_do_not_move_a_locked_joint(session):
     live_session = session("arm7")
     drag(live_session, "arm7", np.array([0.0, 0.1, 0.0]))

@@ -12,7 +12,7 @@ from clearings import to_shape
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cinegen.collision import scene_of
+from cinegen.collision import load_scene, scene_of
 from cinegen.collision.body import PlacedShape
 from cinegen.collision.convex_hull import hull
 from cinegen.collision.links import link_bodies
@@ -185,6 +185,25 @@ def test_motions_of_joints_home_and_to_a_configuration_obey_the_limits_of_accele
     assert (changes <= motion_limits(mechanism).acceleration[columns] * (1.0 + 1e-6)).all()
     assert changes.max() > 5.0
     assert max(map(mechanism.closure, q)) <= 1e-9
+
+
+def test_a_disc_that_moves_by_itself_keeps_clear_too(root, closing):
+    live_session = closing(Session(scene_setup(load_scene(root / "robots" / "scenes" / "discs.toml"), rate=250.0)))
+    scene = live_session.setup.avoidance.scene
+    begin = point(live_session, "mobile", "mobile")
+    run(live_session, 0, c.StartDrag("mobile", "mobile", (0, 0, 0)))
+    least = []
+
+    def seen(state):
+        centre = live_session.robots["mobile"].placement("mobile").translation
+        least.extend(
+            np.linalg.norm(centre - obstacle.placement.translation) - obstacle.written["radius"] - scene.mobile
+            for obstacle in scene.obstacles
+        )
+
+    lead(live_session, line(begin, scene.goal.translation, 200), each=2, seen=seen)
+    assert min(least) >= scene.safety
+    assert min(least) < 3.0 * scene.safety
 
 
 def test_names_that_mean_something_to_the_page_or_are_taken_are_changed(session):

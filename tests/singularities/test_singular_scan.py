@@ -131,11 +131,14 @@ def test_the_command_finds_where_a_recorded_way_is_singular_between_its_samples(
 
 
 @pytest.mark.parametrize(("code", "arguments", "words"), [
+    (1, ["--over", "x"], "--over x: name two coordinates"),
+    (1, ["--at", "jont1=10"], "no coordinate 'jont1' here (did you mean 'joint1'?): there are x, y, z, rx, ry, rz"),
     (1, ["--at", "joint1=10,x=1"], "no coordinate 'joint1' here: there are"),
     (1, ["--at", "joint2=10"], "no coordinate 'joint2' here (this joint is not actuated): there are"),
     (1, ["--at", "x=90"], "--at x: 90 m is far beyond the reach of linkage, at most 0.8 m: did you mean 90 mm?"),
     (1, ["--over", "x=-550..550,y=-700..700"], "did you mean -550 mm?"),
     (1, ["--over", "rz=-7..7rad,x"], "more than one revolution: did you mean -7..7deg?"),
+    (1, ["--at", "x=0.9"], "--at x=0.9 can't be reached along a straight line from home on its branch"),
     (1, ["--over", "x,y", "--grid", "3", "--plot", "a.tiff9"], "a.tiff9: can't be written"),
     (2, ["--over", "x=1,y"], "'1' is one number: write LOW..HIGH"),
     (2, ["--over", "x=1..b,y"], "--over: x: 'b' is not a length"),

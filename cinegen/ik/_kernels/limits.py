@@ -25,7 +25,6 @@ from cinegen.loops._kernels.memory import ClusterMemory, cluster_at
 
 _SPARE = 0.02  # of an acceleration limit, where closing loops adds to steps
 _PLANNED = 0.9  # of an acceleration limit, with which joints of loops plan to brake: loops curve their path meanwhile
-_MORE, _MOST = 1.1, 100.0  # ratio of the factors by which accelerations exceed their limits, and the largest
 _EASED = 6  # number of times that barriers are relaxed if they contradict each other
 
 
@@ -155,20 +154,14 @@ def _bend(memory: SolverMemory) -> None:
     if not done and must_go_back(memory):
         done = _ease_barriers(memory)
     if not done and memory.has_acceleration_limits != 0:
-        done = find_braking(memory)
+        done = _find_braking(memory)
     if not done:
         _brake(memory)
-    name_limits(memory)
-    _shorten(memory)
-
-
-@compiled
-def name_limits(memory: SolverMemory) -> None:
-    """Let `stopped` be the position limits among the active bounds, and the limiting joint one of the others."""
     for j in range(memory.n):
         if memory.stopped[j] != 0.0 and not _is_at_position_limit(memory, j):
             memory.stopped[j] = 0.0  # a velocity's or an acceleration's limit
             memory.report[LIMITING_DOF] = j
+    _shorten(memory)
 
 
 @compiled
@@ -186,28 +179,16 @@ def _ease_barriers(memory: SecondaryMemory) -> bool:
 
 
 @compiled
-def find_braking(memory: SecondaryMemory) -> bool:
-    """Set `step` to the one that is as near to braking as can be. Limits of positions and velocities count more than
-    those of accelerations, which are exceeded by the least of some factors. Return whether there is one."""
-    n, k, floor, ceiling = memory.n, memory.mobility, memory.floor, memory.ceiling
+def _find_braking(memory: SecondaryMemory) -> bool:
+    """Set `step` to the one that is as near to braking as can be: limits of positions and velocities count more than
+    those of accelerations. Return whether there is one."""
+    n, ceiling = memory.n, memory.ceiling
     project_step(memory, memory.braking, memory.free_step, False)
-    for i in range(k):
-        for j in range(k):
-            memory.axes[i, j] = 0.0
-        memory.axes[i, i] = memory.size[i] = 1.0
+    _bound_positions(memory)
+    _bound_speeds(memory)
     for b in range(memory.barriers):  # a barrier asks for no more than braking does
         ceiling[n + b] = max(ceiling[n + b], inner(memory.barrier_rows[b], memory.braking, n))
-    allowed, done = 1.0 - _SPARE, False
-    while not done and allowed < math.inf:
-        _bound_positions(memory)
-        _bound_speeds(memory)
-        for j in range(n):
-            most = allowed * memory.longest_change[j]
-            floor[j] = max(floor[j], memory.last[j] - most - memory.drift[j])
-            ceiling[j] = min(ceiling[j], memory.last[j] + most - memory.drift[j])
-        done = _find_bounded(memory)
-        allowed = _MORE * allowed if allowed < _MOST else math.inf
-    return done
+    return _find_bounded(memory)
 
 
 @compiled

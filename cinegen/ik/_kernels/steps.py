@@ -15,7 +15,6 @@ from cinegen.ik._kernels.decomposition import (
 )
 from cinegen.ik._kernels.level_parts import correct_lower, find_lower_lack, scale_parts
 from cinegen.ik._kernels.levels import promise
-from cinegen.ik._kernels.limits import find_braking, name_limits
 from cinegen.ik._kernels.memory import (
     SVD_UNLOCKED,
     BoundsMemory,
@@ -38,7 +37,7 @@ from cinegen.jit.compiled import compiled
 from cinegen.jit.vectors import copy, inner
 from cinegen.loops._kernels.closure import correct, cut_correction, find_null_space
 from cinegen.loops._kernels.kinematics import difference, integrate
-from cinegen.loops._kernels.memory import AT_TRIAL, NOWHERE
+from cinegen.loops._kernels.memory import AT_TRIAL, NOWHERE, cluster_at
 from cinegen.loops.thresholds import CLOSED
 
 AGAIN = -1
@@ -177,8 +176,10 @@ def shorten(memory: SolverMemory, part: float) -> int:
         for j in range(memory.n):  # braking is 0 where accelerations are not limited
             attempted[j] = braking[j] + part * (attempted[j] - braking[j])
             secondary[j] *= part
-        if last_try:
-            brake(memory)
+        for c in range(memory.clusters if last_try else 0):
+            cluster = cluster_at(memory.cluster_handles[c])
+            for i in range(cluster.n):  # which may be more than what closed the loops
+                attempted[cluster.dof[i]] += memory.drift[cluster.dof[i]]
         memory.promised *= part
         scale_parts(memory, part, False)
         if accelerated:
@@ -189,14 +190,6 @@ def shorten(memory: SolverMemory, part: float) -> int:
             memory.is_refined = 0
     set_out_again(memory)
     return AGAIN
-
-
-@compiled
-def brake(memory: SolverMemory) -> None:
-    """Attempt to brake, with what closing the loops adds by `drift`."""
-    if find_braking(memory):
-        name_limits(memory)
-        copy(memory.step, memory.attempted, memory.n)
 
 
 @compiled

@@ -13,7 +13,7 @@ from cinegen.ik._kernels.memory import (
     StepMemory,
 )
 from cinegen.ik._kernels.record import finish
-from cinegen.ik._kernels.steps import AGAIN, brake, correct_trial, find_lack, most_tries, set_out_again, shorten
+from cinegen.ik._kernels.steps import AGAIN, correct_trial, find_lack, most_tries, set_out_again, shorten
 from cinegen.ik._kernels.tasks import try_tasks
 from cinegen.ik.thresholds import (
     ARMIJO,
@@ -169,12 +169,19 @@ def _part_in_limit(memory: StepMemory, j: int, scale: float) -> float:
 
 
 @compiled
-def _brake_again(memory: SolverMemory) -> None:
-    """Brake with what closing the loops has added to the last attempt."""
+def _brake_again(memory: AttemptMemory) -> None:
+    """Scale the step so that the joint whose change exceeds its limit most moves by what braking leaves: closing the
+    loops changed that, too."""
     memory.brakings += 1
+    worst, most, wanted = 0, 0.0, 0.0
     for j in range(memory.n):
-        memory.drift[j] = memory.moved[j] - memory.attempted[j]
-    brake(memory)
+        change = abs(memory.moved[j] - memory.last[j]) / memory.longest_change[j]
+        if change > most and memory.locked[j] == 0.0:
+            worst, most, wanted = j, change, memory.braking[j] + memory.drift[j]
+    if memory.moved[worst] * wanted > 0.0:
+        factor = min(max(wanted / memory.moved[worst], 0.9), 1.1)
+        for j in range(memory.n):
+            memory.attempted[j] *= factor
     set_out_again(memory)
 
 
