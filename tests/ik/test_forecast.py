@@ -177,6 +177,19 @@ def test_a_joint_that_leaves_its_limit_meets_it_again():
 # --- what then happens -----------------------------------------------------------------------------------------------
 
 
+def test_a_limit_that_holds_for_long_is_said_once(robot):
+    """While a joint is pressed against its limit, closing the loops moves it off by a hair now and then."""
+    bar = robot("five_bar")
+    solver = Solver(bar, 1 / 240)
+    solver.add_task("tool", rotation=0).twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
+    forecast = forecast_motion(solver, 4.0)
+    met = forecast.events[1].q
+    assert met[bar.q_index("joint2")] in (*bar.limits.lower, *bar.limits.upper)
+    assert bar.closure(met) < 1e-12
+    events = [(event.kind, event.joint) for event in forecast.events]
+    assert events == [(EventKind.TYPE_1, None), (EventKind.LIMIT, "joint2")]
+
+
 def _play(solver, seed, each=lambda tick: None):
     """Ticks with targets and twists at random; all configurations."""
     rng, mechanism, path = np.random.default_rng(seed), solver.mechanism, []

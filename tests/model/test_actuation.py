@@ -7,6 +7,7 @@ import re
 import warnings
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from elementary import turn
@@ -139,6 +140,13 @@ def test_a_ball_joint_that_nothing_drives_counts_as_its_three_dof(raff):
     )
     (note,) = mechanism.source.notes
     assert f"still moves, with {mechanism.model.nv - 1} DoF, 3 of them of ball joints: let joint3 be actuated" in note
+
+
+def test_the_actuated_joints_of_an_mjcf_are_those_of_mujocos_actuators(tmp_path):
+    mechanism, _ = declared(tmp_path, "mjcf", "13")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "p.xml"))
+    driven = {model.joint(joint).name for joint in model.actuator_trnid[:, 0]}
+    assert driven == set(mechanism.actuated) == {"joint1", "joint3"}
 
 
 def test_what_an_sdf_says_of_actuated_joints_must_be_true_or_false():

@@ -88,3 +88,9 @@ def test_what_is_wrong_is_told_by_its_line(write, change, says):
     assert change[0] in YAML
     with pytest.raises(cinegen.CinegenError, match=says):
         cinegen.load(write(YAML.replace(*change)))
+
+
+def test_a_yaml_of_another_program_is_passed_over(tmp_path):
+    (tmp_path / "r.urdf").write_text('<robot name="r"><link name="a"/></robot>')
+    (tmp_path / "r.yaml").write_text("controllers: [a]\n")
+    assert cinegen.load(tmp_path / "r.urdf").loops == ()
