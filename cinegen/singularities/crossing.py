@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from cinegen.arrays import Array, Bools
+from cinegen.arrays import Array, ArrayLike, Bools
 from cinegen.errors import ClosureError
 from cinegen.loops.motions import free_motions, orthonormal
 from cinegen.model import Mechanism
@@ -132,7 +132,7 @@ def may_cross(rows: Rows, a: Array, b: Array) -> bool:
     return bool(can_vanish(sigma[0], sigma[1], np.linalg.norm(b - a)))
 
 
-def can_vanish(first: Array | float, second: Array | float, distance: Array | float) -> Bools:
+def can_vanish(first: ArrayLike, second: ArrayLike, distance: ArrayLike) -> Bools:
     """Return whether singular values can pass through 0 between matrices that are so far apart.
 
     By Weyl's inequality the matrix changes by at least as much as both values together then: on the straight path to
