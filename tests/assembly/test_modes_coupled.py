@@ -98,22 +98,24 @@ def declared(text: str, joints: tuple[int, ...]) -> str:
     return text
 
 
-def test_the_remedies_for_couplings_of_passive_joints_and_for_too_many_actuated_ones_work(root):
+def test_the_remedies_for_couplings_of_passive_joints_and_for_too_many_actuated_ones_work(root, tmp_path):
     """Followed one after another, they end where modes are found."""
     text = (root / "robots" / "five_bar.raff").read_text(encoding="utf-8")
     tie = 'coupling { name "tie" link 4 link 2 polynomial ( -1 0.001 ) offset 10 }'
     text = text.replace("constraint { link 5", f"{tie}\n constraint {{ link 5", 1)
+    path, how = tmp_path / "tied.raff", "; 'actuated 1' in its link declares an actuated joint"
 
     def refused(joints: tuple[int, ...]) -> str:
+        path.write_text(declared(text, joints), encoding="utf-8")
         with pytest.raises(cinegen.CinegenError) as caught:
-            cinegen.assembly_modes(cinegen.load(declared(text, joints)))
+            cinegen.assembly_modes(cinegen.load(path))
         return str(caught.value)
 
-    how = "; 'actuated 1' in its link declares an actuated joint"
     assert f"by a ratio of 1 or -1: let 'joint2' be actuated{how}" in refused((1, 3))
     said = refused((1, 2, 3))
     assert "2 of its actuated joints follow from the others" in said
     passive = re.search(r": let 'joint(\d)' and 'joint(\d)' be passive", said)
     assert passive is not None, said
     left = tuple({1, 2, 3} - {int(number) for number in passive.groups()})
-    assert len(cinegen.assembly_modes(cinegen.load(declared(text, left)))) == 2
+    path.write_text(declared(text, left), encoding="utf-8")
+    assert len(cinegen.assembly_modes(cinegen.load(path))) == 2
