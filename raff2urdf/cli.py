@@ -26,7 +26,7 @@ from raff2urdf.command.command_line import (
 )
 from raff2urdf.command.output import run
 from raff2urdf.command.read_flags import loop_kinds_of
-from raff2urdf.errors import RaffError, RaffWarning
+from raff2urdf.errors import RaffError, RaffWarning, counted
 from raff2urdf.files import is_stream, output_path
 from raff2urdf.quantities import DENSITY as DENSITY_DIMENSION
 from raff2urdf.writers import DENSITY, FORMATS
@@ -181,11 +181,6 @@ def print_json(report: Any) -> None:
     print(json.dumps(report, indent=1, ensure_ascii=False))
 
 
-def counted(number: int, plural: str) -> str:
-    """Return a number with its noun, such as "1 link"."""
-    return f"{number} {plural[:-1] if number == 1 else plural}"
-
-
 def _check(name: str, robot: str | None, loops: dict[str, str], exact: bool) -> list[dict[str, Any]]:
     from raff2urdf.conversion import examine, warn_of
     from raff2urdf.raff.check import check
@@ -233,7 +228,7 @@ def _report(name: str, format: str, conversion: Conversion) -> dict[str, Any]:
 
 
 def _summary(report: dict[str, Any]) -> str:
-    counts = ", ".join(counted(report[word], word) for word in ("links", "joints", "loops"))
+    counts = ", ".join(counted(report[f"{word}s"], word) for word in ("link", "joint", "loop"))
     text = f"{report['file']}: robot '{report['robot']}': {counts}"
     if report["loop_rows"]:
         text += f" ({report['loop_rows']} rows of rank {report['loop_rank']}, open by {report['gap_as_written']:.2g}"

@@ -195,6 +195,11 @@ def did_you_mean(word: str, known: Sequence[str]) -> str:
     return f" (known: {listed}{more})" if names else ""
 
 
+def counted(number: int, noun: str) -> str:
+    """Return a number with its noun: "1 joint", "2 joints"."""
+    return f"{number} {noun}{'s' * (number != 1)}"
+
+
 def first_of(names: Sequence[object], most: int) -> str:
     """Return the first of some names, and how many there are more."""
     more = f" and {len(names) - most} more" if len(names) > most else ""

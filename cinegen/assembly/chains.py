@@ -28,6 +28,7 @@ from cinegen.assembly.families import Family, RigidGroups, recognise
 from cinegen.assembly.linkage import Linkage
 from cinegen.assembly.six_revolutes import SixRevolutes
 from cinegen.joints import common_point
+from raff2urdf.errors import counted
 from raff2urdf.raff.document import LoopKind
 
 _SAME = 1e-8  # characteristic lengths, radians
@@ -45,7 +46,7 @@ def recognise_part(linkage: Linkage) -> Family | None:
     series = _series(linkage.bodies, left)
     known = _of_series(linkage, samples, series) if series is not None else None
     if known is not None and dyads:
-        pairs = f"{dyads} pair{'s' * (dyads > 1)} of bodies on three hinges beside {known.description}"
+        pairs = f"{counted(dyads, 'pair')} of bodies on three hinges beside {known.description}"
         return _family("dyads", pairs, known.bound * 2**dyads)
     return known or _elbow(linkage)
 

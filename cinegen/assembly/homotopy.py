@@ -19,6 +19,7 @@ from cinegen.assembly.results import AssemblyModes, NearestConfiguration
 from cinegen.assembly.self_motions import STARTS, SelfMotions
 from cinegen.hexapod import SolutionCounts
 from raff2urdf.closure import CLOSED
+from raff2urdf.errors import counted
 
 _ATTEMPTS = 4  # paths to the values asked for
 _FAR = 1e-4  # closing a real solution moves features less
@@ -74,7 +75,7 @@ class Homotopy:
                 trace_test = None if trace_test is None else False
         self_motions = search.through(points)
         if self_motions:
-            remarks.append(f"{len(self_motions)} self-motion{'s' * (len(self_motions) > 1)} found")
+            remarks.append(f"{counted(len(self_motions), 'self-motion')} found")
         if not complete and not by_bound:
             remarks.append(f"not excluded: modes and self-motions that neither paths nor {STARTS} random starts met")
         isolated = [not mode.singular or not search.dimension(linkage.unknowns(mode.q)) for mode in modes]
@@ -148,7 +149,7 @@ class Homotopy:
         for two bodies only, where the solutions are those of a quadratic equation.
         """
         count, family = len(fibre.solutions), self._family
-        solutions = f"{count} complex solution{'s' * (count != 1)}"
+        solutions = counted(count, "complex solution")
         followed = counts.lost == 0 and not curve
         remarks = [f"{counts.lost} of {count} paths were lost"] if counts.lost else []
         if curve:
@@ -157,7 +158,7 @@ class Homotopy:
             remarks.append("there are other configurations too, in which its actuated joints don't determine it")
         if family is not None and self._is_bound_reached(fibre):
             if not family.everywhere:
-                method = f"{count} modes, proved" if followed else solutions
+                method = f"{counted(count, 'mode')}, proved" if followed else solutions
                 others = "modes in which it has rotated are not among them"
                 return False, None, [f"{family.description}: {method}; {others}", *remarks]
             if counts.infinite and family.name != "dyad":
@@ -168,7 +169,7 @@ class Homotopy:
         if not self._linkage.passive:
             return True, None, ["there are no passive joints in its loops"]
         if not self._linkage.driving.any():
-            start = f"no actuated joint moves its loops: {count} solutions, from {fibre.hits} random starts"
+            start = f"no actuated joint moves its loops: {counted(count, 'solution')}, from {fibre.hits} random starts"
             return False, None, [start, *remarks]
         apart = f" in {fibre.parts} sets that no closed path has joined" if fibre.parts > 1 else ""
         done = [f"monodromy: {solutions}{apart}"]

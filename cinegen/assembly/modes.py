@@ -19,6 +19,7 @@ from cinegen.assembly.results import AssemblyModes, NearestConfiguration
 from cinegen.assembly.six_revolutes import SixRevolutes
 from cinegen.assembly.six_rods import SixRods
 from cinegen.model import Mechanism
+from raff2urdf.errors import counted
 
 _MOST_EQUATIONS = 100
 _AS_ASKED = 1e-6  # rad, characteristic lengths: a redundant joint is at the value asked for
@@ -71,8 +72,8 @@ def _values(mechanism: Mechanism, actuated: ArrayLike | None) -> Array:
         raise ModesError(f"values of {mechanism.name}'s actuated joints: {actuated!r} are no numbers") from None
     if values.shape != (len(names),):
         listed = ", ".join(names)
-        count = f"{values.size} value{'s' * (values.size != 1)}"
-        raise ModesError(f"{mechanism.name} has {len(names)} actuated joints ({listed}): {count} were given")
+        count = counted(values.size, "value")
+        raise ModesError(f"{mechanism.name} has {counted(len(names), 'actuated joint')} ({listed}): {count} were given")
     if not np.isfinite(values).all():
         raise ModesError(f"values of {mechanism.name}'s actuated joints: some are not finite")
     return values
@@ -173,8 +174,8 @@ def _matching(linkage: Linkage, modes: AssemblyModes, asked: Array, virtual: boo
     worst = [float(np.abs(error).max()) for error in errors]
     kept, closest = [k for k, error in enumerate(worst) if error < _AS_ASKED], modes.closest
     names = ", ".join(f"'{name}'" for name in linkage.redundant)
-    counted = f"{len(worst)} modes, {len(kept)} as asked"
-    remark = f"; with {names} following the other actuated joints: {counted}"
+    number = f"{counted(len(worst), 'mode')}, {len(kept)} as asked"
+    remark = f"; with {names} following the other actuated joints: {number}"
     if virtual:
         remark = f"; {len(kept)} of {len(worst)} meet all of the pose" if len(kept) < len(worst) else ""
     method = modes.method + remark

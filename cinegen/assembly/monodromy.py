@@ -20,6 +20,7 @@ from cinegen.assembly._kernels.tables import ARRIVED, SINGULAR, Complex
 from cinegen.assembly.distinct_solutions import DistinctSolutions
 from cinegen.assembly.linkage import Linkage
 from cinegen.assembly.trace_test import TraceResult, TraceTest
+from raff2urdf.errors import counted
 
 _QUIET = 4  # closed paths without new solutions, after which none are expected
 _QUIET_FEW = 24  # ... and paths of single solutions
@@ -130,7 +131,7 @@ class Monodromy:
         self._quiet = 0
         while len(modes) and self._quiet < self._patience(len(modes)) and not (self._enough(modes) or self._spent()):
             self._quiet = 0 if self._follow_loop(modes) else self._quiet + 1
-            self._report(f"{len(modes)} modes found by closed paths")
+            self._report(f"{counted(len(modes), 'mode')} found by closed paths")
 
     def _patience(self, count: int) -> int:
         """Return how many closed paths may find nothing new."""

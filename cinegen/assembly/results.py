@@ -22,6 +22,7 @@ from cinegen.krawczyk import Certificate
 from cinegen.model import Mechanism
 from cinegen.model.spherical import SphericalJoints
 from cinegen.typed_json import as_json
+from raff2urdf.errors import counted
 
 _WITHOUT = "singular or nearly so, not exact, or not distinct"  # solutions without a certificate
 
@@ -208,7 +209,7 @@ class AssemblyModes(SolutionSet):
     almost_surely: bool = False
 
     def __repr__(self) -> str:
-        number = f"{len(self)} assembly mode{'s' * (len(self) != 1)} of {self.mechanism.name[:80]}"
+        number = f"{counted(len(self), 'assembly mode')} of {self.mechanism.name[:80]}"
         return f"<{number}, {self.completeness}>"
 
     def _repr_html_(self) -> str:

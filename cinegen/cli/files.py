@@ -5,14 +5,13 @@ from __future__ import annotations
 import io
 import json
 import sys
-from collections.abc import Sized
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cinegen.errors import CinegenError
 from raff2urdf.command.command_line import UsageError
-from raff2urdf.errors import first_of, raised_as, run_all
+from raff2urdf.errors import counted, first_of, raised_as, run_all
 from raff2urdf.escape import terminal
 from raff2urdf.files import GENERATED, STANDARD, check_new, write_all, writing
 
@@ -93,7 +92,7 @@ def print_result(document: Any, text: object, as_json: bool) -> None:
 def disabled_pairs(mechanism: Mechanism) -> str:
     """Return how many pairs of links the SRDF of a robot disables, as text; empty without one."""
     srdf = mechanism.source.srdf
-    return "" if srdf is None else f"not checked, by {srdf['file']}: {count(srdf['disabled'], 'pair')} of links"
+    return "" if srdf is None else f"not checked, by {srdf['file']}: {counted(len(srdf['disabled']), 'pair')} of links"
 
 
 def unchecked_links(mechanism: Mechanism) -> str:
@@ -101,8 +100,3 @@ def unchecked_links(mechanism: Mechanism) -> str:
     lost = mechanism.unchecked_links
     names = first_of(list(lost), _MOST_LINKS)
     return f"not checked: {names}, whose meshes are missing or unreadable; sticks are used instead" if lost else ""
-
-
-def count(things: Sized, name: str) -> str:
-    """Return `3 joints` or `1 joint`."""
-    return f"{len(things)} {name}{'s' * (len(things) != 1)}"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from cinegen.errors import CinegenError
 from raff2urdf.command.command_line import Command, UsageError, option
+from raff2urdf.errors import counted
 from raff2urdf.quantities import (
     ACCELERATION,
     ANGLE,
@@ -190,7 +191,7 @@ def point(text: str, option: str, dimension: Dimension = LENGTH) -> tuple[float,
             if dimension is LENGTH
             else "a direction"
         )
-        raise UsageError(f"{option}: '{text}': {what} is x,y,z, not {len(texts)} number{'s' * (len(texts) != 1)}")
+        raise UsageError(f"{option}: '{text}': {what} is x,y,z, not {counted(len(texts), 'number')}")
     with refused_as(UsageError, option):
         x, y, z = parse_list(texts, dimension)
     return x, y, z

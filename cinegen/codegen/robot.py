@@ -17,6 +17,7 @@ from cinegen.jit.foreign import frame_of
 from cinegen.loops.setup import actuate, other_joints
 from cinegen.model import Mechanism
 from cinegen.model.forward import set_up_path
+from raff2urdf.errors import counted
 
 MOST_TASKS = 6
 
@@ -33,7 +34,7 @@ def robot_memory(mechanism: Mechanism, tasks: Sequence[FrameTask], dt: float) ->
         CinegenError: a joint is of a kind that the kernels don't know, or there are too many tasks.
     """
     if len(tasks) > MOST_TASKS:
-        raise CinegenError(f"{len(tasks)} tasks: code can be generated for {MOST_TASKS} at most")
+        raise CinegenError(f"{counted(len(tasks), 'task')}: code can be generated for {MOST_TASKS} at most")
     memory = InverseMemory()
     set_up_robot(memory, mechanism, tasks, dt)
     memory.resize(signatures=2 ** len(tasks))

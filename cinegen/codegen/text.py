@@ -12,6 +12,7 @@ from typing import Any, TypeAlias
 from cinegen.codegen.language import Language, literal
 from cinegen.codegen.precision import CLOSURE_ERROR, POSITION_ERROR
 from cinegen.codegen.program import Program
+from raff2urdf.errors import counted
 from raff2urdf.escape import block_comment
 from raff2urdf.files import GENERATED
 from raff2urdf.version import __version__
@@ -27,10 +28,11 @@ def header(program: Program, what: str) -> list[str]:
     mechanism = program.mechanism
     origin = f" from {program.source}" if program.source else ""
     text = (
-        f"{what} of {mechanism.name}{origin}: {len(mechanism.joints)} joints ({len(mechanism.actuated)} actuated), "
-        f"{len(mechanism.loops)} loops, mobility {mechanism.mobility}. These are the kernels that cinegen itself runs, "
-        "translated for this mechanism: change its file and generate again, instead of changing this one. Units are m, "
-        "rad and s. The kernels are under cinegen's MIT licence; the numbers are the mechanism's."
+        f"{what} of {mechanism.name}{origin}: {counted(len(mechanism.joints), 'joint')} "
+        f"({len(mechanism.actuated)} actuated), {counted(len(mechanism.loops), 'loop')}, mobility {mechanism.mobility}."
+        " These are the kernels that cinegen itself runs, translated for this mechanism: change its file and generate "
+        "again, instead of changing this one. Units are m, rad and s. The kernels are under cinegen's MIT licence; the "
+        "numbers are the mechanism's."
     )
     if program.translation.language.is_single:
         length = mechanism.length

@@ -18,6 +18,7 @@ from cinegen.collision.body import Body
 from cinegen.collision.obstacle_kinds import KINDS, pieces_of
 from cinegen.collision.scene_table import SceneTable, pose_keys, read_each
 from cinegen.model import Mechanism
+from raff2urdf.errors import counted
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +41,7 @@ class Obstacle:
 
     def __repr__(self) -> str:
         count = len(self.pieces)
-        return f"<Obstacle {self.name}: {self.kind or 'bodies'}, {count} piece{'s' * (count != 1)}>"
+        return f"<Obstacle {self.name}: {self.kind or 'bodies'}, {counted(count, 'piece')}>"
 
     @cached_property
     def bodies(self) -> tuple[Body, ...]:

@@ -21,6 +21,7 @@ from cinegen.html import table
 from cinegen.joints import supporting_columns
 from cinegen.loops.closed_loops import linked
 from cinegen.model import Mechanism
+from raff2urdf.errors import counted
 
 
 class PathConstraints(NamedTuple):
@@ -109,7 +110,7 @@ class Scene:
 
     def __repr__(self) -> str:
         count = len(self.obstacles)
-        return f"<Scene {self.name}: robot {self.mechanism.name}, {count} obstacle{'s' * (count != 1)}>"
+        return f"<Scene {self.name}: robot {self.mechanism.name}, {counted(count, 'obstacle')}>"
 
     def _repr_html_(self) -> str:
         point = ", ".join(f"{x:.6g}" for x in self.goal.translation[: self.translation])

@@ -13,6 +13,7 @@ from cinegen.arrays import Array
 from cinegen.design.errors import DesignError
 from cinegen.errors import UnknownNameError
 from raff2urdf import closure
+from raff2urdf.errors import counted
 
 if TYPE_CHECKING:
     from cinegen.design.design import Design
@@ -56,7 +57,7 @@ class DesignEvaluation:
 
     def __repr__(self) -> str:
         closed = int((self.gap <= closure.CLOSED).sum())
-        return f"<DesignEvaluation of {self.design.mechanism.name}: {len(self)} pairs, {closed} closed>"
+        return f"<DesignEvaluation of {self.design.mechanism.name}: {counted(len(self), 'pair')}, {closed} closed>"
 
     def placements(self, node: str) -> Array:
         """Return the poses (count, 4, 4) of a node in the world, m."""

@@ -27,7 +27,7 @@ from cinegen.errors import read_all, warn
 from cinegen.model.build import build
 from cinegen.model.mechanism import Mechanism
 from raff2urdf.conversion import describe
-from raff2urdf.errors import did_you_mean, first_of
+from raff2urdf.errors import counted, did_you_mean, first_of
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension, parse, parse_range, refused_as, shown
 from raff2urdf.raff.compound import VARIABLES
 from raff2urdf.raff.document import UNITS_PER_METRE, Document, JointType, RaffBase, RaffLink, RaffNode, RaffRobot
@@ -247,7 +247,7 @@ class Parameters:
         """
         values = np.asarray(p, dtype=float)
         if values.shape != (len(self.names),) or not np.isfinite(values).all():
-            raise DesignError(f"{self!r} takes {len(self.names)} finite numbers, not {str(p)[:60]}")
+            raise DesignError(f"{self!r} takes {counted(len(self.names), 'finite number')}, not {str(p)[:60]}")
         return values
 
     def with_changed(self, changes: Mapping[str, float | str]) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 from cinegen.arrays import Array, Indices
 from cinegen.design.chains import COMPONENTS
 from cinegen.typed_json import as_json
+from raff2urdf.errors import counted
 from raff2urdf.quantities import Dimension
 
 _SMALL = 1e-3  # components of the deviation below this fraction of the largest are not compared
@@ -147,18 +148,18 @@ class ToleranceReport:
         drawn = self.monte_carlo
         if drawn is None:
             return ""
-        counted, lost = drawn.count - drawn.failed, ""
+        closed, lost = drawn.count - drawn.failed, ""
         if drawn.failed:
             lost = f"; the loops of {drawn.failed} samples could not be closed"
         compared, ratio = self._ratios()
-        if counted < 2:
-            return f"{counted} samples with loops closed: too few to compare{lost}"
+        if closed < 2:
+            return f"{counted(closed, 'sample')} with loops closed: too few to compare{lost}"
         if not len(ratio):
-            return f"{counted} samples with loops closed: nothing deviates to first order{lost}"
+            return f"{closed} samples with loops closed: nothing deviates to first order{lost}"
         names = ", ".join(COMPONENTS[i] for i in compared)
         return (
-            f"Monte Carlo, {counted} samples with loops closed: standard deviations ({names}) are {ratio.min():.4f} to "
-            f"{ratio.max():.4f} of the linear ones (sampling alone: 1 ± {1.0 / math.sqrt(2.0 * counted):.4f}), the "
+            f"Monte Carlo, {closed} samples with loops closed: standard deviations ({names}) are {ratio.min():.4f} to "
+            f"{ratio.max():.4f} of the linear ones (sampling alone: 1 ± {1.0 / math.sqrt(2.0 * closed):.4f}), the "
             f"covariance differs by {100.0 * self.covariance_error:.2g} %; {drawn.outside} samples are outside the "
             f"worst case, the largest deviation is {100.0 * self._used():.0f} % of it{lost}"
         )

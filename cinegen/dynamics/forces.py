@@ -24,6 +24,7 @@ from cinegen.singularities import Singularity, SingularityType, singularity
 from cinegen.singularities.singularity import SINGULAR
 from cinegen.tolerances import NEAR_SINGULAR
 from cinegen.typed_json import as_json
+from raff2urdf.errors import counted
 
 _MOVES = 0.1
 """A joint whose part in a motion is larger, as a fraction of the largest, is named."""
@@ -131,7 +132,7 @@ class Forces:
                 "actuated joint gives"
             )
         if len(self.prestress) and self.is_held:
-            more = f"{len(self.prestress)} independent combination{'s' * (len(self.prestress) > 1)} of torques"
+            more = f"{counted(len(self.prestress), 'independent combination')} of torques"
             does = "do" if len(self.prestress) > 1 else "does"
             parts.append(
                 f"actuation is redundant: {more} {does} no work and only stress{'es' * (len(self.prestress) == 1)} the "

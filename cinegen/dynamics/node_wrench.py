@@ -15,6 +15,7 @@ from cinegen.dynamics.rates import Motion
 from cinegen.errors import ConfigurationError
 from cinegen.jit.one_thread import in_one_thread
 from cinegen.singularities.singularity import SINGULAR
+from raff2urdf.errors import counted
 
 _LEAST = 1e-300  # divisor
 
@@ -70,8 +71,8 @@ def node_wrench(
     efforts = np.asarray(torques, dtype=float)
     if efforts.shape != (len(mechanism.actuated),) or not np.isfinite(efforts).all():
         raise ConfigurationError(
-            f"torques of {mechanism.name} are {len(mechanism.actuated)} finite numbers, one for each actuated joint, "
-            f"not {efforts.shape}"
+            f"torques of {mechanism.name} are {counted(len(mechanism.actuated), 'finite number')}, one for each "
+            f"actuated joint, not {efforts.shape}"
         )
     checked = mechanism.structure.checked(q)
     dynamics.check_closed(checked)

@@ -10,6 +10,7 @@ from cinegen.arrays import Array, ArrayLike
 from cinegen.dynamics.inverse_dynamics import InverseDynamics
 from cinegen.errors import ConfigurationError
 from cinegen.tolerances import CLOSURE
+from raff2urdf.errors import counted
 
 _EVEN = 1e-6  # relative difference of two sampling periods
 
@@ -31,7 +32,7 @@ class TrajectoryTorques:
     speeds: Array
 
     def __repr__(self) -> str:
-        return f"<TrajectoryTorques of {', '.join(self.joints)[:60]}: {len(self.times)} samples>"
+        return f"<TrajectoryTorques of {', '.join(self.joints)[:60]}: {counted(len(self.times), 'sample')}>"
 
     @property
     def peak(self) -> Array:

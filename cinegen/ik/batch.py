@@ -19,6 +19,7 @@ from cinegen.joints import supporting_columns
 from cinegen.loops.setup import actuate, set_up, set_up_screws
 from cinegen.loops.thresholds import CORRECTION
 from cinegen.model import Mechanism
+from raff2urdf.errors import counted
 
 _TOLERANCE = 1e-11  # rad or lengths: largest loop residual
 _STRIDE = 0.3  # rad or lengths: largest step of a joint, so that the assembly mode stays the same
@@ -49,7 +50,7 @@ class Evaluations:
     passive_sigma: Array
 
     def __repr__(self) -> str:
-        return f"<Evaluations: {len(self.q)} configurations, {int(np.isfinite(self.closure).sum())} closed>"
+        return f"<Evaluations: {counted(len(self.q), 'configuration')}, {int(np.isfinite(self.closure).sum())} closed>"
 
 
 def evaluate(

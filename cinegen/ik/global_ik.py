@@ -28,6 +28,7 @@ from cinegen.model import Mechanism
 from cinegen.model.plausible import FAR_TARGET, check_configuration, check_lengths
 from cinegen.recent import Recent
 from cinegen.tolerances import CLOSURE
+from raff2urdf.errors import counted
 
 _SAMPLES = 1000  # configurations that starts are taken from
 _CLOSED_SAMPLES = 400  # with loops, where they cost more
@@ -84,7 +85,7 @@ class IKResult:
         return self.found
 
     def __str__(self) -> str:
-        effort = f"{self.starts} start{'s' * (self.starts != 1)}, {self.iterations} iterations"
+        effort = f"{counted(self.starts, 'start')}, {self.iterations} iterations"
         if self.found:
             return f"reached ({effort})"
         left = ", ".join(f"{linear:.3g} m and {angular:.3g} rad" for linear, angular in self.errors)

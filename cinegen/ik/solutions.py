@@ -21,6 +21,7 @@ from cinegen.ik.task import FrameTask
 from cinegen.model import Mechanism
 from cinegen.tolerances import AT_LIMIT
 from cinegen.typed_json import as_json
+from raff2urdf.errors import counted
 
 
 class IKError(CinegenError):
@@ -72,7 +73,7 @@ class IKSolutions(SolutionSet):
     almost_surely: bool = False
 
     def __repr__(self) -> str:
-        number = f"{len(self)} inverse solution{'s' * (len(self) != 1)} of {self.mechanism.name[:80]}"
+        number = f"{counted(len(self), 'inverse solution')} of {self.mechanism.name[:80]}"
         return f"<{number}, {len(self.within_limits)} within the limits, {self.completeness}>"
 
     def _repr_html_(self) -> str:

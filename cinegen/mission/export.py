@@ -14,6 +14,7 @@ from cinegen.mission.recording import Recording
 from cinegen.mission.trajectory import Trajectory, resampled
 from cinegen.model import Mechanism
 from cinegen.planning.torque_limits import TorqueLimits
+from raff2urdf.errors import counted
 from raff2urdf.files import write_all
 
 _LISTED = 3  # findings in an error
@@ -116,7 +117,7 @@ def report_text(report: ExportReport) -> str:
     trajectory, findings = report.trajectory, report.findings
     count, seconds = len(report.joints), trajectory.seconds
     lines = [
-        f"{report.path}: {count} joint{'s' * (count != 1)} of {trajectory.name}, {len(trajectory.times)} samples in "
+        f"{report.path}: {counted(count, 'joint')} of {trajectory.name}, {counted(len(trajectory.times), 'sample')} in "
         f"{seconds:.3f} s, {trajectory.rate:g} a second"
     ]
     slower = float(trajectory.passes[-1, 0]) - report.recorded

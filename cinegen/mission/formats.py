@@ -22,6 +22,7 @@ import yaml
 from cinegen.errors import UnknownNameError
 from cinegen.mission.file_format import MissionError
 from cinegen.mission.trajectory import Trajectory
+from raff2urdf.errors import counted
 from raff2urdf.escape import csv_cell, line_comment
 
 _LONGEST = 128 * 1024  # bytes: Linux limits the length of an argument
@@ -84,7 +85,7 @@ def _urscript(trajectory: Trajectory, joints: tuple[str, ...]) -> bytes:
     mechanism = trajectory.mechanism
     revolute = [joint for joint in joints if joint in mechanism.actuated and not mechanism.is_prismatic(joint)]
     if len(joints) != 6 or len(revolute) != 6:
-        more = f", and {len(joints) - len(revolute)} other joints" if len(joints) > len(revolute) else ""
+        more = f", and {counted(len(joints) - len(revolute), 'other joint')}" if len(joints) > len(revolute) else ""
         raise MissionError(f"URScript needs six actuated revolute joints: {trajectory.name} has {len(revolute)}{more}")
     q, period = trajectory.positions(joints), 1.0 / trajectory.rate
     first, *others = (f"[{', '.join(f'{value:.6f}' for value in row + 0.0)}]" for row in q)

@@ -20,7 +20,7 @@ from cinegen.model.motion_limits import MotionLimits, motion_limits
 from cinegen.planning.singular_crossing import guided
 from cinegen.planning.timing import averaged, averaging_window, excess, grid_of
 from cinegen.planning.torque_limits import TorqueLimits
-from raff2urdf.errors import raised_as
+from raff2urdf.errors import counted, raised_as
 
 _ROUNDING = 1e-9
 _SLOWER = 1.001  # more than needed, so that few rounds suffice
@@ -59,7 +59,7 @@ class Trajectory:
     used: Array | None = None
 
     def __repr__(self) -> str:
-        return f"<Trajectory of {self.name}: {self.seconds:.3f} s, {len(self.times)} samples>"
+        return f"<Trajectory of {self.name}: {self.seconds:.3f} s, {counted(len(self.times), 'sample')}>"
 
     @property
     def seconds(self) -> float:

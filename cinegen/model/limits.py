@@ -11,7 +11,7 @@ import pinocchio as pin
 from cinegen.arrays import Array, Bools
 from cinegen.joints import translations
 from cinegen.tolerances import AT_LIMIT
-from raff2urdf.errors import did_you_mean
+from raff2urdf.errors import counted, did_you_mean
 
 
 class JointLimits(NamedTuple):
@@ -68,7 +68,7 @@ class Limits(Mapping[str, JointLimits]):
         return len(self._index)
 
     def __repr__(self) -> str:
-        return f"<Limits of {len(self)} joint{'s' * (len(self) != 1)}>"
+        return f"<Limits of {counted(len(self), 'joint')}>"
 
     def within(self, q: Array, rounding: float = AT_LIMIT) -> Bools:
         """Return whether no joint of q (..., nq) is beyond its limits by more than `rounding` (rad, m); shape (...)."""

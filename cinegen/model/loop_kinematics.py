@@ -16,6 +16,7 @@ from cinegen.loops.clusters import subsystems
 from cinegen.model.jacobian import COMPONENTS, ExtendedJacobian
 from cinegen.model.mechanism_model import MechanismModel
 from raff2urdf import closure
+from raff2urdf.errors import counted
 from raff2urdf.loops.open_loops import shown_gaps
 
 
@@ -151,7 +152,7 @@ class LoopKinematics(MechanismModel):
         rows = zip(self.constraint_names, *gaps, strict=True)
         listed = ", ".join(f"'{name}' by {shown}" for name, gap, shown in rows if gap > closure.CLOSED)
         what = "loops and couplings" if self.couplings else "loops"
-        condition = f" with {len(set(names))} joints locked" if names else ""
+        condition = f" with {counted(len(set(names)), 'joint')} locked" if names else ""
         raise ClosureError(f"{self.name} can't be closed from there{condition}: these {what} remain open: {listed}")
 
     def random_closed(self, count: int, seed: int = 0) -> list[Array]:

@@ -22,6 +22,7 @@ from cinegen.model.masses import massless, unphysical
 from cinegen.model.mechanism_model import MechanismSource
 from cinegen.model.shapes import Shapes, collision_shapes, geometry_model, lost_meshes, visual_shapes
 from raff2urdf import closure
+from raff2urdf.errors import counted
 
 _Result = TypeVar("_Result")
 
@@ -82,9 +83,9 @@ class Mechanism(LoopKinematics):
             for of, what in ((self.nodes, "node"), (self.joints, "joint"), (self.loops, "loop"))
         )
         joints += f" ({len(self.actuated)} actuated)"
-        joints += f", {len(self.balls)} ball joint{'s' * (len(self.balls) != 1)}" if self.balls else ""
+        joints += f", {counted(len(self.balls), 'ball joint')}" if self.balls else ""
         coupled = len(self.couplings)
-        loops += f", {coupled} coupling{'s' * (coupled != 1)}" if coupled else ""
+        loops += f", {counted(coupled, 'coupling')}" if coupled else ""
         return f"{nodes}, {joints}, {loops}, mobility {self.mobility}"
 
     def _repr_html_(self) -> str:

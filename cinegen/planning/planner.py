@@ -35,6 +35,7 @@ from cinegen.planning.sampling.path_sampler import RRT_CONNECT, PathSampler
 from cinegen.planning.sampling.shortcuts import path_length
 from cinegen.planning.search import DIRECT, NONE, VORTEX, FieldFunction, Search
 from raff2urdf.command.extras import install
+from raff2urdf.errors import counted
 
 STEPS = 3000
 """Largest number of steps of an attempt."""
@@ -74,7 +75,7 @@ class Plan:
 
     def __repr__(self) -> str:
         attempts, steps = len(self.attempts), len(self.path) - 1
-        return f"<Plan {self.status.name}: {steps} steps, {attempts} attempt{'s' * (attempts != 1)}>"
+        return f"<Plan {self.status.name}: {steps} steps, {counted(attempts, 'attempt')}>"
 
     def _repr_html_(self) -> str:
         return table(

@@ -27,6 +27,7 @@ from cinegen.dynamics.loads import LoadedTree
 from cinegen.errors import CinegenError
 from cinegen.model import Mechanism
 from cinegen.tolerances import NEAR_SINGULAR
+from raff2urdf.errors import counted
 
 _TRIED = 30  # configurations of a path by which its guides are chosen
 _INDEPENDENT = 1e-3  # smallest singular value of the guides' motions, dimensionless
@@ -64,7 +65,8 @@ def guided(mechanism: Mechanism, path: Array) -> Mechanism:
             best, chosen = float(least), some
     if best < _INDEPENDENT:
         raise CinegenError(
-            f"{mechanism.name}: no {mobility} joints determine its motion all along this path: divide the path"
+            f"{mechanism.name}: no choice of {counted(mobility, 'joint')} determines its motion all along this path: "
+            "divide the path"
         )
     return replace(mechanism, actuated=tuple(names[k] for k in chosen))
 

@@ -17,6 +17,7 @@ from cinegen.model.motion_limits import MotionLimits, motion_limits
 from cinegen.planning.clearance_barrier import is_clear
 from cinegen.planning.planner import Plan
 from cinegen.planning.timing import TimingError, averaged, averaging_window, excess, time_law
+from raff2urdf.errors import counted
 
 _COARSE = 0.1  # rad or characteristic lengths: between two control points where nothing is near
 _FINE = 0.005  # the same, where the clearance needs it
@@ -46,7 +47,7 @@ class TimedPath:
     follows: bool
 
     def __repr__(self) -> str:
-        return f"<TimedPath: {self.times[-1]:.3f} s, {len(self.times)} samples>"
+        return f"<TimedPath: {self.times[-1]:.3f} s, {counted(len(self.times), 'sample')}>"
 
 
 def timed_path(

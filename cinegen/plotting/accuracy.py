@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from cinegen.design.calibration import Calibration
 from cinegen.design.tolerance_report import ToleranceReport
 from cinegen.plotting.sheet import BLUE, FAINT, INK, LABEL, ORANGE, VERMILION, finish, label, sheet
+from raff2urdf.errors import counted
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension
 
 if TYPE_CHECKING:
@@ -76,7 +77,9 @@ def draw_residuals(calibration: Calibration, name: str | None = None) -> Figure:
         for each in calibration.held_out
     )
     count = len(calibration.observation.measurements)
-    title = f"{name}: {len(calibration.combinations)} combinations of parameters from {count} poses"
+    title = (
+        f"{name}: {counted(len(calibration.combinations), 'combination')} of parameters from {counted(count, 'pose')}"
+    )
     figure, body = sheet(_WIDE, 2.0 * _TALL + 0.7, title, f"Held-out poses: {held}" if held else "No cross-validation")
     upper, lower = body.subplots(2, 1, sharex=True)
     poses = np.arange(1, len(calibration.before) + 1)

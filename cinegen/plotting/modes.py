@@ -23,6 +23,7 @@ from cinegen.plotting.skeleton import Skeleton
 from cinegen.plotting.stick import ACTUATED, BACK, END, FRONT, Pen
 from cinegen.plotting.view import views
 from cinegen.user_units import length_digits, rounded, value_text
+from raff2urdf.errors import counted
 from raff2urdf.quantities import LENGTH, shown_scale
 
 _SHAPE = 1.35  # width of a figure over its height, about
@@ -98,7 +99,7 @@ def _write(figure: Figure, blocks: list[Bbox], modes: AssemblyModes, node: str, 
     length, unit = shown_scale(LENGTH)
     (width, height), mechanism, count = figure.get_size_inches(), modes.mechanism, len(modes)
     wide = width - 2.0 * _MARGIN
-    title = f"{name}: {count} assembly mode{'s' * (count != 1)}"
+    title = f"{name}: {counted(count, 'assembly mode')}"
     put(_MARGIN, height - 0.34, title, color=INK, fontsize=13, weight="bold")
     joints = zip(mechanism.actuated, modes.actuated, strict=True)
     values = ", ".join(f"{joint} {value_text(mechanism, joint, value)}" for joint, value in joints)

@@ -23,6 +23,7 @@ from cinegen.session.carried import carried_over, joint_values
 from cinegen.session.holding import Holding
 from cinegen.session.motion import Retrace, RobotMotion, at_limit
 from cinegen.session.state import CarriedMass, DescribedState, Obstruction, RobotState, RobotStatus, TaskState
+from raff2urdf.errors import counted
 
 POINTER, PIN, SENSOR = "pointer", "pin", "sensor"
 """Sources of tasks."""
@@ -105,7 +106,7 @@ class DrivenRobot:
         self.step: Step = self.solver.step()
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__} {self.name}: {len(self.tasks)} tasks, {self.status().name}>"
+        return f"<{type(self).__name__} {self.name}: {counted(len(self.tasks), 'task')}, {self.status().name}>"
 
     @property
     def q(self) -> Array:

@@ -17,6 +17,7 @@ from cinegen.session.carried import Kept, attached, detached
 from cinegen.session.motion import ConfigurationMotion, Retrace
 from cinegen.session.robot import PIN, DrivenRobot
 from cinegen.session.sensors import SessionSensors
+from raff2urdf.errors import counted
 
 _MOST = 100  # undo steps that are kept
 _LONGEST = 600  # configurations of a trace; a longer one is thinned
@@ -128,7 +129,7 @@ class UndoHistory:
         self._goal: Snapshot | None = None  # of an undo or redo in progress
 
     def __repr__(self) -> str:
-        return f"<UndoHistory: {self.undo_count} steps, {self.redo_count} undone>"
+        return f"<UndoHistory: {counted(self.undo_count, 'step')}, {self.redo_count} undone>"
 
     @property
     def undo_count(self) -> int:

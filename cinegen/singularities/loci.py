@@ -19,6 +19,7 @@ from cinegen.singularities.branch import flood, neighbours
 from cinegen.singularities.contour import SingularCurve, SingularityGrid
 from cinegen.singularities.slice import Slice, SliceError
 from cinegen.typed_json import as_json
+from raff2urdf.errors import counted
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -45,7 +46,7 @@ class SingularLoci:
 
     def __repr__(self) -> str:
         axes = " and ".join(axis.name for axis in self.of.axes)
-        return f"<SingularLoci of {self.of.mechanism.name[:80]} over {axes[:60]}: {len(self.curves)} curves>"
+        return f"<SingularLoci of {self.of.mechanism.name[:80]} over {axes[:60]}: {counted(len(self.curves), 'curve')}>"
 
     def _repr_html_(self) -> str:
         rows = [(c.kind.value, "branch ends" if c.border else "inside", len(c.points)) for c in self.curves]

@@ -25,7 +25,7 @@ from cinegen.model.plausible import ImplausibleError, check_lengths
 from cinegen.sensor import SensorError
 from cinegen.toolpath.curve import PointError
 from cinegen.toolpath.seam import AGAIN, Seam
-from raff2urdf.errors import RaffError, did_you_mean, raised_as
+from raff2urdf.errors import RaffError, counted, did_you_mean, raised_as
 from raff2urdf.files import read_bytes
 from raff2urdf.quantities import ANGLE, ANGULAR_SPEED, LENGTH, NUMBER, SPEED, TIME, Dimension, parse, refused_as, shown
 
@@ -96,7 +96,7 @@ def read_points(path: str | Path) -> tuple[Array, Array, list[int]]:
                 width = len(cells)
                 where, units = _header(cells)
             elif len(cells) != width:
-                raise SensorError(f"{len(cells)} value{'s' * (len(cells) != 1)}, but {width} columns are named")
+                raise SensorError(f"{counted(len(cells), 'value')}, but {width} columns are named")
             elif where:
                 columns = zip(where, _COLUMNS, units, strict=True)
                 reads = (

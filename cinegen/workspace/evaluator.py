@@ -20,6 +20,7 @@ from cinegen.workspace.cells import Cells, CellStatus
 from cinegen.workspace.loads import LIMITED, REACTIONS
 from cinegen.workspace.quantities import QUANTITIES
 from cinegen.workspace.specification import MapSpecification
+from raff2urdf.errors import counted
 
 Values = NDArray[Any]
 
@@ -90,7 +91,7 @@ class Estimate:
 
     def text(self, cores: int = 1) -> str:
         """Return the estimate for people, for some number of cores."""
-        on = f"{cores} core{'s' * (cores != 1)}"
+        on = counted(cores, "core")
         seconds = self.seconds / cores
         unit, length = next((pair for pair in _UNITS if seconds >= 2.0 * pair[1]), ("s", 1.0))
         power = min(max(0, int(math.log2(max(1.0, self.size / 0.9)) // 10)), len(_SIZES) - 1)

@@ -31,7 +31,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
-from raff2urdf.errors import Problem, RaffError, SourceLocation
+from raff2urdf.errors import Problem, RaffError, SourceLocation, counted
 from raff2urdf.files import read_bytes
 from raff2urdf.graphics.surface import LARGEST, MOST_CORNERS, Colour, ColouredSurface, Point, Polygons
 
@@ -168,7 +168,7 @@ class _Reader:
                 colour, after_word = self.colour(line, i), False
             elif word in numbers:
                 if len(line.words) <= i + numbers[word]:
-                    self.wrong(f"'{word}' needs {numbers[word]} numbers", line, i)
+                    self.wrong(f"'{word}' needs {counted(numbers[word], 'number')}", line, i)
                 for k in range(numbers[word]):
                     self.number(line, i + 1 + k)
                 i, after_word = i + numbers[word], False

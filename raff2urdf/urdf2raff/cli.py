@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
-from raff2urdf.cli import FORCE, JSON, LOOPS, counted, print_json, warnings_printed
+from raff2urdf.cli import FORCE, JSON, LOOPS, print_json, warnings_printed
 from raff2urdf.command.command_line import (
     VERSION,
     Command,
@@ -23,7 +23,7 @@ from raff2urdf.command.command_line import (
 )
 from raff2urdf.command.output import run
 from raff2urdf.command.read_flags import ReadFlags, loop_kinds_of
-from raff2urdf.errors import RaffError
+from raff2urdf.errors import RaffError, counted
 from raff2urdf.files import STANDARD, output_path, stem_of
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ def _report(name: str, out: Path, imported: RaffImport) -> dict[str, Any]:
 
 def _summary(report: dict[str, Any]) -> str:
     numbers = report | {"joints": len(report["joints"])}
-    counts = ", ".join(counted(numbers[word], word) for word in ("links", "frames", "joints", "loops"))
+    counts = ", ".join(counted(numbers[f"{word}s"], word) for word in ("link", "frame", "joint", "loop"))
     moved = len(report["offsets"])
-    zeros = f"; {counted(moved, 'joints')} with another zero" if moved else ""
+    zeros = f"; {counted(moved, 'joint')} with another zero" if moved else ""
     return f"{report['file']}: robot '{report['robot']}': {counts}{zeros}\n  -> {report['raff']}"

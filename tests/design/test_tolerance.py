@@ -56,7 +56,7 @@ def test_a_2r_arm(two_r):
 
 
 def test_one_sample_compares_nothing(two_r):
-    assert tolerance(two_r, {"link2.d": 1e-4}, samples=1).agreement == "1 samples with loops closed: too few to compare"
+    assert tolerance(two_r, {"link2.d": 1e-4}, samples=1).agreement == "1 sample with loops closed: too few to compare"
 
 
 def coupler_point(a, b, c, g, e, slant, angle):

@@ -257,7 +257,7 @@ def test_a_path_all_along_which_no_joint_moves_must_be_divided():
     crank, last = angle(0.3, 0.15, 0.4), angle(0.15, 0.4, 0.3)
     path += [[crank, -crank - last, math.pi], [angle(0.5, 0.7, 0.35), 0.0, math.pi - angle(0.5, 0.35, 0.7)]]
     assert guided(bars, np.array(path[:2])).actuated == ("joint3",)
-    with pytest.raises(CinegenError, match="no 1 joints determine its motion all along this path: divide the path"):
+    with pytest.raises(CinegenError, match="no choice of 1 joint determines its motion all along this path: divide"):
         guided(bars, np.array(path))
 
 

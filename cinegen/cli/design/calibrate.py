@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from cinegen.cli.design.tolerance import amounts
-from cinegen.cli.files import check_outputs, count, print_result, write, write_figure
+from cinegen.cli.files import check_outputs, print_result, write, write_figure
 from cinegen.cli.options import FILE, JSON, PLOT, ROBOT, force_option, output_option, shown_name
 from cinegen.cli.progress import Progress
 from raff2urdf.command.command_line import flag, option
-from raff2urdf.errors import first_of
+from raff2urdf.errors import counted, first_of
 from raff2urdf.quantities import LENGTH
 
 if TYPE_CHECKING:
@@ -105,8 +105,8 @@ def _text(result: Calibration, name: str, most: int | None) -> str:
     """Return the report, in mm and degrees."""
     readings = int(result.kept.sum())
     lines = [
-        f"{name}: {len(result.combinations)} combinations of {len(result.names)} parameters are "
-        f"estimated from {readings} readings in {len(result.observation.measurements)} poses"
+        f"{name}: {counted(len(result.combinations), 'combination')} of {counted(len(result.names), 'parameter')} are "
+        f"estimated from {readings} readings in {counted(len(result.observation.measurements), 'pose')}"
     ]
     fit = f"chi-square {result.chi2:.4g} for {result.degrees_of_freedom} degrees of freedom"
     right = f" (1 each if the sigmas are right: {result.fit:.2f})" if result.degrees_of_freedom > 0 else ""
@@ -129,7 +129,7 @@ def _text(result: Calibration, name: str, most: int | None) -> str:
         (result.opening, "would open loops of an over-constrained mechanism, and stay nominal"),
     ):
         if names:
-            listed = f"{count(names, 'parameter')} {text}: {first_of(names, most or len(names))}"
+            listed = f"{counted(len(names), 'parameter')} {text}: {first_of(names, most or len(names))}"
             lines += ["", *textwrap.wrap(listed, 110, initial_indent="  ", subsequent_indent="  ")]
     return "\n".join([*lines, *_outliers(result, most)])
 
@@ -158,7 +158,7 @@ def _changes(result: Calibration, most: int | None) -> list[str]:
     changed.sort(key=lambda k: -float(significance[k]))
     if not changed:
         return []
-    lines = ["", f"  {count(changed, 'parameter')} known by themselves, the most significant changes first"]
+    lines = ["", f"  {counted(len(changed), 'parameter')} known by themselves, the most significant changes first"]
     for k in changed[:most]:
         name, unit = result.names[k], result.unit(result.names[k])
         change = _shown(result.values[k] - result.nominal[k], unit, "+")
@@ -171,7 +171,7 @@ def _outliers(result: Calibration, most: int | None) -> list[str]:
     """Return lines about the readings that are left out."""
     if not result.outliers:
         return []
-    lines = ["", f"  {count(result.outliers, 'outlier')} left out"]
+    lines = ["", f"  {counted(len(result.outliers), 'outlier')} left out"]
     ordered = sorted(result.outliers, key=lambda outlier: -outlier.sigmas)
     quantities = result.observation.measurements.quantities
     for outlier in ordered[:most]:
@@ -182,8 +182,8 @@ def _outliers(result: Calibration, most: int | None) -> list[str]:
 
 def _proposed(proposal: Proposal, poses: Path | None) -> str:
     text = (
-        f"next {count(proposal, 'pose')}, D-optimal among random ones within joint limits: standard deviations shrink "
-        f"{proposal.gain:.3g} times on average, {proposal.random_gain:.3g} times for random poses"
+        f"next {counted(len(proposal), 'pose')}, D-optimal among random ones within joint limits: standard deviations "
+        f"shrink {proposal.gain:.3g} times on average, {proposal.random_gain:.3g} times for random poses"
     )
     if poses is not None:
         return f"{textwrap.fill(text, 110)}\nposes: {poses}"

@@ -7,10 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from cinegen.cli.files import check_outputs, count, disabled_pairs, unchecked_links
+from cinegen.cli.files import check_outputs, disabled_pairs, unchecked_links
 from cinegen.cli.options import BASE, FILES, SELF_CLEARANCE, ShownRobotOptions
 from cinegen.cli.served_page import PageOptions, write_snapshot
 from raff2urdf.command.command_line import UsageError, no_effect, option, quantity_option
+from raff2urdf.errors import counted
 from raff2urdf.files import stem_of
 from raff2urdf.quantities import FREQUENCY, LENGTH, shown
 
@@ -112,8 +113,8 @@ def serve(read: Callable[[], Setup], page: PageOptions, stem: str, snapshot: Pat
 
 def _describe(setup: Setup) -> None:
     for name, mechanism in setup.robots.items():
-        line = f"{name}: {count(mechanism.joints, 'joint')}, {count(mechanism.loops, 'loop')}"
-        line += f", {count(mechanism.couplings, 'coupling')}" if mechanism.couplings else ""
+        line = f"{name}: {counted(len(mechanism.joints), 'joint')}, {counted(len(mechanism.loops), 'loop')}"
+        line += f", {counted(len(mechanism.couplings), 'coupling')}" if mechanism.couplings else ""
         line += f", mobility {mechanism.mobility}"
         print(
             f"{line}, loops closed to {mechanism.closure(mechanism.q_home):.1g}" if mechanism.is_constrained else line
@@ -123,4 +124,6 @@ def _describe(setup: Setup) -> None:
         if setup.avoidance is not None and (lost := unchecked_links(mechanism)):
             print(f"  {lost}")
     if setup.avoidance is not None:
-        print(f"keeps {shown(setup.avoidance.scene.safety, LENGTH)} clear of {count(setup.obstacles, 'obstacle')}")
+        print(
+            f"keeps {shown(setup.avoidance.scene.safety, LENGTH)} clear of {counted(len(setup.obstacles), 'obstacle')}"
+        )

@@ -7,12 +7,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cinegen.cli.files import count, print_result
+from cinegen.cli.files import print_result
 from cinegen.cli.numbers import UNITS, locked_joints, parts, values
 from cinegen.cli.options import FILE, JSON, NODE, ShownRobotOptions
 from cinegen.cli.progress import Progress
 from cinegen.errors import CinegenError, UnknownNameError
 from raff2urdf.command.command_line import flag, option
+from raff2urdf.errors import counted
 from raff2urdf.quantities import ANGLE, LENGTH, shown, shown_scale
 
 if TYPE_CHECKING:
@@ -86,7 +87,7 @@ def pose_task(mechanism: Mechanism, text: str, node: str) -> FrameTask:
     if not any("=" in part for part in coordinates):
         if len(coordinates) not in (3, 6):
             raise CinegenError(
-                f"--at: a pose is x,y,z or x,y,z,rx,ry,rz in m and degrees, not {len(coordinates)} numbers"
+                f"--at: a pose is x,y,z or x,y,z,rx,ry,rz in m and degrees, not {counted(len(coordinates), 'number')}"
             )
         text = ",".join(f"{name}={value}" for name, value in zip(POSE, coordinates, strict=False))
     by_name = values(text, "--at", "x=0.01,rz=15 (m and degrees)", mechanism)
@@ -161,7 +162,7 @@ def claim_text(solutions: SolutionSet) -> str:
 def _lines(name: str, solutions: IKSolutions, every: bool) -> list[str]:
     mechanism, number = (
         solutions.mechanism,
-        count(solutions, "inverse solution") if len(solutions) else "no inverse solution",
+        counted(len(solutions), "inverse solution") if len(solutions) else "no inverse solution",
     )
     within = f", {len(solutions.within_limits)} within the limits" if every and len(solutions) else ""
     lines = [f"{name}: robot '{mechanism.name}', {number}{within}"]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
-from cinegen.cli.files import check_outputs, count, disabled_pairs, print_result, unchecked_links, write_figure
+from cinegen.cli.files import check_outputs, disabled_pairs, print_result, unchecked_links, write_figure
 from cinegen.cli.motion.mode_change import change_advice, change_document, change_lines, goal_text, mode_index
 from cinegen.cli.motion.plan_recording import record_path, show_path
 from cinegen.cli.options import (
@@ -26,6 +26,7 @@ from cinegen.cli.options import (
 from cinegen.cli.progress import Progress
 from cinegen.cli.served_page import PageOptions
 from raff2urdf.command.command_line import option
+from raff2urdf.errors import counted
 from raff2urdf.files import output_path, stem_of
 from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, shown, shown_scale
 
@@ -140,8 +141,8 @@ def _task(scene: Scene, goal: str | None) -> list[str]:
     """Return lines about the robot, its goal (by default that of the scene) and the obstacles."""
     mechanism = scene.mechanism
     if scene.mobile is None:
-        robot = f"robot '{mechanism.name}', {count(mechanism.joints, 'joint')}"
-        robot += f", {count(mechanism.loops, 'loop')}" if mechanism.loops else ""
+        robot = f"robot '{mechanism.name}', {counted(len(mechanism.joints), 'joint')}"
+        robot += f", {counted(len(mechanism.loops), 'loop')}" if mechanism.loops else ""
     else:
         robot = f"mobile robot, radius {_length_text(scene.mobile)}" if scene.mobile else "mobile robot, a point"
     orientation = {0: "", 1: ", with its rotation about z", 3: ", with its orientation"}[scene.rotation]
@@ -164,7 +165,7 @@ def _task(scene: Scene, goal: str | None) -> list[str]:
         *([f"  weights: {weights}"] if weights else []),
         *([f"  {scene.node} {_path_constraints(scene)} all along the path"] if scene.path_constraints else []),
         *textwrap.wrap(
-            f"{count(scene.obstacles, 'obstacle')}{': ' * bool(obstacles)}{obstacles}", _WIDTH,
+            f"{counted(len(scene.obstacles), 'obstacle')}{': ' * bool(obstacles)}{obstacles}", _WIDTH,
             initial_indent="  ", subsequent_indent="    ",
         ),
     ]  # fmt: skip

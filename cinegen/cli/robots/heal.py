@@ -12,6 +12,7 @@ from cinegen.cli.options import FILE, JSON, force_option
 from cinegen.errors import CinegenError
 from raff2urdf.command.command_line import option
 from raff2urdf.command.read_flags import ReadFlags
+from raff2urdf.errors import counted
 from raff2urdf.files import STANDARD, output_path, signed
 
 OUT = typer.Argument(..., metavar="OUT", help="healed file, in the same format; - for standard output")
@@ -64,8 +65,7 @@ def run(
         size = f"{edit.change * 1e3:+.2g} mm" if edit.number.is_length else f"{math.degrees(edit.change):+.2g} degrees"
         place = f"{edit.number.file.name}:{edit.number.line}: {edit.number.name}"
         lines.append(f"{place}: {edit.number.text} -> {edit.value!r} ({size})")
-    lines.append(
-        f"{len(numbers)} numbers changed; {' and '.join(str(names[path]) for path in healing.contents)} written"
-    )
+    written = " and ".join(str(names[path]) for path in healing.contents)
+    lines.append(f"{counted(len(numbers), 'number')} changed; {written} written")
     print_result({"file": str(file), "output": str(target), "loops": loops, "numbers": numbers}, "\n".join(lines), json)
     return 0

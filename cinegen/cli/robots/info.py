@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cinegen.cli.files import count, print_result
+from cinegen.cli.files import print_result
 from cinegen.cli.options import FILE, JSON, ShownRobotOptions
 from cinegen.errors import warn
 from raff2urdf.command.command_line import flag
-from raff2urdf.errors import first_of
+from raff2urdf.errors import counted, first_of
 from raff2urdf.quantities import ANGLE, LENGTH, shown, shown_scale
 
 if TYPE_CHECKING:
@@ -61,10 +61,10 @@ def _text(report: Mapping[str, Any]) -> str:
     wide = max([12, *(len(joint["name"]) + 2 for joint in joints), *(len(ball) + 2 for ball in balls)])
     lines = [
         f"{report['name']}: robot '{report['robot']}', mobility {report['mobility']}{uncontrolled}, "
-        f"{count(joints, 'joint')} ({len(actuated)} actuated), "
-        + (f"{count(balls, 'ball joint')}, " if balls else "")
-        + count(loops, "loop")
-        + (f", {count(couplings, 'coupling')}" if couplings else ""),
+        f"{counted(len(joints), 'joint')} ({len(actuated)} actuated), "
+        + (f"{counted(len(balls), 'ball joint')}, " if balls else "")
+        + counted(len(loops), "loop")
+        + (f", {counted(len(couplings), 'coupling')}" if couplings else ""),
         "",
         f"  {'joint':<{wide}}{'type':<11}{'home':>10}{'lower':>10}{'upper':>10}{'velocity':>10}",
     ]

@@ -7,7 +7,7 @@ import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from cinegen.cli.files import check_outputs, count, print_result, write_figure
+from cinegen.cli.files import check_outputs, print_result, write_figure
 from cinegen.cli.motion.ik import TYPED, claim_text, limits_text, missed_text, pose_task, pose_text, self_motion_lines
 from cinegen.cli.numbers import UNITS, parts, values
 from cinegen.cli.options import FILE, JSON, NODE, PLOT, VIEW, ShownRobotOptions, exclude
@@ -15,6 +15,7 @@ from cinegen.cli.progress import Progress
 from cinegen.cli.served_page import PageOptions
 from cinegen.errors import CinegenError, UnknownNameError
 from raff2urdf.command.command_line import option
+from raff2urdf.errors import counted
 from raff2urdf.quantities import LENGTH, shown_scale
 
 if TYPE_CHECKING:
@@ -112,8 +113,8 @@ def _values(mechanism: Mechanism, text: str) -> Array:
     if not any("=" in part for part in numbers):
         if len(numbers) != len(joints):
             listed = ", ".join(f"{joint} ({value_text(mechanism, joint, home[joint])} at home)" for joint in joints)
-            number = f"{count(numbers, 'value')} for the {len(joints)} actuated joints of {mechanism.name}"
-            raise CinegenError(f"--values: {number}: {listed}")
+            number = f"{counted(len(numbers), 'value')} for the {counted(len(joints), 'actuated joint')}"
+            raise CinegenError(f"--values: {number} of {mechanism.name}: {listed}")
         text = ",".join(f"{joint}={value}" for joint, value in zip(joints, numbers, strict=True))
     for joint, value in values(text, "--values", f"{next(iter(joints), 'joint1')}=0.1", mechanism).items():
         if joint not in home:
@@ -149,7 +150,7 @@ def _lines(name: str, modes: AssemblyModes, node: str | None, asked: FrameTask |
     from cinegen.user_units import value_text
 
     mechanism, node = modes.mechanism, node or modes.mechanism.end
-    number = count(modes, "assembly mode") if len(modes) else "no assembly mode"
+    number = counted(len(modes), "assembly mode") if len(modes) else "no assembly mode"
     joints = zip(mechanism.actuated, modes.actuated, strict=True)
     texts = [f"{joint} {value_text(mechanism, joint, float(value))}".replace(" ", _JOINED) for joint, value in joints]
     heading = f"{name}: robot '{mechanism.name}', {number}" + (

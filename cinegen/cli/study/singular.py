@@ -13,6 +13,7 @@ from cinegen.cli.options import FILE, JSON, PICTURES, ShownRobotOptions, force_o
 from cinegen.cli.progress import Progress
 from cinegen.errors import CinegenError
 from raff2urdf.command.command_line import UsageError, no_effect, option
+from raff2urdf.errors import counted
 from raff2urdf.files import GENERATED, output_path
 
 if TYPE_CHECKING:
@@ -100,7 +101,9 @@ def _scan(
     print(f"{name}: {share} is reached from home on its branch")
     for curve in loci.curves:
         kind = "no singularity" if curve.kind is SingularityType.NONE else curve.kind.value
-        print(f"  {kind}, {'where the branch ends' if curve.border else 'inside'}: {len(curve.points)} points")
+        print(
+            f"  {kind}, {'where the branch ends' if curve.border else 'inside'}: {counted(len(curve.points), 'point')}"
+        )
     if not loci.curves:
         print("  no singularity")
     print(f"{picture} and {numbers} are written")

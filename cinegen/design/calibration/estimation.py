@@ -40,6 +40,7 @@ from cinegen.design.errors import DesignError
 from cinegen.design.parameters import Parameters
 from cinegen.design.ties import fits
 from cinegen.errors import warn
+from raff2urdf.errors import counted
 from raff2urdf.quantities import ANGLE, LENGTH
 from raff2urdf.raff.document import Document
 
@@ -222,7 +223,7 @@ def _dependencies(observation: Observation, space: Subspace, errors: Array, q: A
             if size > 1e-9 and np.abs(moved - moved[-1]).max() < 1e-7 * size:
                 if len(each.names) > LISTED:
                     of = ", ".join(dict.fromkeys(name.rpartition(".")[0] for name in each.names))
-                    text = f"no reading changes ({len(each.names)} parameters of {of})"
+                    text = f"no reading changes ({counted(len(each.names), 'parameter')} of {of})"
                 text = f"{moving} move together as one body: {text}"
         described.append(Dependency(each.names, each.changes, text))
     return tuple(described)
@@ -288,8 +289,8 @@ def _warn(calibration: Calibration, instead: str) -> None:
     off = math.sqrt(calibration.fit)
     if calibration.degrees_of_freedom <= 0:
         warn(
-            f"{source}: {int(calibration.kept.sum())} readings for {count} combinations of parameters: any errors "
-            "fit, and the residuals show nothing; measure more poses"
+            f"{source}: {counted(int(calibration.kept.sum()), 'reading')} for {counted(count, 'combination')} of "
+            "parameters: any errors fit, and the residuals show nothing; measure more poses"
         )
     elif is_poor(calibration):
         warn(

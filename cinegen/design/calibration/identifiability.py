@@ -19,7 +19,7 @@ from scipy.linalg import lstsq, svd
 from scipy.optimize import linprog
 
 from cinegen.arrays import Array
-from raff2urdf.errors import first_of
+from raff2urdf.errors import counted, first_of
 
 DEPENDENT = 1e-9
 """Singular values below this fraction of the largest are those of dependent combinations."""
@@ -254,5 +254,5 @@ def _together(names: tuple[str, ...], changes: Array, units: Sequence[str], pare
         children = [each for each in nodes if each != node]
         if all(parents.get(each) == node for each in children):
             back = f"{first_of(children, 8)} on it moved back"
-            return f"{node} moved, and {back}: no reading changes ({len(names)} parameters)"
-    return f"{len(names)} parameters of {first_of(nodes, 8)}: no reading changes if they change together"
+            return f"{node} moved, and {back}: no reading changes ({counted(len(names), 'parameter')})"
+    return f"{counted(len(names), 'parameter')} of {first_of(nodes, 8)}: no reading changes if they change together"

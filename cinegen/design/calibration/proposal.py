@@ -19,6 +19,7 @@ from cinegen.design.calibration.observation import Observation
 from cinegen.design.calibration.result import Calibration
 from cinegen.design.design import Design
 from cinegen.design.poses import random_poses
+from raff2urdf.errors import counted
 
 CANDIDATES = 300
 """Random poses of which some are proposed."""
@@ -56,7 +57,7 @@ class Proposal:
         return len(self.q)
 
     def __repr__(self) -> str:
-        return f"<Proposal of {len(self)} poses: standard deviations shrink by {self.gain:.3g}>"
+        return f"<Proposal of {counted(len(self), 'pose')}: standard deviations shrink by {self.gain:.3g}>"
 
     def text(self) -> str:
         """Return a CSV file with the readings of the inputs; what is to be measured is empty."""

@@ -13,6 +13,7 @@ from cinegen.design.calibration.identifiability import Dependency, Subspace
 from cinegen.design.calibration.observation import Observation
 from cinegen.design.parameters import Parameters
 from cinegen.typed_json import as_json
+from raff2urdf.errors import counted
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension
 
 _OWN = 1.0 - 1e-9  # a parameter of this determined length is determined by itself
@@ -110,7 +111,8 @@ class Calibration:
 
     def __repr__(self) -> str:
         count = self.subspace.basis.shape[1]
-        return f"<Calibration of {self.parameters.robot.name}: {count} combinations of {len(self.names)} parameters>"
+        of = f"{counted(count, 'combination')} of {counted(len(self.names), 'parameter')}"
+        return f"<Calibration of {self.parameters.robot.name}: {of}>"
 
     @property
     def parameters(self) -> Parameters:

@@ -18,6 +18,7 @@ from cinegen.design.synthesis.region import Reach
 from cinegen.design.synthesis.scores import Scores
 from cinegen.design.synthesis.task import DesignObjective, SynthesisTask, check_free
 from raff2urdf import Document
+from raff2urdf.errors import counted
 
 FEASIBLE = 1e-6
 """A constraint that is violated by no more, dimensionless, holds."""
@@ -73,7 +74,7 @@ class Designs:
         self.restart()
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__} of {self.parameters.robot.name}: {len(self.names)} variables>"
+        return f"<{type(self).__name__} of {self.parameters.robot.name}: {counted(len(self.names), 'variable')}>"
 
     def _check_opening(self) -> None:
         mechanism, parameters = self.parameters.mechanism, self.parameters

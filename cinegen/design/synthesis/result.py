@@ -17,6 +17,7 @@ from cinegen.design.synthesis.problem import SynthesisProblem
 from cinegen.design.synthesis.task import DesignObjective, SynthesisTask
 from cinegen.proof import Proof
 from cinegen.typed_json import as_json
+from raff2urdf.errors import counted
 from raff2urdf.quantities import NUMBER, shown
 
 _SLIGHT = 1e-3  # by what part constraints may be violated between the targets of the optimiser
@@ -189,8 +190,8 @@ class Synthesis:
         """The result as people read it."""
         parameters, check = self.parameters, self.check
         lines = [
-            f"{parameters.robot.name}: {len(self.starts)} starts, {self.evaluations} designs evaluated at "
-            f"{self.configurations} configurations"
+            f"{parameters.robot.name}: {counted(len(self.starts), 'start')}, {counted(self.evaluations, 'design')} "
+            f"evaluated at {self.configurations} configurations"
         ]
         failed = [start for start in self.starts if not start.is_feasible]
         if failed:
@@ -232,7 +233,7 @@ class Synthesis:
             rows.append([*texts, ("holds" if point.check.holds else "does not hold") + chosen])
         widths = [max(len(row[k]) for row in rows) + 2 for k in range(len(rows[0]))]
         lines = ["    " + "".join(text.ljust(width) for text, width in zip(row, widths, strict=True)) for row in rows]
-        return [f"  Pareto front, {len(self.front)} designs:", *(line.rstrip() for line in lines)]
+        return [f"  Pareto front, {counted(len(self.front), 'design')}:", *(line.rstrip() for line in lines)]
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result for JSON: m and rad; null for what is infinite, and where the file's own values do not do

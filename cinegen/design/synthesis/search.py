@@ -27,6 +27,7 @@ from cinegen.design.synthesis.task_file import load_task, task_of
 from cinegen.errors import CinegenError
 from cinegen.proof import Proof, prove
 from raff2urdf import Document
+from raff2urdf.errors import counted
 from raff2urdf.files import write_all
 
 Report = Callable[[str, int, int], object]
@@ -258,9 +259,9 @@ def _impossible(problem: SynthesisProblem, finished: list[Start]) -> str:
             "parameters, or make the region smaller"
         )
     return (
-        f"{name}: no values of the parameters were found from {len(finished)} starts that keep all constraints: "
-        f"the best violate {nearest.violated} by {nearest.violation:.3g} (dimensionless): widen the bounds, loosen a "
-        "constraint, or give more starts"
+        f"{name}: no values of the parameters were found from {counted(len(finished), 'start')} that keep all "
+        f"constraints: the best violate {nearest.violated} by {nearest.violation:.3g} (dimensionless): widen the "
+        "bounds, loosen a constraint, or give more starts"
     )
 
 

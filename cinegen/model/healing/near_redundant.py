@@ -16,6 +16,7 @@ from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.loops.clusters import subsystems
 from cinegen.model.healing.heal import LARGEST_CHANGE, heal, in_bodies, moved
 from raff2urdf import closure
+from raff2urdf.errors import counted
 from raff2urdf.loops.near_redundancy import NearRedundancy, near_redundancy
 from raff2urdf.loops.play import EXACT, play, text
 from raff2urdf.placement import roll_pitch_yaw, translation
@@ -64,7 +65,7 @@ def made_exact(
             kinds |= {loop.name: kind.name.lower() for loop, kind in zip(cluster.loops, relaxed, strict=True)}
             done = f"relaxed: closed by {', '.join(sorted({kind.name.lower() for kind in relaxed}))} joints"
             more = redundancy.rank - closure.generic_rank(cluster.with_kinds(relaxed), start)[0]
-            done += f", which adds {more} degree{'s' * (more != 1)} of freedom" if more else ""
+            done += f", which adds {counted(more, 'degree')} of freedom" if more else ""
         else:
             done = "kept: neither small changes of the geometry nor weaker joints close it"
         gaps, kind = loop_gaps(cluster, redundancy), {loop.name: loop.kind.name.lower() for loop in cluster.loops}
