@@ -157,16 +157,18 @@ security = Security.temporary()
 
 async def ask(address, name):
     certificate = security.get_connection_args("client") if address.startswith("tls") else {}
-    there = rpc(address, timeout=5, connection_args=certificate)
+    there = rpc(address, timeout=10, connection_args=certificate)
     try:
-        print((await getattr(there, name)(function=dumps(os.getpid)))["result"], flush=True)
+        return (await getattr(there, name)(function=dumps(os.getpid)))["result"]
     except Exception as error:
-        print("refused:", error, flush=True)
+        return f"refused: {error}"
     finally:
         await there.close_rpc()
 
-for address, name in zip(sys.argv[1::2], sys.argv[2::2]):
-    asyncio.run(ask(address, name))
+async def ask_all():
+    print(*await asyncio.gather(*map(ask, sys.argv[1::2], sys.argv[2::2])), sep="\\n")
+
+asyncio.run(ask_all())
 """
 
 

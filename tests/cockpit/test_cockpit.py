@@ -148,7 +148,7 @@ def test_every_answer_has_the_headers_that_protect_it(cockpit):
     live_cockpit = cockpit("planar_3r", host="0.0.0.0")
     address = urlsplit(live_cockpit.server.local_url)
     for path in ("", "viewer.js", "snapshot.html", "static/cockpit.js", "static/none.js", "none", "map/about.json"):
-        connection = http.client.HTTPConnection(address.netloc, timeout=10)
+        connection = http.client.HTTPConnection(address.netloc, timeout=60)
         connection.request("GET", f"/{path}?{address.query}")
         headers = connection.getresponse().headers
         policy = dict(part.split(maxsplit=1) for part in headers["Content-Security-Policy"].split(";") if part.strip())

@@ -83,7 +83,7 @@ def test_half_open_connections_keep_nobody_out(page):
     """Twice as many as there may be: the oldest have gone, and who asks is answered at once."""
     silent = []
     for k in range(2 * CONNECTIONS):
-        silent.append(socket.create_connection(("127.0.0.1", page.server.port), timeout=10.0))
+        silent.append(socket.create_connection(("127.0.0.1", page.server.port), timeout=60.0))
         silent[-1].sendall((b"", b"GET / HTTP/1.1\r\n", b"\x16\x03\x01")[k % 3])
     assert get(page.url)[0] == 200
     with suppress(ConnectionResetError):
@@ -124,7 +124,7 @@ def test_connections_that_are_answered_are_not_closed_for_others(page, monkeypat
 def test_who_asks_slowly_is_disconnected(cockpit, monkeypatch, deadline, half):
     monkeypatch.setattr(f"cinegen.cockpit.server.{deadline}", 0.3)
     live_cockpit = cockpit("delta4", token="")
-    with socket.create_connection(("127.0.0.1", live_cockpit.server.port), timeout=5.0) as peer:
+    with socket.create_connection(("127.0.0.1", live_cockpit.server.port), timeout=60.0) as peer:
         peer.sendall(half)
         assert peer.recv(1) == b""
 

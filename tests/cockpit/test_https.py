@@ -24,12 +24,12 @@ def test_a_page_and_its_session_are_encrypted_with_the_certificate_that_is_print
         assert server.certificate.fingerprint == ":".join(digest[i : i + 2] for i in range(0, 64, 2))
         path.write_text(certificate)
         context = ssl.create_default_context(cafile=str(path))  # trusts that one alone; the name is checked, too
-        with urllib.request.urlopen(server.local_url, context=context, timeout=5) as answer:
+        with urllib.request.urlopen(server.local_url, context=context, timeout=60) as answer:
             assert answer.status == 200
         with pytest.raises(ConnectionError):
-            urllib.request.urlopen(server.local_url.replace("https:", "http:"), timeout=5)
+            urllib.request.urlopen(server.local_url.replace("https:", "http:"), timeout=60)
         with pytest.raises(urllib.error.HTTPError, match="403"):
-            urllib.request.urlopen(server.local_url.partition("?")[0], context=context, timeout=5)
+            urllib.request.urlopen(server.local_url.partition("?")[0], context=context, timeout=60)
 
         async def first():
             line = await websocket_connect(HTTPRequest(server.session_url, ssl_options=context))

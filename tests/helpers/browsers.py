@@ -78,7 +78,7 @@ class Browser:
         self.loop.call_soon_threadsafe(self.connection.close)
 
 
-def becomes(condition, seconds=20.0):
+def becomes(condition, seconds=60.0):
     """Whether it comes true in time."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
@@ -91,7 +91,7 @@ def becomes(condition, seconds=20.0):
 def get(url, path="", host=None):
     """Status and body of a page."""
     address = urlsplit(url)
-    connection = http.client.HTTPConnection(address.hostname, address.port, timeout=10)
+    connection = http.client.HTTPConnection(address.hostname, address.port, timeout=60)
     query = f"?{address.query}" if address.query else ""
     connection.request("GET", f"/{path}{query}", headers={"Host": host} if host else {})
     answer = connection.getresponse()
