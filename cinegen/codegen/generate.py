@@ -63,7 +63,7 @@ def generate(
         texts by file names.
 
     Raises:
-        GenerationError: a name is no identifier, a task is not written as above, or no joint is actuated.
+        GenerationError: a name is no identifier or begins one of a kernel, a task is not written as above, or no joint is actuated.
         CinegenError: dt is not positive, a node is unknown, there are more than six tasks, or the mechanism has joints
             that the kernels don't know.
     """
@@ -86,6 +86,8 @@ def generate(
     entries = [kernels.place, *(kernel for function in chosen for kernel in _KERNELS[function])]
     fields = [name for function in (None, *chosen) for name in FIELDS[function]]
     translation = translated(language, memory, entries, fields, _FREE, _STRUCTURE)
+    if language.is_c and any(function.name.startswith(f"{name}_") for function in translation.functions):
+        raise GenerationError(f"'{name}' begins names of the kernels in C: give another one (--name, in Python name=)")
     nodes = tuple(task.node for task in solver.frame_tasks)
     program = Program(mechanism, memory, translation, name, source, tuple(chosen), nodes, dt, most_iterations(memory))
     cases = recorded(mechanism, solver, chosen, inverse)

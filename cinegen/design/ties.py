@@ -128,6 +128,11 @@ def _row(
     return row
 
 
+def names_in(text: str) -> list[str]:
+    """Return the names of parameters in a tie."""
+    return _NAME.findall(text)
+
+
 def fits(text: str, dimension: Dimension) -> bool:
     """Return whether a text may be an amount of a dimension."""
     try:

@@ -37,6 +37,7 @@ from cinegen.design.design import Design
 from cinegen.design.errors import DesignError
 from cinegen.design.evaluation import DesignEvaluation
 from cinegen.design.parameters import Parameters, is_pattern
+from cinegen.design.ties import names_in
 from cinegen.design.tolerance_input import columns_of, play_of
 from cinegen.design.tolerance_report import INTERVAL, Forced, MonteCarlo, ToleranceReport, ToleranceSource
 from cinegen.loops.thresholds import CLOSURE
@@ -96,10 +97,18 @@ class Tolerances:
         for joint, amount in readings:
             variable = whole.own_variable(joint)
             i = whole.find(variable.name)
+            if i in named:
+                raise DesignError(
+                    f"the reading of {joint} is {variable.name}: its error is given twice, as sigma and as encoder"
+                )
             sigmas[i], encoders[i] = amount_in(f"encoder of {joint}", amount, variable.dimension), joint
         if isinstance(source, Parameters):
             parameters = source
         else:
+            ties = (ties,) if isinstance(ties, str) else tuple(ties)
+            for tie in ties:
+                if not sigmas.keys() & {whole.find(each) for each in names_in(tie)}:
+                    raise DesignError(f"the tie '{tie}' has no effect: give one of its parameters a tolerance")
             names = [whole.all[i].name for i in sorted(sigmas)] or [whole.all[0].name]
             parameters = Parameters(whole.document, names, ties, robot=whole.robot.name)
         moved = [each for name, amount in plays for each in play_of(whole, name, amount)]

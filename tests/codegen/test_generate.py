@@ -142,16 +142,25 @@ const robot = create(), before = [...robot.q];
 const found = [NaN, Infinity, 1e9].map((value) => robot.forward(robot.q.slice().fill(value).subarray(0, COUNT)));
 found.push(robot.q.every((value, k) => value === before[k]));
 found.push(robot.close(robot.q.slice().fill(NaN)));
+for (const call of [robot.forward, robot.close, robot.set]) {
+  try {
+    call([...robot.q, 0]);
+  } catch (error) {
+    found.push(error.message);
+  }
+}
 console.log(JSON.stringify(found));
 """
 
 
 @needs_node
-def test_values_that_are_not_finite_or_far_away_move_nothing(robot, tmp_path):
+def test_values_that_are_not_finite_or_far_away_or_too_many_move_nothing(robot, tmp_path):
     mechanism = robot("delta4")
-    written(tmp_path, mechanism, Language.JAVASCRIPT, functions=[Function.FORWARD, Function.CLOSE])
+    written(tmp_path, mechanism, Language.JAVASCRIPT, functions=[Function.FORWARD, Function.CLOSE, Function.TICK])
     printed = run_script(tmp_path, INVALID.replace("COUNT", str(len(mechanism.actuated))))
-    assert json.loads(printed) == [False, False, False, True, None]  # JSON has no NaN
+    nq, actuated = len(mechanism.q_home), len(mechanism.actuated)
+    refused = [f"{count} numbers are needed, not {nq + 1}" for count in (actuated, nq, nq)]
+    assert json.loads(printed) == [False, False, False, True, None, *refused]  # JSON has no NaN
 
 
 @needs_node
@@ -165,6 +174,7 @@ def test_several_tasks_and_positions(robot, tmp_path):
     ("settings", "message"),
     [
         ({"name": "7up"}, "'7up' is no name in C"),
+        ({"name": "tick"}, "'tick' begins names of the kernels in C: give another one"),
         ({"tasks": ["tool:orientation"]}, "NODE:position"),
         ({"tasks": ["hand"]}, "hand"),
         ({"tasks": ["tool"] * 7}, "7 tasks: code can be generated for 6"),
