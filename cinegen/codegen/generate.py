@@ -63,7 +63,8 @@ def generate(
         texts by file names.
 
     Raises:
-        GenerationError: a name is no identifier or begins one of a kernel, a task is not written as above, or no joint is actuated.
+        GenerationError: a name is no identifier or begins one of a kernel, a task is not written as above, or no joint
+            is actuated.
         CinegenError: dt is not positive, a node is unknown, there are more than six tasks, or the mechanism has joints
             that the kernels don't know.
     """
