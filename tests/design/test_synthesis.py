@@ -18,6 +18,7 @@ import cinegen
 from cinegen.design import DesignError, Parameters, Tolerances, load_task, synthesize
 from cinegen.design.synthesis import SynthesisProblem, search, task_of
 from cinegen.dynamics import Payload, forces
+from cinegen.model.plausible import ImplausibleError
 from raff2urdf.errors import RaffWarning
 
 FIVE_BAR = {
@@ -313,6 +314,7 @@ def test_a_region_is_proved_with_the_result_or_the_task_is_not_done(monkeypatch)
     [
         (changed(constraints={"proved": True}, reach=NEAR), "needs a region with an extent"),
         (changed(reach=NEAR | {"points": [[0.0, 3.0], [0.0, 5.0]]}, starts=1), r"y [35]000 mm is still [\d.e+]+ mm"),
+        (changed(reach={"axes": ["x", "y"], "points": [[0, 400], [0, 450]]}), "did you mean 450 mm"),
         (changed(reach={"x": "-150..150mm"}), "which is 1 coordinates, but 2 actuated joints move it"),
         (changed(parameters={"link2.d": "150..500mm", "link5.theta": "-170..-10deg"}), "is the variable of joint5"),
         (changed(parameters={"link2.alpha": "-5..5deg"}, ties=[]), "link2.alpha: a change opens the loops"),
@@ -333,7 +335,7 @@ def test_a_region_is_proved_with_the_result_or_the_task_is_not_done(monkeypatch)
     ],
 )  # fmt: skip
 def test_bad_tasks(values, message):
-    with pytest.raises(DesignError, match=message):
+    with pytest.raises((DesignError, ImplausibleError), match=message):
         synthesize("five_bar", values)
 
 
@@ -434,6 +436,7 @@ def test_function():
     [
         ("five_bar", {"parameters": {"link2.d": "0.1..1m"}, "path": {"points": NINE}}, "has mobility 2"),
         ("four_bar", {"parameters": RANGES, "path": {"points": NINE[:1]}}, "must be two or more"),
+        ("four_bar", {"parameters": RANGES, "path": {"points": [[100, 50], [120, 60]]}}, "did you mean 120 mm"),
         ("four_bar", {"parameters": RANGES, "path": {"points": NINE, "pionts": 1}}, "did you mean 'points'"),
         ("four_bar", {"parameters": RANGES, "path": {"points": [[1, 2, 3]]}}, "rows of 2 numbers"),
         ("four_bar", {"parameters": RANGES, "path": {"points": NINE}, "guidance": {"poses": []}}, "cannot be combined"),
@@ -456,7 +459,7 @@ def test_function():
     ],
 )
 def test_bad_precision_points(robot, values, message):
-    with pytest.raises(DesignError, match=message):
+    with pytest.raises((DesignError, ImplausibleError), match=message):
         synthesize(robot, values)
 
 

@@ -29,6 +29,7 @@ from cinegen.design.synthesis.linkage_result import EXACT, LinkageSynthesis
 from cinegen.design.synthesis.nearest import closed_motions, nearest
 from cinegen.design.synthesis.task import Precision, check_free
 from cinegen.errors import UnknownNameError
+from cinegen.model.plausible import FAR_TARGET, check_lengths
 from raff2urdf import Document, closure
 
 _ATLAS, _LARGEST_ATLAS = 64, 4096  # random designs, of which the best are starts: by the squared number of points
@@ -74,6 +75,8 @@ class PrecisionProblem:
         self.node = task.node or mechanism.end
         if self.node not in mechanism.nodes:
             raise UnknownNameError("node", self.node, mechanism.nodes)
+        if not task.joints:
+            check_lengths(mechanism, "precision points", task.targets[:, :2].ravel().tolist(), FAR_TARGET)
         self.design = Design(self.parameters, fixed=())
         opening = [name for name in self.design.evaluate().opening if name in self.parameters.names]
         if opening:

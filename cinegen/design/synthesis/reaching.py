@@ -21,6 +21,7 @@ from cinegen.design.evaluation import DesignEvaluation
 from cinegen.design.parameters import Parameters
 from cinegen.design.synthesis.nearest import nearest
 from cinegen.design.synthesis.region import Reach
+from cinegen.model.plausible import FAR_TARGET, check_lengths
 from raff2urdf import closure
 
 REACHED = 1e-9
@@ -81,6 +82,7 @@ class Reaching:
         self.parameters = parameters
         self.mechanism = mechanism = parameters.mechanism
         self.node = node or mechanism.end
+        check_lengths(mechanism, "reach", [*reach.low.tolist(), *reach.high.tolist()], FAR_TARGET)
         self.every, self.design = Design(parameters, fixed=()), Design(further)
         self.home = self.every.evaluate().placements(self.node)[0]
         self.reach = reach.relative_to(self.home[:3, :3])
