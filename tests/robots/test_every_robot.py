@@ -9,6 +9,7 @@ from elementary import ROBOTS, document, placed, values, within_limits
 from repository import EVERY, load, one_of_each_kind
 
 import cinegen
+from raff2urdf.loops.mobility import analyse
 
 every_robot = pytest.mark.parametrize(("name", "which"), EVERY)
 
@@ -40,6 +41,8 @@ def test_it_has_the_mobility_of_its_header_motors_for_it_and_an_end_that_a_senso
     by_robot = dict((robot, int(count)) for count, robot in re.findall(r"(\d+) \((\w+)\)", match[1]))
     stated = by_robot[which] if len(document(name).robots) > 1 else int(re.match(r"\d+", match[1])[0])
     assert mechanism.mobility == len(mechanism.actuated) == stated
+    analysis = analyse(document(name), document(name).robot(which))  # the converter's, without Pinocchio
+    assert (analysis.mobility, analysis.actuated) == (stated, mechanism.actuated)
     end = document(name).robot(which).parts[-1].node
     assert end in ("tool", "platform")
     assert (mechanism.nodes[-1], mechanism.sensor_constraints) == (end, ((end, (0, 1)),))
