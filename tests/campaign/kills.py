@@ -115,14 +115,11 @@ WRITERS = {
     "replay": Writer(f"cinegen replay ../in/mission.jsonl {_FILM}", 1),
     "export": Writer("cinegen export ../in/mission.jsonl --to csv --output a.csv --force"),
     "export:npz": Writer("cinegen export ../in/mission.jsonl --to npz -o a.npz --force"),
-    "export:ros2": Writer("cinegen export ../in/mission.jsonl --to ros2 -o a.yaml --force"),
     "generate": Writer("cinegen generate ../in/four_bar.raff --to c --functions fk --output a/ --force"),
-    "generate:js": Writer("cinegen generate ../in/four_bar.raff --to js --functions fk -o a/ --force"),
     "page": Writer("cinegen page ../in/four_bar.raff --output a.html --force"),
     "heal": Writer("cinegen heal ../in/tilted.raff a.raff --force", 1),
     "raff2urdf": Writer("raff2urdf ../in/four_bar.raff --output a/ --force"),
     "raff2urdf:sdf": Writer("raff2urdf ../in/four_bar.raff -o a/ --force --format sdf"),
-    "raff2urdf:mjcf": Writer("raff2urdf ../in/planar_3r.raff -o a/ --force --format mjcf"),
     "urdf2raff": Writer("urdf2raff ../in/planar_3r.urdf --output a.raff --force"),
 }  # fmt: skip
 

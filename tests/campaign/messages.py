@@ -78,10 +78,13 @@ class Messages(Campaign):
 
     def begin(self, worker: int) -> None:
         """Start the server and the honest client."""
-        self.server = Served(("robots/planar_3r.raff", "robots/five_bar.raff"), "--port", str(8500 + 20 * worker))
-        self.honest = Honest(self.server.url)
-        self._first_memory, self._ended = 0.0, 0
-        self.names = names_of(self.server.url)
+        self.watch(Served(("robots/planar_3r.raff", "robots/five_bar.raff"), "--port", str(8500 + 20 * worker)))
+
+    def watch(self, server: Served) -> None:
+        """Judge a server from now on, by an honest client too."""
+        self.server, self.honest = server, Honest(server.url)
+        self._first_memory, self._ended, self._states, self.gap = 0.0, 0, 0, 0.0
+        self.names = names_of(server.url)
 
     def end(self) -> None:
         """Stop them."""
@@ -114,7 +117,10 @@ class Messages(Campaign):
             peer.vanish() if rng.random() < 0.5 else peer.socket.close()
         except (ConnectionError, TimeoutError) as error:
             counts[f"failed {type(error).__name__}"] = 1
-        broken = self._broken(number, counts)
+        broken = self.broken(counts)
+        if self.server.process.poll() is not None:
+            self.end()
+            self.begin(number % 50)
         if counts.get("answered never"):
             broken.append(("no answer", "", f"none within {PATIENCE} s"))
         memory = self.server.memory() if number % 20 == 0 else 0.0
@@ -125,27 +131,26 @@ class Messages(Campaign):
         worst = {"server, MB": [memory, case]} if memory else {}
         return counts, worst, [Finding(case, *fault, {"sent": sent}) for fault in broken]
 
-    def _broken(self, number: int, counts: dict[str, int]) -> list[tuple[str, str, str]]:
+    def broken(self, counts: dict[str, int]) -> list[tuple[str, str, str]]:
+        """Return the promises that the server has broken since the last call; count the states that it has sent."""
         broken = []
-        if self.server.process.poll() is not None:
-            broken.append(("server died", str(self.server.process.returncode), self.server.output()))
-            self.end()
-            self.begin(number % 50)
         output = self.server.output()
+        if self.server.process.poll() is not None:
+            broken.append(("server died", str(self.server.process.returncode), output))
         if "Traceback" in output or "Error" in output or "WARNING" in output:
             frames = re.findall(r'File "[^"]*/(cinegen/[^"]*)", line \d+, in (\w+)', output)
             place = ":".join(frames[-1]) if frames else output.strip().splitlines()[-1][:80]
             broken.append(("printed", place, output[-3000:]))
-        gap = self.honest.gap
-        if gap > GAP:
-            broken.append(("honest client starved", "", f"no state for {gap:.1f} s"))
+        self.gap = self.honest.gap
+        if self.gap > GAP:
+            broken.append(("honest client starved", "", f"no state for {self.gap:.1f} s"))
         if self.honest.ended > self._ended:
             broken.append(("honest client disconnected", "", ""))
             self._ended = self.honest.ended
         if self.honest.wrong:
             broken.append(("states not finite", "", f"{self.honest.wrong} of {self.honest.states}"))
-        counts["honest states"] = self.honest.states - getattr(self, "_states", 0)
-        self._states = self.honest.states
+        counts["honest states"] = self.honest.states - self._states
+        self._states += counts["honest states"]
         return broken
 
     def _burst(self, rng: Random) -> tuple[int, bytes]:

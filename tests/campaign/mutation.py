@@ -114,13 +114,11 @@ def misspelt(rng: Random, word: str) -> str:
 
 def _number(rng: Random, text: str) -> str:
     if rng.random() < 0.5:
-        return rng.choice(NUMBERS)
-    try:
-        value = float(text)
-    except ValueError:
-        return rng.choice(NUMBERS)
-    near = (value + 1e-9, value * (1 + 1e-6), value + 1.0)
-    return repr(rng.choice((-value, value * 1000.0, value / 1000.0, value * 1e9, *near)))
+        with suppress(ValueError):
+            value = float(text)
+            near = (value + 1e-9, value * (1 + 1e-6), value + 1.0)
+            return repr(rng.choice((-value, value * 1000.0, value / 1000.0, value * 1e9, *near)))
+    return rng.choice(NUMBERS)
 
 
 def _some(rng: Random, pattern: re.Pattern[bytes], data: bytes) -> list[re.Match[bytes]]:
@@ -286,12 +284,10 @@ def relayout_json(rng: Random, data: bytes, _: Words) -> bytes:
 def change_yaml(rng: Random, data: bytes, words: Words) -> bytes:
     """Change a value or a key of a YAML text."""
     values = _yaml(data)
-    if not isinstance(values, (dict, list)):
-        return change_word(rng, data, words)
-    try:
-        return yaml.safe_dump(_changed(rng, values, words), allow_unicode=True).encode("utf-8", "replace")
-    except (yaml.YAMLError, RecursionError):
-        return change_word(rng, data, words)
+    if isinstance(values, (dict, list)):
+        with suppress(yaml.YAMLError, RecursionError):
+            return yaml.safe_dump(_changed(rng, values, words), allow_unicode=True).encode("utf-8", "replace")
+    return change_word(rng, data, words)
 
 
 def misspell_yaml(rng: Random, data: bytes, _: Words) -> bytes:
@@ -344,11 +340,9 @@ def _changed(rng: Random, values: Any, words: Words) -> Any:
     elif kind == 6 and isinstance(table, list):
         rng.shuffle(table)
     elif isinstance(value, (int, float)):
-        text = _number(rng, repr(value))
-        try:
+        table[key] = text = _number(rng, repr(value))
+        with suppress(ValueError):
             table[key] = float(text) if rng.random() < 0.9 else text
-        except ValueError:
-            table[key] = text
     else:
         table[key] = rng.choice(words or ("x",))
     return values

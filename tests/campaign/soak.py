@@ -12,10 +12,11 @@ from random import Random
 from typing import Any
 
 import numpy as np
+from scipy.stats import theilslopes
 
 from campaign.judge import Finding
-from campaign.messages import GAP, Messages, names_of
-from campaign.served import Honest, Peer, Served
+from campaign.messages import Messages
+from campaign.served import Peer, Served
 from campaign.workers import Result
 
 _EVERY = 5.0  # s between two looks at the memory
@@ -37,15 +38,20 @@ def soak(folder: Path, seconds: float, seed: int, progress: Callable[[Result, fl
     """
     rng, result, began = Random(f"{seed}/soak"), Result(), time.monotonic()
     server = Served(("robots/planar_3r.raff", "robots/delta4.raff"), "--port", "8600")
-    honest = Honest(server.url)
     visitor = Messages(seed)
-    visitor.names = names_of(server.url)
+    visitor.watch(server)
     memory: list[tuple[float, float]] = []
     pages: list[subprocess.Popen[bytes]] = []
-    looked, ended = 0.0, 0
+    looked = 0.0
 
-    def find(kind: str, where: str = "", detail: str = "") -> None:
-        result.add({}, {}, [Finding("soak:0", kind, where, detail)])
+    def look(now: float) -> None:
+        counts = {"honest states": 0}
+        findings = [Finding("soak:0", *fault) for fault in visitor.broken(counts)]
+        memory.append((now, server.memory()))
+        worst = {"longest gap of an honest client, s": [visitor.gap, f"at {now:.0f} s"], "memory, MB": [memory[-1][1]]}
+        result.add(counts, worst, findings)
+        result.counts["s"], result.seconds = int(now), now
+        progress(result, now / seconds)
 
     try:
         while (now := time.monotonic() - began) < seconds and server.process.poll() is None:
@@ -57,33 +63,17 @@ def soak(folder: Path, seconds: float, seed: int, progress: Callable[[Result, fl
                 _close(pages.pop(0))
             if now - looked > _EVERY:
                 looked = now
-                memory.append((now, server.memory()))
-                gap = honest.gap
-                result.counts["s"] = int(now)
-                worst = {"longest gap of an honest client, s": [gap, f"at {now:.0f} s"], "memory, MB": [memory[-1][1]]}
-                result.add({}, worst, [])
-                output = server.output()
-                if "Traceback" in output:
-                    find("printed", output.strip().splitlines()[-1][:80], output[-3000:])
-                if gap > GAP:
-                    find("honest client starved", "", f"{gap:.1f} s without a state at {now:.0f} s")
-                if honest.ended > ended:
-                    ended = honest.ended
-                    find("honest client disconnected", "", f"at {now:.0f} s")
-                result.seconds = now
-                progress(result, now / seconds)
-        result.counts["honest states"] = honest.states
-        result.worst["states of an honest client per second"] = honest.states / (time.monotonic() - began)
-        if server.process.poll() is not None:
-            find("server died", str(server.process.returncode), server.output())
+                look(now)
         result.add({}, {}, list(_growth(memory, result)))
+        look(time.monotonic() - began)
+        result.worst["states of an honest client per second"] = visitor.honest.states / result.seconds
     finally:
         for page in pages:
             _close(page)
-        honest.stop()
+        visitor.honest.stop()
         code = server.stop()
     if code not in (0, 130):
-        find("not stopped", str(code), server.output())
+        result.add({}, {}, [Finding("soak:0", "not stopped", str(code), server.output())])
     result.seconds = time.monotonic() - began
     return result
 
@@ -94,8 +84,7 @@ def _growth(memory: list[tuple[float, float]], result: Result) -> Any:
     if len(warm) < 3:
         return
     at, size = np.array(warm[:: max(1, len(warm) // 400)]).T
-    i, j = np.triu_indices(len(at), 1)
-    slope = float(np.median((size[j] - size[i]) / (at[j] - at[i]))) * 3600.0
+    slope = float(theilslopes(size, at)[0]) * 3600.0
     result.worst["memory grows, MB/h"] = slope
     result.worst["memory at first, MB"] = float(size[0])
     if at[-1] - at[0] > _LONG and slope * (at[-1] - at[0]) / 3600.0 > _NOISE and slope > _SLOPE:

@@ -1,6 +1,5 @@
 """Every example runs as it stands, from the repository's root, and says something."""
 
-import ast
 import runpy
 import shutil
 import sys
@@ -32,14 +31,3 @@ def test_an_example_runs_and_says_something(path, monkeypatch, capfd):
     out, err = capfd.readouterr()
     assert out.strip()
     assert not err
-
-
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_an_example_is_short_and_says_what_it_shows(path):
-    text = path.read_text(encoding="utf-8")
-    assert len(text.splitlines()) <= 40
-    assert ast.get_docstring(ast.parse(text))
-
-
-def test_examples_are_numbered_without_gaps():
-    assert [int(path.name[:2]) for path in EXAMPLES] == list(range(1, len(EXAMPLES) + 1))

@@ -32,7 +32,7 @@ from raff2urdf.graphics import nff
 LONG = {
     f"docs/{name}.md"
     for name in (
-        *("avoidance", "cluster", "cockpit", "design", "forces", "maps", "parallel"),
+        *("avoidance", "cluster", "cockpit", "design", "forces", "maps", "parallel", "proof"),
         *("howto/firmware", "howto/headset", "howto/synthesis"),
     )
 }

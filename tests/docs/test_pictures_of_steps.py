@@ -25,12 +25,3 @@ def test_a_picture_of_a_how_to_page_is_of_its_blocks(picture: str):
     command = f"python docs/pictures/howto.py {path.stem}"
     assert mark_in(path.read_bytes()) == mark_of(howto_blocks(picture)), f"{picture} is of older blocks: {command}"
     assert f"](../pictures/{picture})" in (ROOT / "docs/howto" / f"{HOWTO[picture][0]}.md").read_text(encoding="utf-8")
-
-
-def test_every_step_of_the_tutorial_has_a_picture():
-    text = (ROOT / "docs/tutorial.md").read_text(encoding="utf-8")
-    steps = text.split("\n## ")[1:-1]
-    assert len(steps) == 11
-    assert [step.split("\n")[0] for step in steps if "](pictures/" not in step] == ["11. Hand it on"]
-    for step in steps:
-        assert all(f"**{word}**" in step for word in ("Type", "You see", "Check")), step

@@ -1,10 +1,7 @@
 """Files that the project works by agree with each other: citation, hooks, targets of make, packages of npm."""
 
 import json
-import os
 import re
-import shlex
-import subprocess
 import tomllib
 
 import yaml
@@ -15,37 +12,18 @@ from cinegen.cli import app
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
 
-def test_the_citation_is_of_this_version_and_licence():
+def test_the_citation_is_of_this_version_and_licence_and_names_the_papers_of_the_sources():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert citation["cff-version"] == "1.2.0"
     assert citation["title"] == PROJECT["name"]
     assert str(citation["version"]) == PROJECT["version"]
     assert citation["license"] == PROJECT["license"]
     assert [author["name"].lower() for author in citation["authors"]] == [entry["name"] for entry in PROJECT["authors"]]
-
-
-def test_the_citation_names_the_papers_of_the_sources():
-    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     sources = (ROOT / "docs/how-it-works.md").read_text(encoding="utf-8").split("## Sources")[1].split("\n## ")[0]
     named = [" ".join(title.split()) for title in re.findall(r"\*([^*]{20,})\*", sources)]
     assert [reference["title"] for reference in citation["references"]] == named
     for reference in citation["references"]:
         assert all(author["family-names"] in sources for author in reference["authors"]), reference["title"]
-
-
-def test_make_help_lists_every_target():
-    text = (ROOT / "Makefile").read_text(encoding="utf-8")
-    phony = set(re.search(r"^\.PHONY: (.*)$", text, flags=re.MULTILINE)[1].split()) - {"FORCE"}
-    free = {name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))}
-    output = subprocess.run(["make", "help"], cwd=ROOT, env=free, capture_output=True, text=True, check=True).stdout
-    assert {line.split()[1] for line in output.splitlines()} == phony
-
-
-def test_hooks_are_local_and_call_the_tools_of_the_environment():
-    hooks = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text(encoding="utf-8"))
-    assert [repository["repo"] for repository in hooks["repos"]] == ["local"]
-    called = {tuple(shlex.split(hook["entry"])[:2]) for hook in hooks["repos"][0]["hooks"]}
-    assert called == {(".venv/bin/ruff", "check"), (".venv/bin/ruff", "format"), (".venv/bin/mypy",)}
 
 
 def test_packages_of_npm_are_pinned_and_their_lock_names_no_host():

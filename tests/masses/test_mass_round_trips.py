@@ -7,6 +7,7 @@ from tempfile import TemporaryDirectory
 import mujoco
 import numpy as np
 import pinocchio as pin
+from by_pinocchio import configuration
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
@@ -97,15 +98,9 @@ def test_a_tree_has_the_same_inertia_in_every_format(document: raff.Document, se
         expected = crba(mechanism.model, q)
         paths = {f: raff2urdf.convert(raff, folder / "out", format=f)[0].file for f in ("urdf", "sdf", "mjcf")}
 
-        # Pinocchio's own reader of the URDF, with fixed joints merged as it merges them; continuous joints are two
-        # numbers there
+        # Pinocchio's own reader of the URDF, with fixed joints merged as it merges them
         model = pin.buildModelFromUrdf(str(paths["urdf"]))
-        q_urdf = pin.neutral(model)
-        for joint in mechanism.joints:
-            jmodel = model.joints[model.getJointId(joint)]
-            turn = [np.cos(values[joint]), np.sin(values[joint])]
-            q_urdf[jmodel.idx_q : jmodel.idx_q + jmodel.nq] = [values[joint]] if jmodel.nq == 1 else turn
-        assert_near(crba(model, q_urdf), expected)
+        assert_near(crba(model, configuration(model, values)), expected)
 
         dense, masses = of_mujoco(paths["mjcf"], mechanism, values)
         assert_near(dense, expected)

@@ -120,7 +120,7 @@ SDF = """<sdf version="1.9"><model name="m"><link name="base"/>
 </model></sdf>"""
 
 
-def test_an_inertial_of_an_sdf_is_in_its_own_axes() -> None:
+def test_an_inertial_of_an_sdf_is_in_its_own_axes_and_what_it_leaves_out_is_1() -> None:
     moments = "<ixx>1</ixx><ixy>0.1</ixy><ixz>0.2</ixz><iyy>2</iyy><iyz>-0.3</iyz><izz>2.5</izz>"
     text = f"<mass>3</mass><pose>0.1 0.2 0.3 0.4 -0.5 0.6</pose><inertia>{moments}</inertia>"
     (_, link) = cinegen.load(SDF.format(text)).model.inertias
@@ -129,9 +129,6 @@ def test_an_inertial_of_an_sdf_is_in_its_own_axes() -> None:
     assert link.mass == 3.0
     np.testing.assert_allclose(link.lever, [0.1, 0.2, 0.3], rtol=1e-14)
     np.testing.assert_allclose(link.inertia, rotation @ matrix @ rotation.T, atol=1e-14)
-
-
-def test_what_an_inertial_of_an_sdf_leaves_out_is_1() -> None:
     (_, link) = cinegen.load(SDF.format("<inertia><ixx>1.5</ixx></inertia>")).model.inertias
     assert link.mass == 1.0
     np.testing.assert_array_equal(link.inertia, np.diag([1.5, 1.0, 1.0]))
@@ -172,14 +169,11 @@ def chain(links: dict[str, str], kinds: list[str]) -> str:
     return urdf(*bodies, *(joint_at(f"to_{child}", parent, child, kind=kind) for (parent, child), kind in ends))
 
 
-def test_a_body_has_the_mass_of_any_link_on_it() -> None:
+def test_a_body_has_the_mass_of_any_link_on_it_and_a_stated_mass_of_0_is_known() -> None:
     links = {"base": "", "arm": "", "flange": inertial(2.0), "hand": "", "finger": ""}
     mechanism = cinegen.load(chain(links, ["continuous", "fixed", "continuous", "fixed"]))
     assert mechanism.massless == ("hand",)
     assert mechanism.model.inertias[mechanism.model.getJointId("to_arm")].mass == 2.0
-
-
-def test_a_stated_mass_of_0_is_known() -> None:
     cross = inertial(0.0).replace('"1', '"0').replace('"1.0', '"0')
     links = {"base": "", "cross": cross, "hand": inertial(1.0)}
     assert cinegen.load(chain(links, ["continuous"] * 2)).massless == ()

@@ -56,7 +56,7 @@ TEXTS = {name: KNOWN[name][0] for name in CHAINS} | {
 }
 """Texts of robots beyond those in `robots`, by name."""
 
-ALL = ["sr400", "delta4", "gough", "scara", "differential_wrist", "two_arms.right", *TEXTS]
+ALL = ["sr400", "gough", "scara", "differential_wrist", "two_arms.right", *TEXTS]
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import numpy as np
 from elementary import ROBOTS
 from elementary import shift as shift
 from elementary import turn as turn
-from making import PRISMATIC, REVOLUTE, TOOL, Body, Mechanism, axis, planar
+from making import PRISMATIC, REVOLUTE, TOOL, Body, Joint, Mechanism, axis, planar
 from numpy.typing import NDArray
 
 from raff2urdf import loads
@@ -25,17 +25,16 @@ Matrix = NDArray[np.float64]
 
 
 def raff_of(bodies: Iterable[Body], *loops: tuple[int, int, int]) -> str:
-    """RAFF text (mm, degrees) of bodies that are given by their placements in the world, all digits written."""
-    return "RAFF mechanism\n" + Mechanism(tuple(bodies), loops).text(joint_digits=None, units=None)
+    """RAFF text (mm, degrees) of bodies that are given by their placements in the world: all digits, and no tool."""
+    bodies = tuple(body for body in bodies if body.number != TOOL)
+    return "RAFF mechanism\n" + Mechanism(bodies, loops).text(joint_digits=None, units=None)
 
 
 def ring(axes: Sequence[Matrix], cut: int = -1, how: str = "joint", off: Matrix | None = None) -> str:
     """The ring of `making`, cut at a joint; `off` displaces the second end of its loop."""
     made = making.ring(axes, None, cut, how)
-    end = made.loops[0][1]
-    bodies = [body for body in made.bodies if body.number != TOOL]
-    if off is not None:
-        bodies = [replace(body, place=body.place @ off) if body.number == end else body for body in bodies]
+    end, off = made.loops[0][1], np.eye(4) if off is None else off
+    bodies = [replace(body, place=body.place @ off) if body.number == end else body for body in made.bodies]
     return raff_of(bodies, *made.loops)
 
 
@@ -69,19 +68,10 @@ def polygon(n: int, cut: int = -1) -> str:
 
 def planar_3rrr() -> str:
     """A platform on three legs of three revolute joints, all in one plane: mobility 3."""
-    bodies: list[Body] = []
-    loops = []
-    for leg in range(3):
-        turned = turn("z", 2.0 * math.pi * leg / 3.0)
-        shoulder, elbow, wrist = (turned @ axis(p) for p in ((0.5, 0.0, 0.0), (0.4, 0.25, 0.0), (0.1, -0.05, 0.0)))
-        first = 10 * leg + 1
-        bodies += [Body(first, 0, shoulder), Body(first + 1, first, elbow)]
-        if leg == 0:
-            bodies.append(Body(3, 2, wrist))  # the platform
-        else:
-            bodies += [Body(first + 2, first + 1, wrist, None), Body(first + 3, 3, wrist, None)]
-            loops.append((first + 2, first + 3, REVOLUTE))
-    return raff_of(bodies, *loops)
+    points = (0.5, 0.0, 0.0), (0.4, 0.25, 0.0), (0.1, -0.05, 0.0)
+    turns = [turn("z", 2.0 * math.pi * leg / 3.0) for leg in range(3)]
+    made = making.legged([[Joint(turned @ axis(point)) for point in points] for turned in turns], "joint")
+    return raff_of(made.bodies, *made.loops)
 
 
 def slider_crank(cut: str) -> str:

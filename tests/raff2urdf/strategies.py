@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from raff2urdf.raff import document as raff
 from raff2urdf.raff.compound import VARIABLES
 from raff2urdf.raff.document import DriveKind
+from raff2urdf.raff.syntax import STATEMENTS
 
 UNITS = ("mm", "um", "cm", "m")
 
@@ -36,15 +37,7 @@ TEXTS = st.text(st.characters(exclude_categories=["Cs"], exclude_characters='"\n
 SENSOR_AXES = st.none() | st.permutations(["x", "-y", "0.1*z", "rx", "-2e-3*ry", "0"]).map(", ".join)
 """What commands a node's axes, in any order."""
 
-KEYWORDS = st.sampled_from(
-    re.findall(
-        r"\w+",
-        "RAFF robot sensor units gravity path base link frame constraint parameters type joint ball variable home pred "
-        "limits velocity effort armature damping friction actuated name filename theta r d alpha gamma epsilon port "
-        "translation rotation axes mm "
-        "coupling ratio lead radius polynomial offset inertial mass centre moments products density",
-    )
-)
+KEYWORDS = st.sampled_from(sorted({"RAFF", "mm", "ball", *(word for block in STATEMENTS.values() for word in block)}))
 
 
 def parameters(lengths: Any, angles: Any) -> st.SearchStrategy[raff.RaffParameters]:

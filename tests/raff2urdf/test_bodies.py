@@ -35,6 +35,10 @@ def robot(*rows: str) -> Document:
     return loads("\n".join(["RAFF t", "robot r { base { }", *rows, "}"]))
 
 
+def coupled(follower: str, drive: str) -> Document:
+    return robot("link 3 { type 2 pred 0 actuated 1 }", follower, f"coupling {{ link 4 link 3 {drive} }}")
+
+
 def drawn(document: Document) -> BodyDrawing:
     return BodyDrawing(document, document.robot())
 
@@ -54,8 +58,7 @@ def plates(drawing: BodyDrawing, number: int) -> list[Shape]:
 
 
 def volume(surface: Array) -> float:
-    first, second, third = np.moveaxis(surface, 1, 0)
-    return float(np.einsum("ij,ij->", first, np.cross(second, third)) / 6.0)
+    return float(np.linalg.det(surface).sum() / 6.0)
 
 
 # --- bodies --------------------------------------------------------------------------------------------------------
@@ -150,15 +153,6 @@ def test_rod_and_sleeve_stay_together_over_the_whole_stroke(low: int, stroke: in
         assert min(max(ends), end) > max(min(begins), begin)
 
 
-def test_a_hinge_is_an_eye_between_two_discs_of_its_parent() -> None:
-    drawing = drawn(robot(*(f"link {i} {{ parameters {{ d 100 }} type 2 pred {i - 1} }}" for i in (1, 2))))
-    (eye,) = [shape for shape in drawing.of(drawing.robot.nodes[2]) if shape.kind == "cylinder"]
-    around = [shape for shape in drawing.of(drawing.robot.nodes[1]) if shape.placement[0, 3] > 0.05]
-    discs = [disc for disc in around if disc.kind == "cylinder" and disc.sizes[0] == eye.sizes[0]]
-    (_, below), (above, _) = sorted(map(span, discs))
-    assert below < span(eye)[0] < span(eye)[1] < above
-
-
 # --- couplings -----------------------------------------------------------------------------------------------------
 
 
@@ -188,16 +182,14 @@ def test_pitch_radii_have_the_ratio_and_touch(distance: float, ratio: float, alp
     assert np.linalg.norm(mesh.centres[1] - mesh.centres[0]) == pytest.approx(1e-3 * distance)
 
 
-@pytest.mark.parametrize(("distance", "ratio", "kind"), [(100.0, 0.5, "belt"), (4000.0, -2.0, "crossed")])
-def test_what_turns_alike_or_is_far_apart_has_pulleys(distance: float, ratio: float, kind: str) -> None:
-    (mesh,) = meshes(pair(distance, ratio))
+@pytest.mark.parametrize(("distance", "ratio", "name", "kind"), [
+    (100.0, 0.5, "", "belt"), (4000.0, -2.0, "", "crossed"), (100.0, -0.5, "timing belt", "crossed"),
+    (100.0, -0.5, "Chain of the elbow", "crossed"),
+])  # fmt: skip
+def test_what_turns_alike_is_far_apart_or_is_called_so_has_pulleys(distance, ratio, name: str, kind: str) -> None:
+    (mesh,) = meshes(pair(distance, ratio, name))
     assert (mesh.kind, mesh.radii[1] / mesh.radii[0]) == (kind, pytest.approx(abs(ratio)))
     assert sum(mesh.radii) < 1e-3 * distance
-
-
-@pytest.mark.parametrize("name", ["belt", "timing belt", "Chain of the elbow", "tendon 3"])
-def test_a_belt_is_drawn_where_the_file_says_so(name: str) -> None:
-    assert [mesh.kind for mesh in meshes(pair(100.0, -0.5, name))] == ["crossed"]
 
 
 def test_a_planetary_gear_has_its_ring_around_the_planets() -> None:
@@ -279,11 +271,8 @@ def overlap(first: tuple[Array, Array], second: tuple[Array, Array], inner: bool
 @pytest.mark.parametrize("radius", [25.0, -25.0])
 def test_a_pinion_rolls_on_its_rack_over_the_whole_stroke(radius: float) -> None:
     """At every value the pitch line of the rack touches the pitch circle, and the rack extends there."""
-    document = robot(
-        "link 3 { type 2 pred 0 actuated 1 }",
-        "link 4 { parameters { alpha 90 d 30 r 20 } type 1 pred 0 limits { -60 90 } }",
-        f"coupling {{ link 4 link 3 radius {radius} }}",
-    )
+    slide = "link 4 { parameters { alpha 90 d 30 r 20 } type 1 pred 0 limits { -60 90 } }"
+    document = coupled(slide, f"radius {radius}")
     drawing = drawn(document)
     (rack,) = [shape for shape in drawing.of(drawing.robot.nodes[4]) if shape.recipe.startswith("rack")]
     (pinion,) = [shape for shape in drawing.of(drawing.robot.nodes[3]) if shape.recipe.startswith("wheel")]
@@ -301,32 +290,22 @@ def test_a_pinion_rolls_on_its_rack_over_the_whole_stroke(radius: float) -> None
 
 
 @pytest.mark.parametrize("word", ["ratio", "radius", "lead"])
-@pytest.mark.parametrize("number", [1e-300, 1e-9, 1e-3, 59.0 / 61.0, 1e3, 1e9, 1e300])
+@pytest.mark.parametrize("number", [1e-300, 1e-3, 59.0 / 61.0, 1e3, 1e300])
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_couplings_of_any_size_are_drawn_by_solids_or_not_at_all(word: str, number: float, sign: float) -> None:
     slide = "parameters { alpha 90 d 30 r 20 } type 1 pred 0 limits { -60 90000 }" if word == "radius" else ""
     slide = "parameters { d 40 r 60 } type 1 pred 0" if word == "lead" else slide
     for distance in (0.0, 1e-9, 50.0, 1e12):
-        turning = f"parameters {{ d {distance} }} type 2 pred 0"
-        document = robot(
-            "link 3 { type 2 pred 0 actuated 1 }",
-            f"link 4 {{ {slide or turning} }}",
-            *(f"link {5 + i} {{ parameters {{ d 100 }} type 2 pred {4 + i} }}" for i in range(3)),
-            f"coupling {{ link 4 link 3 {word} {sign * number} }}",
-        )
-        for shape in shapes_of(drawn(document)):
+        links = f"link 4 {{ {slide or f'parameters {{ d {distance} }} type 2 pred 0'} }}\n"
+        links += "\n".join(f"link {5 + i} {{ parameters {{ d 100 }} type 2 pred {4 + i} }}" for i in range(3))
+        for shape in shapes_of(drawn(coupled(links, f"{word} {sign * number}"))):
             assert all(0.0 < size < math.inf for size in shape.sizes)
             assert np.isfinite(shape.placement).all()
             assert not shape.recipe or volume(triangles(shape.recipe)) > 0.0
 
 
 def test_a_screw_has_its_lead() -> None:
-    document = robot(
-        "link 3 { type 2 pred 0 actuated 1 }",
-        "link 4 { parameters { d 40 r 60 } type 1 pred 0 limits { 0 160 } }",
-        "coupling { link 4 link 3 lead 15 }",
-    )
-    drawing = drawn(document)
+    drawing = drawn(coupled("link 4 { parameters { d 40 r 60 } type 1 pred 0 limits { 0 160 } }", "lead 15"))
     (screw,) = [shape for shape in drawing.of(drawing.robot.nodes[3]) if shape.recipe.startswith("screw")]
     turns = float(screw.recipe.split("/")[1].split(",")[0])
     assert screw.sizes[2] / turns == pytest.approx(0.015, rel=1e-5)

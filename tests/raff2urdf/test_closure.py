@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 from strategies import documents
 
 from raff2urdf import loads
-from raff2urdf.closure import close, closed_walk, generic_rank, passive, rank
+from raff2urdf.closure import close, passive, rank
 from raff2urdf.errors import RaffClosureError
 from raff2urdf.loops.mobility import Analysis, analyse
 from raff2urdf.raff.document import Document, LoopKind
@@ -230,27 +230,6 @@ def test_passive_joints_are_the_first_in_order_that_depend_on_none_before_them(m
     assert len(first) == expected
 
 
-@pytest.mark.parametrize("name", CLOSED_CHAINS)
-def test_the_generic_rank_is_joints_less_mobility_and_reached_on_a_closed_configuration(name: str) -> None:
-    document = loads(KNOWN[name][0])
-    (cluster,) = clusters_of(document)
-    full_rank, where = generic_rank(cluster, close(cluster, cluster.home).q)
-    assert full_rank == len(cluster.joints) - KNOWN[name][1]
-    assert np.linalg.matrix_rank(cluster.evaluate(where)[1], tol=1e-6) == full_rank
-    assert apart(document, cluster, where) <= MET
-
-
-@pytest.mark.parametrize("name", CLOSED_CHAINS)
-def test_a_walk_stays_closed_and_gets_somewhere(name: str) -> None:
-    """A truss can't move: there is no walk."""
-    document = loads(KNOWN[name][0])
-    (cluster,) = clusters_of(document)
-    steps = list(closed_walk(cluster, close(cluster, cluster.home).q, samples=5))
-    assert len(steps) >= 3 or (name == "truss" and not steps)
-    assert all(apart(document, cluster, q) <= MET for q in steps)
-    assert all(np.abs((b - a) / cluster.scale).max() > 0.01 for a, b in pairwise([cluster.home, *steps]))
-
-
 # --- what can't be closed ----------------------------------------------------------------------------------------
 
 
@@ -284,10 +263,9 @@ def test_a_loop_that_stays_open_is_named_with_its_least_gap_and_its_rows_against
 
 
 @pytest.mark.parametrize(("turned", "edit"), [
-    (turn("x", np.pi), "alpha 180"),
     (turn("z", np.radians(40.0)) @ turn("x", np.pi), "alpha 180"),
     (turn("y", np.radians(-70.0)), "gamma 90 alpha 70 theta -90"),
-], ids=["opposed", "opposed and rotated", "tilted"])  # fmt: skip
+], ids=["opposed and rotated", "tilted"])  # fmt: skip
 def test_hinges_whose_axes_differ_are_told_with_the_frame_that_helps_and_it_does(turned: np.ndarray, edit: str) -> None:
     """A ball joint would close it, too, and let the link spin."""
     text = ring(FOUR_BAR_AXES, off=turned)

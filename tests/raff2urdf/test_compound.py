@@ -9,6 +9,7 @@ import pytest
 from elementary import shift, turn
 from hypothesis import given
 from hypothesis import strategies as st
+from urdf_text import UrdfJoint, urdf_text
 
 import cinegen
 import raff2urdf
@@ -53,12 +54,9 @@ def test_joints_move_as_the_reference_defines(kind: str) -> None:
     expected = transform(kleinfinger(document, replace(link.parameters, **kept)))
     for (name, _), value in zip(VARIABLES[link.compound].items(), values.values(), strict=True):
         expected = expected @ step(name, value)
-    for each in (values, {part.joint: home(document, part) for part in mechanism_joints}):
-        placed = placements(document, expanded(robot), each)
-        if each is values:
-            assert np.abs(placed[1] - expected).max() < 1e-15
-        else:
-            assert np.abs(placed[1] - placements(document, expanded(robot))[1]).max() < 1e-15
+    assert np.abs(placements(document, expanded(robot), values)[1] - expected).max() < 1e-15
+    at_home = placements(document, expanded(robot), {part.joint: home(document, part) for part in mechanism_joints})
+    assert np.abs(at_home[1] - placements(document, expanded(robot))[1]).max() < 1e-15
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -78,7 +76,7 @@ def test_urdf_sdf_and_mjcf_move_alike(kind: str, tmp_path) -> None:
         assert np.abs(read.q_home - mechanism.q_home).max() < 1e-12
 
 
-def test_the_constraints_file_lists_joints_and_ball_joints_but_no_links_between() -> None:
+def test_the_constraints_file_lists_joints_and_ball_joints_without_limits_but_no_links_between() -> None:
     document = raff2urdf.loads(text("ball", "variable y { home 40 }"))
     values = constraints(document, document.robot(), None)
     assert values["nodes"] == ["base", "link1", "frame2"]
@@ -86,12 +84,9 @@ def test_the_constraints_file_lists_joints_and_ball_joints_but_no_links_between(
     assert [(joint["name"], joint["actuated"]) for joint in values["joints"]] == [(joint, False) for joint in joints]
     assert values["joints"][1]["home"] == np.radians(40.0)
     assert values["balls"] == [{"name": "joint1", "joints": joints}]
-
-
-@pytest.mark.parametrize("word", ["limits { -80 80 }", "velocity 90", "actuated 1"])
-def test_a_ball_joint_with_limits_or_an_actuator_is_three_joints(word: str) -> None:
-    document = raff2urdf.loads(text("ball", f"variable y {{ {word} }}"))
-    assert "balls" not in constraints(document, document.robot(), None)
+    for word in ("limits { -80 80 }", "velocity 90", "actuated 1"):
+        document = raff2urdf.loads(text("ball", f"variable y {{ {word} }}"))
+        assert "balls" not in constraints(document, document.robot(), None)
 
 
 def test_limits_velocity_and_actuated_are_of_a_variable() -> None:
@@ -117,17 +112,10 @@ def test_a_home_outside_its_limits_is_warned_of() -> None:
 # Joints of several freedoms are the same motions as successive ones.
 
 
-BODY = """<robot name="r">
-  <link name="base"/>
-  <link name="arm"/>
-  <link name="body"/>
-  <joint name="first" type="prismatic">
-    <parent link="base"/><child link="arm"/><axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/>
-  </joint>
-  <joint name="j" type="{kind}">
-    <parent link="arm"/><child link="body"/><origin xyz="0.1 0.2 0.3" rpy="0.4 0.5 0.6"/><axis xyz="{axis}"/>
-  </joint>
-</robot>"""
+BODY = urdf_text([
+    UrdfJoint("first", "base", "arm", axis="1 0 0", kind="prismatic"),
+    UrdfJoint("j", "arm", "body", "0.1 0.2 0.3", "{axis}", "{kind}", rpy="0.4 0.5 0.6"),
+])  # fmt: skip
 
 angles = st.floats(-1.5, 1.5)
 

@@ -31,10 +31,6 @@ def test_a_terminal_gets_line_breaks_and_tabs_but_no_other_controls(text):
     shown = escape.terminal(text)
     assert [shown.count(char) for char in "\n\t"] == [text.count(char) for char in "\n\t"]
     assert escape.one_line(shown.replace("\n", "").replace("\t", "")) == shown.replace("\n", "").replace("\t", "")
-
-
-@given(TEXTS)
-def test_json_at_a_terminal_has_the_same_value(text):
     document = json.dumps({text: [text]}, ensure_ascii=False, indent=1)
     assert json.loads(escape.terminal(document)) == {text: [text]}
 
@@ -112,7 +108,4 @@ def test_segments_of_paths_differ_where_names_do(name, other):
     assert (first == second) == (name == other)
     assert "/" not in first
     assert first.startswith(":")
-
-
-def test_segments_are_those_of_the_page():
     assert escape.path_segment("a/b%", "loop ") == "loop a%2Fb%25"  # tests/javascript/names.test.js

@@ -143,14 +143,11 @@ def program(path: Path, **options: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, env=environment, stderr=subprocess.PIPE, text=True, timeout=60, **options)  # type: ignore[call-overload,no-any-return]
 
 
-def test_standard_output_that_is_a_pipe(stdout: Path) -> None:
+def test_standard_output_that_is_a_pipe_or_a_file(stdout: Path, tmp_path: Path) -> None:
+    """It goes on where it was, as for `cat`; the file is not replaced under what is printed."""
     done = program(stdout, stdout=subprocess.PIPE)
     assert (done.returncode, done.stdout) == (0, "before\ncontent\nafter\n")
     assert stdout.is_symlink()
-
-
-def test_standard_output_that_is_a_file(stdout: Path, tmp_path: Path) -> None:
-    """It goes on where it was, as for `cat`; the file is not replaced under what is printed."""
     with (tmp_path / "out").open("wb") as out:
         out.write(b"first\n")
         out.flush()

@@ -103,15 +103,6 @@ def test_what_encloses_nothing_weighs_nothing(vertices: list[list[float]], faces
 # --- several together --------------------------------------------------------------------------------------------
 
 
-@given(SIZES, SIZES, SIZES, PLACES)
-@settings(max_examples=40)
-def test_two_halves_are_the_whole(x: float, y: float, z: float, place: np.ndarray) -> None:
-    """The parallel axes theorem: a box sawn across, wherever it stands."""
-    half = of_geometry(box(x / 2, y, z), RHO)
-    parts = [half.in_frame(place @ shift("x", side * x / 4)) for side in (-1, 1)]
-    assert_same(sum_of(parts), of_geometry(box(x, y, z), RHO).in_frame(place))
-
-
 @given(st.lists(st.tuples(SIZES, SIZES, SIZES, PLACES), min_size=1, max_size=4), st.sampled_from("bcs"))
 @settings(max_examples=60)
 def test_whatever_is_drawn_some_body_has_that_inertia(shapes, kind: str) -> None:

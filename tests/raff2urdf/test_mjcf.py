@@ -53,11 +53,6 @@ def opening(model: mujoco.MjModel, data: mujoco.MjData) -> float:
     return float(np.abs(data.efc_pos[: data.nefc][rows]).max(initial=0.0))
 
 
-def loop_joints(robot: Exported) -> list[str]:
-    """The joints that a prismatic loop adds."""
-    return [loop["name"] for loop in robot.made.constraints["loops"] if loop["kind"] == "prismatic"]
-
-
 def random_values(robot: Exported, seed: int) -> dict[str, float]:
     rng = np.random.default_rng(seed)
     return {name: value + rng.uniform(-2.0, 2.0) for name, value in robot.home.items()}
@@ -80,7 +75,7 @@ def test_every_node_is_where_raff_says(robot: Exported) -> None:
             np.testing.assert_allclose(body.xmat.reshape(3, 3), expected[:3, :3], atol=EXACT)
 
 
-def test_it_begins_at_home_with_loops_closed_with_and_without_the_keyframe(robot: Exported) -> None:
+def test_it_begins_at_home_with_loops_closed_with_and_without_the_keyframe_and_has_its_limits(robot: Exported) -> None:
     model, data = read(robot)
     for name, value in robot.home.items():
         assert data.joint(name).qpos[0] == value
@@ -88,6 +83,15 @@ def test_it_begins_at_home_with_loops_closed_with_and_without_the_keyframe(robot
     mujoco.mj_resetData(model, data)
     mujoco.mj_forward(model, data)
     assert opening(model, data) < EXACT
+    for entry in TreeAtHome(robot.made).entries.values():
+        joint = model.joint(entry["name"])
+        if entry["limits"] is None:
+            assert not joint.limited[0]
+        else:
+            assert joint.limited[0]
+            np.testing.assert_allclose(joint.range, entry["limits"], atol=1e-8)
+        if entry["velocity"] is not None:
+            assert model.numeric(f"velocity:{entry['name']}").data[0] == entry["velocity"]
 
 
 def test_its_loops_leave_the_mobility_that_raff_counts(folder: Path) -> None:
@@ -135,19 +139,6 @@ def test_motors_move_it_and_loops_stay_closed(folder: Path) -> None:
         assert 0.0 < worst < STAY, name
 
 
-def test_limits_are_the_robots_own(robot: Exported) -> None:
-    model, _ = read(robot)
-    for entry in TreeAtHome(robot.made).entries.values():
-        joint = model.joint(entry["name"])
-        if entry["limits"] is None:
-            assert not joint.limited[0]
-        else:
-            assert joint.limited[0]
-            np.testing.assert_allclose(joint.range, entry["limits"], atol=1e-8)
-        if entry["velocity"] is not None:
-            assert model.numeric(f"velocity:{entry['name']}").data[0] == entry["velocity"]
-
-
 def test_a_prismatic_loop_takes_its_mass_from_the_body_it_is_welded_to(folder: Path) -> None:
     """Cut at the slide, frame 5 is on the base, which cannot move; turned round, the piston is sawn in half."""
     text = KNOWN["slider-crank, cut at the slide"][0].replace("frame 4 frame 5", "frame 5 frame 4")
@@ -169,7 +160,7 @@ def test_pinocchio_reads_the_same_robot(robot: Exported) -> None:
     path = robot.write("mjcf", robot.folder)
     model, points, frames = pin.buildModelAndConstraintsFromMJCF(str(path))
     kinds = [loop["kind"] for loop in robot.made.constraints["loops"]]
-    assert model.njoints - 1 == len(robot.home) + len(loop_joints(robot)) + bool(robot.made.constraints["floating"])
+    assert model.njoints - 1 == len(robot.home) + kinds.count("prismatic") + bool(robot.made.constraints["floating"])
     assert len(points) == kinds.count("ball") + 2 * kinds.count("revolute")
     assert len(frames) == kinds.count("rigid") + kinds.count("prismatic")
     q = model.referenceConfigurations["home"].copy()

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from making import axis
-from mechanisms import CLOSED_CHAINS, KNOWN, delta, four_bar, gough_stewart, polygon, ring, serial, shift
+from mechanisms import KNOWN, delta, four_bar, gough_stewart, polygon, ring, serial, shift
 from small_robots import four_bar as rough_four_bar
 
 import raff2urdf
@@ -44,7 +44,7 @@ def test_the_mobility_of_known_mechanisms_is_found(name: str) -> None:
     (delta(), "1 6 12"),  # the three shoulders
     (four_bar(3), "1"),
     (polygon(5, 2), "1 4"),  # both on the base
-    (KNOWN["planar 3-RRR"][0], "1 11 21"),
+    (KNOWN["planar 3-RRR"][0], "1 4 8"),
     (gough_stewart(), "3 9 14 19 24 29"),  # its pistons
     (KNOWN["truss"][0], ""),
 ], ids=["delta", "four-bar", "five-bar", "3-RRR", "6-UPS", "truss"])  # fmt: skip
@@ -100,14 +100,6 @@ def gap_at(text: str, home: Mapping[str, float], loops: Mapping[str, str] | None
     return max(all_gaps)
 
 
-@pytest.mark.parametrize("name", CLOSED_CHAINS)
-def test_at_home_all_loops_are_closed(name: str) -> None:
-    text, _ = KNOWN[name]
-    home = analysis_of(text).home
-    assert list(home) == [link.joint for link in loads(text).robot().links if link.type]
-    assert gap_at(text, home) < 1e-12
-
-
 def rounded(limits: str = "") -> str:
     """Its rocker has limits, and carries a joint that is in no loop."""
     return rough_four_bar(words=("", "", limits), more="link 6 { parameters { theta 12 d 100 } type 2 pred 3 }")
@@ -116,6 +108,7 @@ def rounded(limits: str = "") -> str:
 def test_what_is_written_roughly_is_closed_nearby_and_the_rest_stays() -> None:
     text = rounded()
     home = analysis_of(text).home
+    assert list(home) == ["joint1", "joint2", "joint3", "joint6"]
     assert gap_at(text, home) < 1e-12
     assert home["joint6"] == math.radians(12)
     for joint, written in (("joint1", 50), ("joint2", -26), ("joint3", 89)):

@@ -24,15 +24,6 @@ from raff2urdf.raff.textmate import grammar
 from raff2urdf.raff.tokens import tokens
 
 
-def repaired_figure_5() -> str:
-    """The same without the two slips: line 29 spelt right, the brace of line 31 gone."""
-    lines = FIGURE_5.splitlines(keepends=True)
-    assert (lines[28], lines[30]) == ("      alphah 0.0\n", "  }\n")
-    lines[28] = lines[28].replace("alphah", "alpha")
-    del lines[30]
-    return "".join(lines)
-
-
 def problems_of(text: str, name: str = "<text>") -> tuple[Problem, ...]:
     with pytest.raises(RaffError) as caught:
         raff2urdf.loads(text, name)
@@ -62,7 +53,11 @@ def test_figure_5_as_printed_has_two_errors_which_are_shown_with_what_is_meant()
 
 
 def test_figure_5_repaired_means_what_it_says() -> None:
-    document = raff2urdf.loads(repaired_figure_5())
+    lines = FIGURE_5.splitlines(keepends=True)
+    assert (lines[28], lines[30]) == ("      alphah 0.0\n", "  }\n")
+    lines[28] = lines[28].replace("alphah", "alpha")
+    del lines[30]
+    document = raff2urdf.loads("".join(lines))
     assert (document.name, document.units) == ("MiniDelta", "mm")
     (robot,) = document.robots
     assert (robot.name, robot.path) == ("r1", "~/GKG/Models/delta-4/")
@@ -201,16 +196,15 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
 # What is written reads back as the same document.
 
 
-@given(documents())
-@settings(max_examples=80)
-def test_what_is_written_reads_back_as_the_same_document(document: Document) -> None:
-    assert raff2urdf.loads(raff2urdf.dumps(document)) == document
-
-
 @given(documents(least_robots=1), st.data())
-@settings(max_examples=40)
-def test_white_space_and_comments_mean_nothing(document: Document, data: st.DataObject) -> None:
-    assert raff2urdf.loads(data.draw(layouts(raff2urdf.dumps(document)))) == document
+@settings(max_examples=80)
+def test_what_is_written_is_valid_and_reads_back_as_the_same_document(document: Document, data: st.DataObject) -> None:
+    """White space and comments mean nothing."""
+    text = raff2urdf.dumps(document)
+    assert raff2urdf.loads(text) == document
+    assert raff2urdf.loads(data.draw(layouts(text))) == document
+    with warnings.catch_warnings(action="ignore", category=RaffWarning):
+        raff2urdf.check(document)
 
 
 @pytest.mark.parametrize("wrong", ['a "b"', "a\nb"])
@@ -336,13 +330,6 @@ def warnings_of(text: str) -> list[str]:
     return [str(warning.message) for warning in caught]
 
 
-@given(documents(least_robots=1))
-@settings(max_examples=60)
-def test_a_document_without_faults_passes(document: Document) -> None:
-    with warnings.catch_warnings(action="ignore", category=RaffWarning):
-        raff2urdf.check(document)
-
-
 @pytest.mark.parametrize(("body", "line", "column", "words"), WRONG_BODIES, ids=map(at, WRONG_BODIES))
 def test_a_fault_is_named_where_it_stands(body: str, line: int, column: int, words: str) -> None:
     (problem,) = faults_of(text_of(body))
@@ -379,11 +366,7 @@ def test_all_faults_are_reported_at_once_in_the_order_of_the_text() -> None:
 
 @pytest.mark.parametrize(("link", "column", "words"), [
     ("type 0 pred 0 limits { 0 90 }", 33, "link 1 is fixed limits"),
-    ("type 0 pred 0 velocity 90", 33, "link 1 is fixed velocity"),
     ("type 0 pred 0 actuated 1", 33, "link 1 is fixed actuate"),
-    ("type 0 pred 0 effort 5", 31, "link 1 is fixed effort"),
-    ("type 0 pred 0 armature 5", 33, "link 1 is fixed armature"),
-    ("type 0 pred 0 damping 5", 32, "link 1 is fixed damping"),
     ("type 0 pred 0 friction 5", 33, "link 1 is fixed friction"),
     ("type 2 pred 0 effort 5 actuated 0", 31, "link 1 is passive effort 'actuated 1'"),
     ("joint ball pred 0 variable y { effort 5 }", 48, "variable y of link 1 is passive effort"),

@@ -130,12 +130,6 @@ FORBIDDEN = {
 }
 
 
-@given(st.data(), kinds)
-@settings(max_examples=150)
-def test_a_gap_is_zero_wherever_the_joint_lets_its_ends_be(data: st.DataObject, kind: LoopKind) -> None:
-    assert np.abs(loop_residual(kind, data.draw(freedoms(kind)), 1.0)[0]).max() <= 1e-15
-
-
 @given(st.data(), kinds, st.floats(1e-6, 1.0), st.sampled_from([0.5, 1.0, 2.0]))
 @settings(max_examples=200)
 def test_a_gap_is_as_large_as_the_ends_are_off_what_the_joint_allows(data, kind: LoopKind, size, length) -> None:
@@ -144,6 +138,7 @@ def test_a_gap_is_as_large_as_the_ends_are_off_what_the_joint_allows(data, kind:
     direction = data.draw(st.sampled_from(FORBIDDEN[kind]))
     twist = np.zeros(6)
     twist[direction] = size
+    assert np.abs(loop_residual(kind, allowed, length)[0]).max() <= 1e-15
     residual = loop_residual(kind, pin.exp6(twist).homogeneous @ allowed, length)[0]
     assert np.linalg.norm(residual) >= 0.999 * size * (1.0 / length if direction < 3 else 1.0)
 

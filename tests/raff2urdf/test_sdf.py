@@ -62,13 +62,10 @@ def test_every_node_is_a_link_or_a_frame_and_moves_as_raff_says(robot: Exported,
             np.testing.assert_allclose(plain.placement(q, node).homogeneous, start @ expected, atol=EXACT)
 
 
-def test_loops_are_joints_between_two_links_and_closed_where_it_begins(robot: Exported, plain) -> None:
+def test_loops_are_joints_between_two_links_and_closed_where_it_begins_and_limits_are_shifted_by_home(robot, plain):
     loops = [(loop["name"], loop["kind"]) for loop in robot.made.constraints["loops"]]
     assert [(loop.name, loop.kind.name.lower()) for loop in plain.loops] == loops
     assert plain.gap_as_written < EXACT
-
-
-def test_limits_are_shifted_by_home(robot: Exported, plain: cinegen.Mechanism) -> None:
     for name, entry in TreeAtHome(robot.made).entries.items():
         limits, bounds = plain.limits[name], entry["limits"] or (-math.inf, math.inf)
         np.testing.assert_allclose(np.add([limits.lower, limits.upper], robot.home[name]), bounds, atol=1e-12)

@@ -77,15 +77,6 @@ def test_platforms_on_legs_have_the_mobility_of_gruebler_and_kutzbach(seed):
     assert built.mobility == max(0, expected)
 
 
-@pytest.mark.parametrize("lean", [0.0, math.pi])
-@pytest.mark.parametrize("cranks", [2, 3, 4])
-def test_a_parallelogram_drawn_flat_has_one_freedom_however_many_cranks(lean, cranks):
-    """Where all bars lie in one line it could also fold into an antiparallelogram; a third crank forbids that."""
-    text = making.parallelograms(np.random.default_rng(0), 1, cranks, lean).text()
-    assert load(text).mobility == 1
-    assert converted(text) == 1
-
-
 @pytest.mark.parametrize(("body", "mobility"), [
     pytest.param("link 1 { parameters { alpha 30 d 100 theta 10 } type 2 pred 0 }"
         "link 2 { parameters { alpha 90 d 500 theta 20 } type 2 pred 1 } frame 3 { parameters { r 300 } pred 2 }"

@@ -10,7 +10,6 @@ from repository import EVERY, load, one_of_each_kind
 
 import cinegen
 from raff2urdf.loops.mobility import analyse
-from raff2urdf.tree import placements
 
 every_robot = pytest.mark.parametrize(("name", "which"), EVERY)
 
@@ -42,6 +41,8 @@ def test_it_has_the_mobility_of_its_header_motors_for_it_and_an_end_that_a_senso
     by_robot = dict((robot, int(count)) for count, robot in re.findall(r"(\d+) \((\w+)\)", match[1]))
     stated = by_robot[which] if len(document(name).robots) > 1 else int(re.match(r"\d+", match[1])[0])
     assert mechanism.mobility == len(mechanism.actuated) == stated
+    analysis = analyse(document(name), document(name).robot(which))  # the converter's, without Pinocchio
+    assert (analysis.mobility, analysis.actuated) == (stated, mechanism.actuated)
     end = document(name).robot(which).parts[-1].node
     assert end in ("tool", "platform")
     assert (mechanism.nodes[-1], mechanism.sensor_constraints) == (end, ((end, (0, 1)),))
@@ -62,27 +63,11 @@ def test_home_is_closed_within_limits_and_what_the_file_states_but_for_its_round
 
 
 @one_of_each_kind
-def test_the_converter_counts_the_same_mobility_without_pinocchio(name, which):
-    mechanism = load(name, which)
-    analysis = analyse(document(name), document(name).robot(which))
-    assert (analysis.mobility, analysis.rank) == (mechanism.mobility, mechanism.loop_rank)
-    assert analysis.actuated == mechanism.actuated
-    assert analysis.gap == pytest.approx(mechanism.gap_as_written, abs=1e-14)
-
-
-@one_of_each_kind
 def test_all_nodes_are_where_the_product_of_six_elementary_transforms_puts_them(name, which):
-    """Three times the same: by elementary matrices, by the converter's numpy, by Pinocchio."""
     mechanism, text = load(name, which), document(name)
-    robot = text.robot(which)
     for q, _ in configurations(mechanism, 5):
-        named = values(mechanism, q)
-        by_hand = placed(text, robot, named)
-        by_numpy = placements(text, robot, named)
-        for number, part in robot.nodes.items():
-            pose = mechanism.placement(q, part.node).homogeneous
-            assert pose == pytest.approx(by_hand[part.node], abs=1e-12)
-            assert pose == pytest.approx(by_numpy[number], abs=1e-12)
+        for node, expected in placed(text, text.robot(which), values(mechanism, q)).items():
+            assert mechanism.placement(q, node).homogeneous == pytest.approx(expected, abs=1e-12)
 
 
 def derivative(mechanism, function, q: np.ndarray, h: float = 1e-6) -> np.ndarray:

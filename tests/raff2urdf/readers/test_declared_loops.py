@@ -67,21 +67,13 @@ def test_each_is_refused_at_its_line_with_a_remedy(dialect, bars):
 
 @pytest.mark.parametrize("dialect", ["another constraint", "Gazebo plugin with other words", "MuJoCo"])
 def test_each_loads_where_a_sidecar_file_closes_the_loop(dialect, bars, tmp_path):
+    """It closes neither couplings, nor the loop of an element that is read."""
     (tmp_path / "robot.yaml").write_text(YAML)
     description = readers.read(bars(UNREAD[dialect][0]))
     assert [loop["name"] for loop in description.constraints["loops"]] == ["coupler-rocker"]
     assert description.dialects == ("robot.yaml",)
-
-
-@pytest.mark.parametrize("dialect", ["another constraint", "MuJoCo"])
-def test_a_loop_that_an_element_declares_does_not_stand_for_one_that_cannot_be_read(dialect, bars, tmp_path):
-    (tmp_path / "robot.yaml").write_text(YAML)  # the loop of the element that is read
     with pytest.raises(RaffError, match="declares a loop, which can't be read"):
         readers.read(bars(f"{UNREAD[dialect][0]}{READABLE}"))
-
-
-def test_a_sidecar_file_does_not_close_couplings(bars, tmp_path):
-    (tmp_path / "robot.yaml").write_text(YAML)
     with pytest.raises(RaffError, match="declares a coupling"):
         readers.read(bars(UNREAD["gear"][0]))
 
@@ -97,24 +89,6 @@ def test_a_sidecar_file_must_close_as_many_loops_as_are_declared(bars, tmp_path)
     (tmp_path / "robot.yaml").write_text("name_mot: [drive]\n")
     with pytest.raises(RaffError, match="<weld_constraint> 'pin'"):
         readers.read(bars(loop))
-
-
-@pytest.mark.parametrize("added", [
-    "<!-- <loop name='x'/> -->",
-    "<gazebo><plugin name='wheel_loop' filename='a.so'><closed_loop>true</closed_loop><loop_rate>9</loop_rate>"
-        "</plugin></gazebo>",
-    "<gazebo><plugin name='closed_loop_controller' filename='a.so'><joint>drive</joint></plugin></gazebo>",
-    "<gazebo><joint name='fix' type='fixed'><parent>world</parent><child>ground</child></joint></gazebo>",
-    "<gazebo><joint name='a' type='fixed'><parent>rocker</parent><child>camera</child></joint></gazebo>",
-    "<transmission name='t'><type>transmission_interface/FourBarLinkageTransmission</type><joint name='drive'/>"
-        "<joint name='swing'/></transmission>",
-    "<ros2_control name='c' type='system'><joint name='drive'><param name='loop'>1</param></joint></ros2_control>",
-    "<sensor name='s'><parent link='crank'/></sensor>",
-    "<enclosure/>",
-])  # fmt: skip
-def test_what_is_no_loop_raises_no_alarm(added, bars):
-    with warnings.catch_warnings(action="error"):
-        assert readers.read(bars(added))[1] is None
 
 
 def test_a_closing_frame_without_its_partner_is_warned_of(bars):

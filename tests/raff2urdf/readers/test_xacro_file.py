@@ -63,7 +63,6 @@ def test_a_sidecar_file_is_named_without_xacro(bars, tmp_path):
     ("<xacro:nope/>", "xacro: unknown macro name: xacro:nope"),
     ('<link name="${nope}"/>', "xacro: name 'nope' is not defined"),
     ('<xacro:include filename="gone.xacro"/>', "No such file or directory"),
-    ('<xacro:arg name="side"/><link name="$(arg side)"/>', "xacro:arg: .* write <xacro:arg name=.side. default"),
 ])  # fmt: skip
 def test_what_xacro_refuses_is_told(element, says, bars):
     path = bars("wrong.xacro", f'<robot name="w" xmlns:xacro="http://www.ros.org/wiki/xacro">{element}</robot>')
@@ -160,9 +159,6 @@ def test_a_file_of_macros_names_those_that_call_them(tmp_path, text_file, typed)
         lines = lines.replace(f'{word}="..."', f'{word}="{value}"')
     written = text_file("written.xacro", xacro.format('name="it"', f'<link name="base"/>{lines}'))
     assert cinegen.load(written).joints == ("tip_joint",)
-    written.write_text(xacro.format('name="it"', include.format(bar_file)))
-    said = typed("info", written, code=1)
-    assert "written.xacro: defines macros only ('bar'): load a file that calls them" in said.err
     written.unlink()
     bar_file.write_text(BAR)
     two = '<xacro:macro name="two"><xacro:bar name="b" parent="a" at="0 0 1"/></xacro:macro>'
@@ -170,10 +166,7 @@ def test_a_file_of_macros_names_those_that_call_them(tmp_path, text_file, typed)
     caller = tmp_path / "robots/two.urdf.xacro"
     calls = f'{include.format("$(find arms)/macros/two.xacro")}<link name="a"/><xacro:two/>'
     caller.write_text(xacro.format('name="two"', calls))
-    for path in (bar_file, tmp_path / "macros/two.xacro"):
-        named = re.search(r"defines macros only .*: load (\S+), which calls them", typed("info", path, code=1).err)[1]
-        assert named == str(caller)
-    typed("info", named)
+    assert f"load {caller}, which calls them" in typed("info", bar_file, code=1).err
 
 
 def test_without_xacro_the_error_names_the_command_that_installs_it(text_file, monkeypatch):
