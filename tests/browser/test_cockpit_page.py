@@ -5,11 +5,12 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
+import two_armed
 from tabs import PIXELS, becomes, find, grab, held, picture, place, rests, tools
 
 import cinegen
 from cinegen.mission.results import record_modes
-from cinegen.session import replay_setup
+from cinegen.session import arrange, replay_setup
 
 
 def easiest(cockpit, name, node, at):
@@ -145,11 +146,6 @@ def test_a_padlock_locks_a_joint_a_ring_of_the_gizmo_rotates_and_many_labels_fin
     assert becomes(page, lambda: lock.get_attribute("aria-pressed") == "true" and slider.is_disabled())
     assert text.is_disabled()
     assert session.state.robots["arm7"].locked == ("joint2",)
-    before = session.state.robots["arm7"].q
-    page.locator('[data-joint="arm7/joint3"] input[type=number]').fill("20")
-    page.keyboard.press("Enter")
-    assert becomes(page, lambda: abs(session.state.robots["arm7"].q[2] - np.radians(20.0)) < 1e-3)
-    assert session.state.robots["arm7"].q[1] == before[1]
     lock.click()
     assert becomes(page, lambda: lock.get_attribute("aria-pressed") == "false" and slider.is_enabled())
     assert session.state.robots["arm7"].locked == ()
@@ -215,8 +211,6 @@ def test_panel_sliders_switches_frames_and_meters(opened):
         meter = page.locator(f"[data-meter='five_bar/{kind}']")
         assert float(meter.get_attribute("aria-valuenow")) > 0.0
     assert "0.0" in page.inner_text("#gap")
-    page.click("#home")
-    assert becomes(page, lambda: np.abs(session.state.robots["five_bar"].q - home).max() < 1e-9)
     picture(page, "panel")
 
 
@@ -266,3 +260,85 @@ def test_the_buttons_lead_from_mode_to_mode(robot, opened, tmp_path):
         assert becomes(page, lambda n=wanted: np.abs(session.state.robots["five_bar"].q - modes[n - 1]).max() < 1e-9)
     assert page.is_hidden("#hint")  # nothing can be dragged
     picture(page, "modes")
+
+
+# --- tasks of parts ---------------------------------------------------------------------------------------------------
+# Tasks that a hand gives: a part stays upright, looks at another, or is pinned to another.
+
+
+@pytest.fixture
+def duo(cockpit):
+    return cockpit(setup=arrange({"duo": cinegen.load(two_armed.URDF)}))
+
+
+def pose(duo, node):
+    return duo.setup.robots["duo"].placement(duo.state.robots["duo"].q, node)
+
+
+def described(duo):
+    return [task.description.__struct_config__.tag for task in duo.state.robots["duo"].described]
+
+
+def select(page, node):
+    page.mouse.click(*find(page, "duo", node)[:2])
+    assert becomes(page, f"document.querySelector('#selection .name').textContent === '{node}'")
+
+
+def drag(page, duo, node, by):
+    """Drag a part that is selected, which is so again afterwards."""
+    page.keyboard.press("Escape")  # the gizmo is in front of it
+    x, y, _ = grab(page, duo, "duo", node)
+    for part in np.linspace(0.2, 1.0, 5):
+        page.mouse.move(x + part * by[0], y + part * by[1])
+        page.wait_for_timeout(60)
+    rests(page, duo)
+    page.mouse.up()
+    select(page, node)
+
+
+def test_parts_stay_upright_look_at_others_and_are_pinned_together_by_the_mouse(duo, tab):
+    page = tab(duo)
+    select(page, "left_hand")
+    page.click("#info")  # stays open
+    page.click("#pin-to")
+    assert page.inner_text("#choosing").startswith("Click the part that left_hand is pinned to")
+    picture(page, "part_tasks_choosing")
+    page.mouse.click(*find(page, "duo", "right_hand")[:2])
+    assert becomes(page, lambda: described(duo) == ["relative_pose"])
+    before, at = pose(duo, "right_hand").actInv(pose(duo, "left_hand")), place(duo, "duo", "left_hand")
+    drag(page, duo, "left_hand", (-30, 70))
+    now = pose(duo, "right_hand").actInv(pose(duo, "left_hand"))
+    assert np.linalg.norm(place(duo, "duo", "left_hand") - at) > 0.02
+    assert np.abs(pin.log6(before.actInv(now)).vector).max() < 1e-6
+    chip = page.locator("#selection [data-described]")
+    assert becomes(page, lambda: chip.inner_text() == "left_hand pinned to right_hand")
+    picture(page, "part_tasks_pinned")
+    chip.locator("button").click()
+    assert becomes(page, lambda: described(duo) == [] and chip.count() == 0)
+
+    page.click("#stay-upright")
+    assert becomes(page, "document.getElementById('stay-upright').ariaPressed === 'true'")
+    up = pose(duo, "left_hand").rotation[2]
+    drag(page, duo, "left_hand", (-20, 40))
+    assert pose(duo, "left_hand").rotation[2] == pytest.approx(up, abs=1e-6)
+    page.click("#stay-upright")
+    assert becomes(page, lambda: described(duo) == [] and chip.count() == 0)  # the buttons don't move any more
+
+    page.click("#look-at")
+    page.keyboard.press("Escape")
+    assert not page.is_visible("#choosing")
+    page.click("#look-at")
+    x, y, *point = find(page, "duo", "right_hand")
+    on_hand = pose(duo, "right_hand").actInv(np.array(point))
+    page.mouse.click(x, y)
+    assert becomes(page, lambda: duo.state.robots["duo"].described[:1] and duo.state.robots["duo"].described[0].reached)
+    hand = pose(duo, "left_hand")
+    away = pose(duo, "right_hand").act(on_hand) - hand.translation
+    assert np.cross(hand.rotation[:, 2], away / np.linalg.norm(away)) == pytest.approx(np.zeros(3), abs=2e-3)
+    picture(page, "part_tasks_looking")
+    page.click("#undo")
+    assert becomes(page, lambda: described(duo) == [] and chip.count() == 0)
+    page.click("#pin-to")
+    page.evaluate("cockpit.select('duo', 'right4')")  # as keys and the panel do
+    assert becomes(page, lambda: described(duo) == ["relative_pose"])
+    assert page.inner_text("#selection .name") == "left_hand"

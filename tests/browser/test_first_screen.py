@@ -3,7 +3,6 @@
 import pytest
 from tabs import becomes, picture
 
-import cinegen
 from cinegen.collision import scene_of
 from cinegen.session import arrange, scene_setup
 
@@ -34,15 +33,14 @@ POLE = {"name": "pole", "kind": "capsule", "radius": 0.03, "length": 1.0, "point
 
 
 def setup_of(name, robot):
-    """What `cinegen drive` shows; "scene" has an obstacle, "panda" is of another package."""
+    """What `cinegen drive` shows; "scene" has an obstacle."""
     if name == "scene":
         said = {"robot": "arm7.raff", "goal": {"point": [0.3, 0.3, 0.3]}, "obstacle": [POLE]}
         return scene_setup(scene_of(said, mechanism=robot("arm7")))
-    mechanism = cinegen.load(name) if name == "panda" else robot(name)
-    return arrange({name: mechanism}, follow="circle" if name == "delta4" else None)
+    return arrange({name: robot(name)}, follow="circle" if name == "delta4" else None)
 
 
-@pytest.mark.parametrize("name", ["delta4", "panda", "two_arms", "scene"])
+@pytest.mark.parametrize("name", ["delta4", "two_arms", "scene"])
 def test_it_has_few_words_and_controls(opened, robot, name):
     _, page = opened(setup=setup_of(name, robot))
     for width, height in SIZES:

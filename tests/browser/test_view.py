@@ -3,11 +3,15 @@
 import numpy as np
 import pytest
 from tabs import becomes, find, grab
+from urdf_text import UrdfJoint, urdf_text
 
 import cinegen
 from cinegen.cockpit.cockpit import draw
 from cinegen.cockpit.page import Page
 from cinegen.session import Setup, arrange
+
+SMALL = {"width": 450, "height": 280}
+"""Where all pixels are drawn, which takes long in software."""
 
 # The rectangle of all vertices of parts on the screen, of which the whole is 2 by 2: its size and its middle.
 RECTANGLE = """() => {
@@ -39,14 +43,6 @@ MEMORY = """() => {
   const { memory: { geometries, textures }, programs } = cockpit.viewer.renderer.info;
   return [programs.length, geometries, textures, document.querySelectorAll(":not(#announcer *, .labels *)").length];
 }"""
-# Two boxes beside each other, seen from above. The first has a colour.
-BOX = """<robot name="box"><link name="box"><visual><geometry><box size="{size} {size} {size}"/></geometry>
-<material name="paint"><color rgba="{colour} 1"/></material></visual></link>
-<link name="lid"><visual><origin xyz="{size} 0 0"/><geometry><box size="{size} {size} {size}"/></geometry></visual>
-</link>
-<joint name="turn" type="revolute"><parent link="box"/><child link="lid"/><axis xyz="0 0 1"/>
-<limit lower="-3" upper="3" effort="1" velocity="1"/></joint></robot>"""
-
 # The colour of the middle of the first box, in a complete picture or one of a motion.
 LIT = """(complete) => {
   const { view, viewer } = cockpit;
@@ -90,7 +86,11 @@ def chain(count):
 
 
 def box(size, colour="1 1 1"):
-    return cinegen.load(BOX.format(size=size, colour=colour))
+    """Two boxes beside each other, seen from above. The first has a colour."""
+    shape = f'<geometry><box size="{size} {size} {size}"/></geometry>'
+    paint = f'<material name="paint"><color rgba="{colour} 1"/></material>'
+    visuals = {"box": f"<visual>{shape}{paint}</visual>", "lid": f'<visual><origin xyz="{size} 0 0"/>{shape}</visual>'}
+    return cinegen.load(urdf_text([UrdfJoint("turn", "box", "lid")], visuals, "box"))
 
 
 def share(page):
@@ -103,8 +103,8 @@ def share(page):
 @pytest.mark.parametrize(
     ("name", "size"),
     [
-        *((name, (1440, 900)) for name in ("delta4", "five_bar", "scara", "planetary_gear", "chain", "box")),
-        *(("gough", size) for size in ((390, 844), (844, 390), (2200, 700))),
+        *((name, (1440, 900)) for name in ("five_bar", "chain", "box")),
+        *(("gough", size) for size in ((390, 844), (2200, 700))),
     ],
 )
 def test_robots_fill_most_of_the_view_at_first(robot, cockpit, tab, name, size):
@@ -150,27 +150,27 @@ def test_a_robot_that_leaves_the_view_is_brought_back_with_room_where_the_camera
 @pytest.mark.parametrize(
     ("scheme", "colour", "expected"),
     [
-        *(("light", colour, colour) for colour in ("0.8 0.45 0.2", "0.1 0.3 0.65", "0.9 0.9 0.9", "0.2 0.2 0.2")),
+        ("light", "0.8 0.45 0.2", "0.8 0.45 0.2"),
+        ("light", "0.2 0.2 0.2", "0.2 0.2 0.2"),
         ("dark", "0.9 0.9 0.9", "0.9 0.9 0.9"),
         ("dark", "0.16 0.35 0.44", "0.24 0.52 0.65"),
-        ("dark", "0.2 0.2 0.2", "0.32 0.32 0.32"),
     ],
 )
 def test_a_face_in_full_light_has_the_colour_of_its_material(cockpit, tab, scheme, colour, expected):
     """On a dark page a dark colour is brighter, so that it is seen before it; what is darker stays so."""
-    page = tab(cockpit(setup=Setup({"box": box(0.5, colour)})), drawn=True, color_scheme=scheme)
+    page = tab(cockpit(setup=Setup({"box": box(0.5, colour)})), drawn=True, viewport=SMALL, color_scheme=scheme)
     for complete in (True, False):
         seen = np.array(page.evaluate(LIT, complete)) / 255.0
         assert np.abs(seen - np.array(expected.split(), dtype=float)).max() < 0.08, complete
 
 
 def test_parts_that_are_drawn_at_once_look_as_if_each_was_drawn_alone(cockpit, tab):
-    page = tab(cockpit("gough", follow=None), drawn=True, reduced_motion="reduce")
+    page = tab(cockpit("gough", follow=None), drawn=True, viewport=SMALL, reduced_motion="reduce")
     page.evaluate("cockpit.view.chosen = true")  # the view is not framed again
     (few, together), (many, apart) = (page.evaluate(TOGETHER, alone) for alone in (False, True))
     assert few < 0.6 * many
     differences = np.abs(np.array(together) - apart)
-    assert (differences > 3).sum() < 10  # of half a million pixels: a matrix is rounded elsewhere
+    assert (differences > 3).sum() < 10  # of a hundred thousand pixels: a matrix is rounded elsewhere
 
 
 def test_nothing_is_drawn_while_nothing_changes_and_motions_leave_nothing_behind(opened):

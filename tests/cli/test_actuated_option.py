@@ -5,22 +5,13 @@ import json
 import numpy as np
 import pytest
 
-LINKS = '<link name="base"/><link name="upper"/><link name="fore"/>'
-URDF = f"""<robot name="arm">{LINKS}
-  <joint name="joint1" type="continuous"><parent link="base"/><child link="upper"/></joint>
-  <joint name="joint2" type="continuous"><parent link="upper"/><child link="fore"/></joint></robot>"""
-SDF = f"""<sdf version="1.9"><model name="arm">{LINKS}
-  <joint name="joint1" type="revolute"><parent>base</parent><child>upper</child><axis/></joint>
-  <joint name="joint2" type="revolute"><parent>upper</parent><child>fore</child><axis/></joint></model></sdf>"""
 MJCF = """<mujoco model="arm"><worldbody><body name="upper"><joint name="joint1"/><geom size="0.1"/>
   <body name="fore"><joint name="joint2"/><geom size="0.1"/></body></body></worldbody>
   <actuator><motor joint="joint1"/></actuator></mujoco>"""
 
 
-@pytest.mark.parametrize(("ending", "text"), [("urdf", URDF), ("sdf", SDF), ("xml", MJCF)])
-def test_named_joints_are_actuated_in_every_format(tmp_path, typed, ending, text):
-    path = tmp_path / f"arm.{ending}"
-    path.write_text(text)
+def test_named_joints_are_actuated_whatever_the_file_states(text_file, typed):
+    path = text_file("arm.xml", MJCF)
     (report,) = json.loads(typed("info", path, "--actuated", "joint2", "--json").out)
     assert report["actuated"] == ["joint2"]
     said = typed("info", path, "--actuated", "joint2 joint1", "--json")

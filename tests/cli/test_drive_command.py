@@ -32,8 +32,13 @@ def test_the_name_of_a_file_need_not_be_utf8(run, root, tmp_path):
 
 
 @pytest.mark.usefixtures("session_in_a_thread")
-def test_a_mission_is_recorded_replayed_and_exported(run, tmp_path):
-    assert run("drive", "five_bar", "--no-browser", "--seconds", "1", "--record", "run.jsonl")[0] == 0
+def test_a_mission_in_a_scene_is_recorded_replayed_and_exported(run, root, tmp_path):
+    scene = ("drive", "--scene", root / "robots/scenes/generic.toml", "--no-browser", "--record", "run.jsonl")
+    code, out, err = run(*scene, "--seconds", "1", "--snapshot", "page.html")
+    assert (code, err) == (0, "")
+    assert "keeps 0.05 m clear of 6 obstacles" in out
+    assert "<title>mobile</title>" in (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert tuple(Recording.load("run.jsonl").obstacles) == ("triangle", "rod", "angle", "block", "hexagon", "post")
     code, out, _ = run("replay", "run.jsonl", "--no-browser", "--seconds", "0.2")
     assert code == 0
     assert "page: http://127.0.0.1:" in out
@@ -42,27 +47,10 @@ def test_a_mission_is_recorded_replayed_and_exported(run, tmp_path):
         assert (code, err) == (0, "")
         assert name in out
     rows = (tmp_path / "run.csv").read_text().splitlines()
-    assert rows[0] == "time,joint1,joint3"
+    assert rows[0] == "time,x,y"
     assert len(rows) > 100 * Recording.load("run.jsonl").seconds
-    again = ("--record", "run.jsonl", "--no-browser", "--seconds", "0.2")
-    assert run("drive", "five_bar", *again, "--force")[0] == 0
+    assert run(*scene, "--seconds", "0.2", "--force")[0] == 0
     assert Recording.load("run.jsonl").seconds < 1.0
-
-
-@pytest.mark.usefixtures("session_in_a_thread")
-def test_a_scene_is_driven_recorded_and_shown_again(run, root, tmp_path):
-    scene = root / "robots/scenes/generic.toml"
-    options = ["--no-browser", "--seconds", "1", "--record", "run.jsonl", "--snapshot", "page.html"]
-    code, out, err = run("drive", "--scene", scene, *options)
-    assert (code, err) == (0, "")
-    assert "mobile: 2 joints, 0 loops, mobility 2" in out
-    assert "keeps 0.05 m clear of 6 obstacles" in out
-    assert "<title>mobile</title>" in (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert run("replay", "run.jsonl", "--no-browser", "--seconds", "0.3")[0] == 0
-    recording = Recording.load("run.jsonl")
-    assert recording.robots == ("mobile",)
-    assert tuple(recording.obstacles) == ("triangle", "rod", "angle", "block", "hexagon", "post")
-    assert recording.q["mobile"][-1] == pytest.approx([0.5, 0.8])
 
 
 def test_the_token_can_come_from_the_environment(run, monkeypatch):

@@ -1,24 +1,29 @@
-"""A table of sources and writers: names that are code elsewhere stay text in each medium, as its own reader judges."""
+"""Names that are code elsewhere stay text: in each medium, as its own reader judges, and at the terminal."""
 
 import csv
 import io
 import json
 import re
+import shlex
 import shutil
 import subprocess
+import sys
 import xml.etree.ElementTree as ElementTree
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import yaml
-from hostile_names import CONTROL, CONTROLS, IN_RAFF, NAMES, UNPRINTABLE, arm_of, mjcf, raff, sdf
+from hostile_names import CONTROL, CONTROLS, IN_RAFF, JOINTS, LINKS, NAMES, UNPRINTABLE, arm_of, mjcf, raff, sdf, urdf
 from html_elements import Elements
 
 import cinegen
+from cinegen.cli import main
 from cinegen.cli.files import write_figure
 from cinegen.codegen import Function, Language, generate
 from cinegen.collision import load_scene
+from cinegen.errors import CinegenError
 from cinegen.mission import MissionRecorder, Recording, RobotSample, resampled
 from cinegen.mission.formats import FORMATS
 from cinegen.page import build_page
@@ -26,6 +31,7 @@ from cinegen.plotting.map import draw_map
 from cinegen.session import Setup
 from cinegen.workspace import GridAxis, MapSpecification, Region, make_map
 from raff2urdf.cli import main as convert
+from raff2urdf.command import output
 from raff2urdf.errors import RaffError
 from raff2urdf.escape import csv_text, one_line
 from raff2urdf.urdf2raff.cli import main as urdf2raff
@@ -35,7 +41,7 @@ NAMED = "a name begins with a letter or '_', and has only letters, digits"
 SOURCES = {"urdf": arm_of, "sdf": sdf, "xml": mjcf, "raff": raff}
 
 
-@pytest.fixture(scope="module", params=SOURCES)
+@pytest.fixture(scope="module")
 def arm(request, tmp_path_factory):
     """A robot of that source: all its links have hostile names, and so has it."""
     path = tmp_path_factory.mktemp("arm") / f"arm.{request.param}"
@@ -177,18 +183,23 @@ def moved(mechanism):
 WRITERS = (
     terminal, notebook, local_page, c, javascript, table, ros2, npz, urscript, recording, robot_files, map_and_picture,
 )  # fmt: skip
+OF_SOURCES = (terminal, recording, robot_files)
+"""Those that read or keep what a source has said; others know the robot alone."""
 
 
-@pytest.mark.parametrize("writer", WRITERS, ids=lambda writer: writer.__name__)
+@pytest.mark.parametrize(
+    ("arm", "writer"),
+    [(source, writer) for source in SOURCES for writer in WRITERS if source == "urdf" or writer in OF_SOURCES],
+    indirect=["arm"],
+)
 def test_names_stay_text(arm, writer, tmp_path, typed):
     writer(*arm, tmp_path, typed)
 
 
 @pytest.mark.parametrize("name", UNPRINTABLE)
 @pytest.mark.parametrize("source", SOURCES)
-def test_names_that_cannot_be_seen_are_refused(tmp_path, source, name):
-    path = tmp_path / f"arm.{source}"
-    path.write_text(SOURCES[source]((name,)), encoding="utf-8")
+def test_names_that_cannot_be_seen_are_refused(text_file, source, name):
+    path = text_file(f"arm.{source}", SOURCES[source]((name,)))
     with pytest.raises((cinegen.CinegenError, RaffError)) as refused:
         cinegen.load(path)
     assert not CONTROL.search(one_line(str(refused.value)))
@@ -207,19 +218,17 @@ def test_titles_of_pictures(tmp_path, robot):
     arm = robot("planar_3r")
     axes = tuple(GridAxis(name, 0.0, 0.1, 2) for name in arm.actuated[:2])
     with make_map(MapSpecification(arm, Region(axes), ("sigma_1",)), tmp_path / "map.zarr", workers=1) as dataset:
-        for k, name in enumerate(name for name in NAMES if "$" in name):
-            write_figure(tmp_path / f"{k}.png", draw_map(dataset, "sigma_1", name=name), quiet=True)
-            assert (tmp_path / f"{k}.png").stat().st_size > 5000
+        write_figure(tmp_path / "map.png", draw_map(dataset, "sigma_1", name=r"$\frac{$"), quiet=True)
+        assert (tmp_path / "map.png").stat().st_size > 5000
 
 
-def test_obstacles_of_a_scene(tmp_path, root, typed):
+def test_obstacles_of_a_scene(text_file, root, typed):
     balls = "".join(
         f"[[obstacle]]\nname = {json.dumps(name, ensure_ascii=False)}\n"
         "kind = 'sphere'\nradius = 0.1\npoint = [5, 5, 5]\n"
         for name in NAMES
     )
-    path = tmp_path / "scene.toml"
-    path.write_text(f"robot = '{root}/robots/planar_3r.raff'\ngoal = {{ point = [0.9, 0.9] }}\n{balls}", "utf-8")
+    path = text_file("scene.toml", f"robot = '{root}/robots/planar_3r.raff'\ngoal = {{ point = [0.9, 0.9] }}\n{balls}")
     scene = load_scene(path)
     assert [obstacle.name for obstacle in scene.obstacles] == [*NAMES]
     assert {tag for tag, _, _ in Elements(scene._repr_html_()).found} <= TABLES
@@ -241,3 +250,78 @@ def test_columns_of_measurements_and_keys_of_tasks(tmp_path, root, typed, name):
         said = typed(*command, code=1).err
         assert not CONTROL.search(said)
         assert len(said.splitlines()) <= 5  # of a task four: nothing else is there either
+
+
+# --- at the terminal --------------------------------------------------------------------------------------------------
+# Names of robots are text, not commands: at the terminal, and in the files that commands write.
+
+
+def test_a_certificate_adds_no_line_to_what_is_said_of_it(root, tmp_path, typed, capsys):
+    path = str(tmp_path / "proof.json")
+    assert main(["prove", str(root / "robots/five_bar.raff"), "--over", "x=-10..10mm,y=450..460mm", "-o", path]) == 0
+    certificate = json.loads(Path(path).read_text(encoding="utf-8"))
+    for variable in certificate["variables"]:
+        variable["name"] += CONTROLS
+    Path(path).write_text(json.dumps(certificate | {"robot": CONTROLS}), encoding="utf-8")
+    capsys.readouterr()
+    lines = typed("check-proof", path).out.splitlines()
+    assert len(lines) == 2  # the result and the region
+    assert all(line.isprintable() for line in lines)
+
+
+def test_an_error_quotes_the_ends_of_a_very_long_text(typed):
+    said = typed("info", "planar_3r", "--robot", f"begin{'x' * 1_000_000}end", code=1).err
+    assert len(said) < 5000
+    assert re.search("beginx+ [.]{3} x+end", said)
+
+
+def test_whatever_reaches_a_stream_of_a_command_is_text(capsys):
+    def command():
+        print("out\x1b[2J\x9b2J\u202e")
+        print("error\x1b[2J\r\u202e\tx", file=sys.stderr)
+        raise CinegenError("a\x1b[2J")
+
+    assert output.run("thing", command) == output.DEFECT
+    said = capsys.readouterr()
+    assert said.out == "out\\u001b[2J\\u009b2J\\u202e\n"
+    assert said.err.startswith("error\\u001b[2J\\u000d\\u202e\tx\n".replace("\\u000d", "\\r"))
+    assert "\x1b" not in said.err
+
+
+def test_the_name_of_a_file_is_text_in_a_picture(root, tmp_path, typed):
+    """Comments of an SVG quote titles."""
+    path = tmp_path / f"\x1b{CONTROLS}--><script>.raff"
+    shutil.copy(root / "robots/four_bar.raff", path)
+    picture = str(tmp_path / "a.svg")
+    said = typed("tolerance", path, "--sigma", "link*.d=1mm", "--samples", "0", "--plot", picture)
+    assert not CONTROL.search(said.out + said.err)
+    tags = {element.tag.rpartition("}")[2] for element in ElementTree.parse(picture).iter()}
+    assert "script" not in tags
+    assert "checked: all is well" in Path(picture).read_text(encoding="utf-8")  # not what its file calls the robot
+
+
+def test_two_names_that_are_shown_alike_are_refused(robot, tmp_path, typed):
+    arm = robot("planar_3r")
+    with MissionRecorder(tmp_path / "run.jsonl", {name: arm for name in ("a\nb", "a\\nb")}) as recorder:
+        recorder.write(0.0, {})
+    said = typed("export", tmp_path / "run.jsonl", "--to", "csv", code=1)
+    assert "two names differ only in characters that can't be printed" in said.err
+
+
+def test_code_of_a_robot_with_such_a_name_stays_in_its_folder(tmp_path):
+    path = tmp_path / "in" / "x.urdf"
+    path.parent.mkdir()
+    path.write_text(urdf("../../owned", LINKS[:2], JOINTS[:2]), encoding="utf-8")
+    before = {entry for entry in tmp_path.rglob("*")}
+    assert main(["generate", str(path), "--to", "c", "-o", str(tmp_path / "out"), "--functions", "fk"]) == 0
+    assert {entry.parent.name for entry in {*tmp_path.rglob("*")} - before} == {tmp_path.name, "out"}
+
+
+@pytest.mark.filterwarnings("default::raff2urdf.errors.RaffWarning")
+def test_commands_that_messages_propose_are_one_word(tmp_path, text_file, typed):
+    path = text_file("a; touch owned.urdf", urdf("x", ("a", "b"), ("j", "k")))
+    sidecar = tmp_path / "a; touch owned.constraints.json"
+    sidecar.mkdir()
+    proposed = shlex.split(typed("info", path, code=1).err.partition("leave it out with ")[2])
+    assert proposed == ["--ignore", sidecar.name]
+    assert main(["info", str(path), *proposed]) == 0

@@ -35,10 +35,9 @@ robot cam {
 """
 
 
-def test_passive_joints_are_shown_where_solutions_differ_in_these_only(tmp_path, printed):
+def test_passive_joints_are_shown_where_solutions_differ_in_these_only(text_file, printed):
     """0.5 theta + 0.01 theta^2 = 10 has the roots -25 +- sqrt(1625) degrees."""
-    path = tmp_path / "cam.raff"
-    path.write_text(CAM)
+    path = text_file("cam.raff", CAM)
     said = printed("ik", path, "--node", "link2", "--at", "x=0.1,y=0,z=0.01", "--all").splitlines()
     assert ["solution", "joint2", "joint1"] in [line.split() for line in said]
     rows = [line.split() for line in said if "0.010000" in line]
@@ -65,9 +64,8 @@ def test_a_redundant_arm_needs_a_locked_joint(printed):
     assert "no joint 'joint8'" in printed("ik", "arm7", "--at", "x=0.4", "--all", "--lock", "joint8=10", code=1)
 
 
-def test_the_pose_of_a_floating_base_is_reported_and_a_fixed_one_has_none(tmp_path, printed):
-    path = tmp_path / "biped.urdf"
-    path.write_text(bipeds.URDF)
+def test_the_pose_of_a_floating_base_is_reported_and_a_fixed_one_has_none(text_file, printed):
+    path = text_file("biped.urdf", bipeds.URDF)
     asked = "ik", path, "--node", "hand", "--at", "x=1.5,y=0.3,z=1.1"
     (solution,) = json.loads(printed(*asked, "--json"))["solutions"]
     biped = cinegen.load(path)

@@ -78,7 +78,10 @@ def mistaken(command):
     call, chosen = CALLS[command].split(), random.Random(command)
     declared = parameters(command)
     arguments = [parameter for parameter in declared if parameter.param_type_name == "argument"]
+    of_reading = {parameter.name for parameter in parameters("cinegen info")} if command != "cinegen info" else ()
     for number, parameter in enumerate(declared):
+        if parameter.name in of_reading and parameter not in arguments and chosen.random() < 0.75:
+            continue  # options of all commands that read robots, of which each tries some
         value = chosen.choice((NAMES, NUMBERS, PAIRS, PLACES)[number % 4])
         if parameter in arguments:
             place = arguments.index(parameter)

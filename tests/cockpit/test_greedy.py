@@ -222,7 +222,7 @@ def test_tokens_that_are_none(served):
             assert status(Peer(url).request(f"{path}?token={token}")) in (400, 403)
 
 
-@pytest.mark.parametrize("path", ["session", "page", "", "viewer.js", "snapshot.html", "static/cockpit.js"])
+@pytest.mark.parametrize("path", ["session", "page", "snapshot.html", "static/cockpit.js"])
 def test_who_looks_and_vanishes(served, path):
     """At once, in the middle of the first words, or after some time."""
     live_cockpit = served()
@@ -232,17 +232,6 @@ def test_who_looks_and_vanishes(served, path):
             time.sleep(delay)
             peer.vanish()
     assert becomes(lambda: not live_cockpit.hub.clients and not live_cockpit.server.pages)
-
-
-def test_who_commands_and_vanishes(served):
-    live_cockpit = served()
-    for said in ({"hand": True}, {"nonsense": 1}, {"ack": 1}, {"pause": True}, {"pause": False}):
-        for _ in range(4):
-            peer = Peer(live_cockpit.url, room=2048).request("session", *UPGRADE)
-            assert becomes(lambda: live_cockpit.hub.clients)
-            peer.send(**said)
-            peer.vanish()
-    assert becomes(lambda: not live_cockpit.hub.clients and live_cockpit.hub.controller is None)
 
 
 def test_who_acknowledges_without_reading_and_vanishes(served):

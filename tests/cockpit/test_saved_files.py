@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 from browsers import Browser, becomes
+from small_robots import two_bars
 from test_hub import Line
 from urdf_text import UrdfJoint, urdf_text
 
@@ -21,13 +22,7 @@ from cinegen.session import SessionRunner, arrange
 from cinegen.session.setup import Device
 from raff2urdf.files import noting
 
-RAFF = """RAFF t
-robot r {
-  link 1 { type 2 pred 0 filename { "part.stl" } }
-  link 2 { type 2 pred 1 parameters { d 400 } }
-  frame 3 { pred 2 parameters { d 300 } }
-}
-"""
+RAFF = two_bars(words=('filename { "part.stl" }', ""))
 MESH = '<mesh filename="part.stl"/>'
 URDF = urdf_text(
     [UrdfJoint("j", "base", "a", kind="continuous"), UrdfJoint("k", "a", "b", "0.4 0 0", kind="continuous")],
@@ -110,12 +105,10 @@ def test_saves_by_renaming_and_of_the_same_text_are_noticed_and_a_file_that_is_g
     assert files.wait(over).problem == ""
 
 
-def test_what_is_next_to_a_file_is_watched_also_where_there_is_none_yet(tmp_path):
-    path = tmp_path / "r.urdf"
-    path.write_text(URDF.replace(MESH, '<box size="1 1 1"/>'))
+def test_what_is_next_to_a_file_is_watched_also_where_there_is_none_yet(tmp_path, text_file):
+    path = text_file("r.urdf", URDF.replace(MESH, '<box size="1 1 1"/>'))
     files, over = watched(path), threading.Event()
-    constraints = tmp_path / "r.constraints.json"
-    constraints.write_text("{")
+    constraints = text_file("r.constraints.json", "{")
     assert "r.constraints.json" in files.wait(over).problem
     constraints.unlink()
     assert files.wait(over).problem == ""
@@ -153,9 +146,8 @@ def test_nothing_is_read_while_a_file_keeps_changing(path):
     assert len(looks) == 6
 
 
-def test_all_browsers_meet_the_new_robot_of_a_session_in_a_process_of_its_own(tmp_path):
-    path = tmp_path / "r.urdf"
-    path.write_text(URDF.replace(MESH, '<box size="1 1 1"/>'))
+def test_all_browsers_meet_the_new_robot_of_a_session_in_a_process_of_its_own(text_file):
+    path = text_file("r.urdf", URDF.replace(MESH, '<box size="1 1 1"/>'))
     text = path.read_text()
     setup, files = SetupFiles.of(lambda: arrange({"r": cinegen.load(path)}))
     with Cockpit(setup, port=0, files=files) as cockpit:

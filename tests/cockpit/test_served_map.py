@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 import trimesh
 from browsers import Browser, becomes, get
+from urdf_text import UrdfJoint, urdf_text
 
 import cinegen
 from cinegen.cockpit import show_map
@@ -134,9 +135,8 @@ def test_a_map_has_no_meshes_shown_that_are_far_from_it(tmp_path, monkeypatch):
         (tmp_path / folder).mkdir(parents=True)
     trimesh.creation.box((0.1, 0.1, 0.4)).export(tmp_path / "there/arm/part.stl")
     mesh = '<visual><geometry><mesh filename="part.stl"/></geometry></visual>'
-    joint = '<joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint>'
     urdf = tmp_path / "there/arm/arm.urdf"
-    urdf.write_text(f'<robot name="arm"><link name="a">{mesh}</link><link name="b"/>{joint}</robot>')
+    urdf.write_text(urdf_text([UrdfJoint("j", "a", "b", kind="continuous")], {"a": mesh}))
     region = Region((GridAxis("j", -1.0, 1.0, 2),))
     made = tmp_path / "my/maps/arm.zarr"
     make_map(MapSpecification(cinegen.load(urdf), region, ("sigma_1",)), made, workers=1)

@@ -5,15 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from browsers import becomes
 from hypothesis import given
 from hypothesis import strategies as st
-from mouse_streams import magellan_motion
-from played import PlayedMagellan
 
 import cinegen
 from cinegen.devices import SensorError, TwistMapping, open_sensor
-from cinegen.session import Session, SessionRunner, SetupError, arrange
+from cinegen.session import Session, SetupError, arrange
 from cinegen.session import commands as c
 from cinegen.session.decoding import check_names
 from cinegen.session.message_types import CommandError
@@ -137,39 +134,6 @@ def test_the_list_of_sensors_shows_the_axes(raff, tmp_path, typed):
 
 
 # --- a session -------------------------------------------------------------------------------------------------------
-
-
-def test_a_mouse_moves_the_node_that_it_is_switched_to_and_its_axes_are_turned_back_while_it_drives(robot, tmp_path):
-    """Unplugged and plugged in again it goes on."""
-    device = PlayedMagellan(tmp_path / "mouse").plug()
-    delta = robot("delta4")
-    sensors = [f"1={device.path}#axes=x,y,-z"]
-    with SessionRunner(arrange({"delta": delta}, sensors=sensors), own_process=False) as runner:
-
-        def height():
-            return delta.placement(runner.state.robots["delta"].q, "platform").translation[2]
-
-        def sensor():
-            return next(listed for listed in runner.state.sensors if listed.id == "1")
-
-        assert becomes(lambda: runner.state is not None and sensor().state.value == "live")
-        for sign in (-1, 1):
-            begin = height()
-
-            def moved(sign=sign, begin=begin):
-                device.send(b"\x7fnoise\r" + magellan_motion((0, 300, 0, 0, 0, 0)))  # up, on a noisy line
-                assert sign * (height() - begin) > -0.01
-                return sign * (height() - begin) > 0.02
-
-            assert becomes(moved)
-            assert sensor().twist[2] > 0.5
-            device.unplug()
-            assert becomes(lambda: sensor().state.value in ("lost", "silent", "opening"))
-            runner.send(c.ChangeSensor("1", "x y z"))
-            assert becomes(lambda: sensor().axes == "x, y, z, 0, 0, 0")
-            device.plug()
-            assert becomes(lambda: sensor().state.value == "live", 20.0)
-    device.unplug()
 
 
 def test_a_session_keeps_changed_axes_until_the_file_changes_them(raff, closing):

@@ -110,9 +110,8 @@ def test_a_full_disk_does_not_raise_later_and_no_file_stays_open(tmp_path, monke
         ('{"cinegen": "readings", "version": 1}\n{"time": 0, "twist": [NaN]}\n', ":2: JSON is malformed"),
     ],
 )
-def test_what_is_no_recording(tmp_path, text, why):
-    path = tmp_path / "run.jsonl"
-    path.write_text(text, encoding="utf-8")
+def test_what_is_no_recording(text_file, text, why):
+    path = text_file("run.jsonl", text)
     with pytest.raises(RecordError, match=why):
         Replay(path)
 

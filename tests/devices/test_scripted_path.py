@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from urdf_text import UrdfJoint, urdf_text
 
 from cinegen import Solver, load
 from cinegen.devices import SHAPES, fit_path
@@ -42,18 +43,9 @@ def test_the_crank_of_a_four_bar_revolves(robot):
     assert speed < 3.0
 
 
-HINGE = """<robot name="hinge">
-  <link name="base"/><link name="arm"/><link name="tip"/>
-  <joint name="hinge" type="revolute">
-    <parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
-    <limit lower="-0.5" upper="2" velocity="0.4" effort="1"/>
-  </joint>
-  <joint name="end" type="fixed"><parent link="arm"/><child link="tip"/><origin xyz="0.5 0 0"/></joint>
-</robot>"""
-
-
 def test_a_joint_with_limits_moves_to_and_fro_between_them_and_keeps_its_velocity_limit():
-    hinge = load(HINGE)
+    joint = UrdfJoint("hinge", "base", "arm", limit=(-0.5, 2.0), velocity=0.4)
+    hinge = load(urdf_text([joint, UrdfJoint("end", "arm", "tip", "0.5 0 0", kind="fixed")]))
     path = fit_path(hinge, "tip")
     assert not path.closed
     angles = [np.arctan2(*path.target(t).translation[1::-1]) for t in np.arange(0.0, 2.0 * path.period, 0.02)]

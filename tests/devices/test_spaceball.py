@@ -1,15 +1,12 @@
 """The Spaceball's language: without a checksum, so what gets through wrongly is counted."""
 
-import math
-import random
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mouse_streams import counts, cut, escaped, spaceball_motion, spaceball_twist
 
 from cinegen.devices.mouse_events import MouseFault, MouseKeys, MouseModel, MouseMotion
-from cinegen.devices.spaceball import JUMP, Spaceball
+from cinegen.devices.spaceball import Spaceball
 
 ALIVE = b"\r@1 Spaceball alive and well after a software reset.\r"
 FIRMWARE = b"@2 Firmware version 2.%02d created on 29-Jan-1992.\r"
@@ -104,54 +101,11 @@ def test_a_swing_at_constant_speed_is_confirmed_by_its_third_packet(axis, start,
     assert third == [MouseMotion(spaceball_twist(sent[2]))]
 
 
-def test_a_single_wild_packet_is_left_out():
+def test_wild_packets_are_left_out():
     decoder = Spaceball()
     still = spaceball_motion((100, 0, 0, 0, 0, 0))
     assert decoder.feed(still)
-    assert decoder.feed(spaceball_motion((100, 5000, 0, 0, 0, 0))) == []
-    assert decoder.feed(spaceball_motion((100, 30000, 0, 0, 0, 0))) == []
+    for wild in (5000, -5000, 30000, 30000):
+        assert decoder.feed(spaceball_motion((100, wild, 0, 0, 0, 0))) == []
     assert decoder.feed(still)
-    assert decoder.damaged == 2
-
-
-def damage(chance: random.Random, packet: bytes) -> bytes:
-    """A packet of which one byte is left out, comes behind another one, is flipped or replaced."""
-    at = chance.randrange(len(packet))
-    kinds = {
-        "drop": lambda: b"",
-        "insert": lambda: bytes([chance.randrange(256), packet[at]]),
-        "flip": lambda: bytes([packet[at] ^ 1 << chance.randrange(8)]),
-        "replace": lambda: bytes([chance.randrange(256)]),
-    }
-    return packet[:at] + kinds[chance.choice(list(kinds))]() + packet[at + 1 :]
-
-
-def false_accepts(seed: int, packets: int, share: float) -> tuple[float, float, float]:
-    """What a hand's motion does through a line that damages packets: the shares of damaged packets that get through
-    with another value, and with one that is wrong by more than JUMP; and of whole packets that are used."""
-    chance = random.Random(seed)
-    decoder = Spaceball()
-    false = wild = damaged = used = 0
-    for tick in range(packets):
-        values = [round((8000 if i < 3 else 1600) * 0.7 * math.sin(0.05 * (1 + 0.3 * i) * tick + i)) for i in range(6)]
-        packet = spaceball_motion(values)
-        hurt = chance.random() < share
-        if hurt:
-            packet = damage(chance, packet)
-        damaged += hurt
-        truth = spaceball_twist(values)
-        for event in decoder.feed(packet):
-            if isinstance(event, MouseMotion):
-                error = max(abs(a - b) for a, b in zip(event.twist, truth, strict=True))
-                false += error > 1e-12
-                wild += error > JUMP
-                used += error <= 1e-12 and not hurt
-    return false / max(damaged, 1), wild / max(damaged, 1), used / (packets - damaged)
-
-
-@pytest.mark.parametrize(("share", "least"), [(0.3, 0.78), (0.0, 0.999)])
-def test_how_much_of_what_is_damaged_gets_through(share, least):
-    false, wild, used = false_accepts(1, 5_000, share)
-    assert wild < 0.015
-    assert false < 0.25  # nearly all by no more than JUMP: in a low byte nothing tells
-    assert used >= least  # the others came behind a damaged one, in a jump
+    assert decoder.damaged == 4

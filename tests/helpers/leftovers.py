@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import resource
 import select
 import sys
 import threading
@@ -28,7 +27,6 @@ class Snapshot:
     threads: frozenset[threading.Thread]
     children: frozenset[int]
     switch_interval: float
-    file_size: tuple[int, int]
 
     @classmethod
     def take(cls) -> Snapshot:
@@ -36,7 +34,6 @@ class Snapshot:
             frozenset(thread for thread in threading.enumerate() if not thread.name.startswith(_KEPT)),
             frozenset(_children()),
             sys.getswitchinterval(),
-            resource.getrlimit(resource.RLIMIT_FSIZE),
         )
 
 
@@ -56,9 +53,6 @@ def left_since(before: Snapshot, grace: float = GRACE) -> list[str]:
     if now.switch_interval != before.switch_interval:
         left.append(f"a switch interval of {now.switch_interval} s instead of {before.switch_interval} s")
         sys.setswitchinterval(before.switch_interval)
-    if now.file_size != before.file_size:
-        left.append(f"a limit of the size of files (RLIMIT_FSIZE) of {now.file_size} instead of {before.file_size}")
-        resource.setrlimit(resource.RLIMIT_FSIZE, before.file_size)
     return sorted(left)
 
 

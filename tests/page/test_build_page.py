@@ -89,15 +89,6 @@ def test_licences_are_whole(page, root):
         assert "".join(licence.replace("- -", "--").split()) in spaceless
 
 
-def test_names_are_text_not_markup(robot):
-    mechanism = robot("planar_3r")
-    elements = Elements(build_page(Setup({HOSTILE: mechanism}), HOSTILE))
-    assert len(elements.named("script")) == 2
-    assert [text.strip() for _, text in elements.named("title")] == [HOSTILE]
-    content = unpacked(elements)["content"]
-    assert content["hello"]["title"] == content["robots"][0]["name"] == HOSTILE
-
-
 def test_modules_lose_their_comments_and_nothing_else(root):
     acorn = root / "node_modules" / "acorn"
     if NODE is None or not acorn.is_dir():

@@ -3,10 +3,6 @@
 import os
 import time
 
-import numpy as np
-
-from cinegen.realtime.channel import LARGEST
-
 
 def trip(tick):
     if tick.number >= 3:
@@ -34,8 +30,6 @@ def troubled(kind, fifo=None):
         elif kind == "hang":
             open(fifo, "w").close()
             time.sleep(60.0)
-        elif kind == "large":
-            return np.zeros(LARGEST)
         return tick.number
 
     if kind == "factory":

@@ -1,6 +1,5 @@
 """`complete_bag`, on recordings that rosbags writes and reads."""
 
-import subprocess
 import sys
 
 import numpy as np
@@ -59,17 +58,15 @@ def test_a_recording_of_the_actuated_joints_becomes_one_of_all(robot, root, tmp_
         assert not len(message.effort)
 
 
-def test_what_cannot_be_completed_is_left_out_and_told(root, tmp_path, states):
+def test_what_cannot_be_completed_is_left_out_and_told(root, tmp_path, states, capsys, monkeypatch):
     states[3] = state(0.03, ["joint1"], [np.nan])
     bag = record(tmp_path / "given", StoragePlugin.MCAP, states)
-    command = ["-m", "cinegen_joint_states.bag", root / "generated/delta4.urdf", bag, tmp_path / "made"]
-    ended = subprocess.run(
-        [sys.executable, *map(str, command)], cwd=root / "ros2/cinegen_joint_states", capture_output=True, text=True,
-        env={"PYTHONPATH": str(root), "PATH": ""},
-    )  # fmt: skip
-    assert ended.returncode == 1
-    assert ended.stdout == "19 joint states completed, 1 left out\n"
-    assert "left out: 0.050000000 s: the value of joint 'joint1' is not a finite number" in ended.stderr
+    command = ["complete_bag", root / "generated/delta4.urdf", bag, tmp_path / "made"]
+    monkeypatch.setattr(sys, "argv", [*map(str, command)])
+    assert main() == 1
+    out, err = capsys.readouterr()
+    assert out == "19 joint states completed, 1 left out\n"
+    assert "left out: 0.050000000 s: the value of joint 'joint1' is not a finite number" in err
     assert len(read(tmp_path / "made")) == 20
 
 

@@ -135,8 +135,7 @@ def test_a_task_is_changed_and_each_change_is_undone_and_redone(two):
     command = {"type": "change_task", "task": task.id, "weight": 2, "priority": 3}
     session.obey(decode_command(json.dumps(command), session.setup))
     description = {"kind": "point_in_plane", "node": "left_hand", "through": [0, 0, 0.9]}
-    session.obey(decode_command(json.dumps(command | {"description": description}), session.setup))
-    run(session, 0.5)
+    run(session, 0.5, decode_command(json.dumps(command | {"description": description}), session.setup))
 
     def now():
         state = run(session, 3.0).robots["duo"]
@@ -159,17 +158,13 @@ def test_a_task_is_changed_and_each_change_is_undone_and_redone(two):
 def test_tasks_wait_during_motions_and_are_undone_with_home(two):
     session = two()
     add(session, {"kind": "joint_equality", "coefficients": {"to_left4": 1, "to_right4": 1}})
-    session.obey(c.MoveJoint("duo", "to_left4", 0.7))
-    session.obey(c.EndJointMotion())
-    run(session, 1.0)
+    run(session, 1.0, c.MoveJoint("duo", "to_left4", 0.7), c.EndJointMotion())
     robot = session.robots["duo"]
     left, right = (robot.q[robot.mechanism.q_index(f"to_{side}4")] for side in ("left", "right"))
     assert left == pytest.approx(-right, abs=1e-6)
-    session.obey(c.MoveHome("duo"))
-    assert run(session, 3.0).robots["duo"].described == ()
+    assert run(session, 3.0, c.MoveHome("duo")).robots["duo"].described == ()
     assert np.allclose(robot.q, robot.home)
-    session.obey(c.Undo())
-    assert len(run(session, 3.0).robots["duo"].described) == 1
+    assert len(run(session, 3.0, c.Undo()).robots["duo"].described) == 1
 
 
 def test_tasks_survive_the_reload_of_a_file_as_far_as_their_parts_do(two):
@@ -189,9 +184,7 @@ def test_a_robot_among_obstacles_follows_tasks_and_takes_no_ranges(root, closing
     (name,) = session.robots
     folded = {"kind": "joint_equality", "coefficients": {"joint2": 1, "joint3": -1}}
     add(session, folded, name)
-    session.obey(c.StartDrag(name, "tool"))
-    session.obey(c.MoveDrag((0.55, -0.2, 0.0)))
-    (task,) = run(session, 3.0).robots[name].described
+    (task,) = run(session, 3.0, c.StartDrag(name, "tool"), c.MoveDrag((0.55, -0.2, 0.0))).robots[name].described
     q = session.robots[name].q
     assert task.reached
     assert q[1] == pytest.approx(q[2], abs=1e-6)
@@ -251,10 +244,8 @@ def test_a_recording_keeps_tasks_and_their_changes(two, tmp_path):
     run(session, 0.1)
     task = add(session, UPRIGHT)
     run(session, 0.1)
-    session.obey(c.ChangeTask(task.id, weight=3.0))
-    run(session, 0.1)
-    session.obey(c.RemoveTask(task.id))
-    run(session, 0.1)
+    run(session, 0.1, c.ChangeTask(task.id, weight=3.0))
+    run(session, 0.1, c.RemoveTask(task.id))
     session.close()
     described = Recording.load(tmp_path / "mission.jsonl").described["duo"]
     weights = [tuple(entry.weight for entry in each) for each in described]
@@ -271,5 +262,4 @@ def test_a_task_can_be_removed_while_an_undo_removes_it(two):
     session.obey(c.Undo())
     session.tick()
     assert session.robots["duo"].motion is not None
-    session.obey(c.RemoveTask(task.id))
-    assert run(session, 0.1).robots["duo"].described == ()
+    assert run(session, 0.1, c.RemoveTask(task.id)).robots["duo"].described == ()

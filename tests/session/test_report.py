@@ -3,6 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from leading import run
 from variants import FEWER
 
 import cinegen
@@ -141,9 +142,7 @@ def test_joints_near_a_limit_are_named(session):
     i = bars.q_index("joint1")
     low, high = bars.model.lowerPositionLimit[i], bars.model.upperPositionLimit[i]
     assert "joint1" not in report(live_session, "five_bar").near_limit
-    live_session.obey(c.MoveJoint("five_bar", "joint1", float(high - 0.05 * (high - low))))
-    for _ in range(2000):
-        live_session.tick()
+    run(live_session, 2.0, c.MoveJoint("five_bar", "joint1", float(high - 0.05 * (high - low))))
     assert "joint1" in report(live_session, "five_bar").near_limit
 
 
@@ -158,12 +157,8 @@ def test_the_torques_are_those_of_the_configuration_and_the_payload(session, rob
     """A drag moves the robot; its torques balance the change of its potential energy, by finite differences."""
     live_session, delta = session("delta4"), robot("delta4")
     begin = delta.placement(delta.q_home, "platform").translation
-    live_session.obey(c.StartDrag("delta4", "platform"))
-    live_session.obey(c.MoveDrag(tuple(begin + np.array([0.2, -0.1, 0.1]))))
-    live_session.obey(c.SetPayload("delta4", "link3", 7.5))
-    for _ in range(500):
-        live_session.tick()
-    state = live_session.state().robots["delta4"]
+    drag = c.StartDrag("delta4", "platform"), c.MoveDrag(tuple(begin + np.array([0.2, -0.1, 0.1])))
+    state = run(live_session, 0.5, *drag, c.SetPayload("delta4", "link3", 7.5)).robots["delta4"]
     assert state.carried == CarriedMass("link3", 7.5)
 
     def energy(q):

@@ -91,8 +91,7 @@ def test_a_motor_goes_where_its_slider_says_and_loops_stay_closed(session):
     mechanism = live_session.setup.robots[name]
     joint = mechanism.actuated[0]
     i = mechanism.q_index(joint)
-    low, high = mechanism.model.lowerPositionLimit[i], mechanism.model.upperPositionLimit[i]
-    goal = mechanism.q_home[i] + min(0.05, 0.2 * (high - low))
+    goal = mechanism.q_home[i] + 0.05
     state = run(live_session, 1.0, c.MoveJoint(name, joint, goal))
     assert state.robots[name].q[i] == goal
     assert state.robots[name].closure < 1e-10
@@ -108,8 +107,7 @@ def test_a_switch_ties_a_sensor_to_a_node_and_the_hand_borrows_it(session):
     assert [(task.source, task.label) for task in state.robots["delta4"].tasks] == [("sensor", "sensor gamepad")]
     begin = at(live, "delta4", "platform")
     for _ in range(20):
-        live.obey(c.GamepadInput((0, 0, -1, 0, 0, 0), frozenset()))
-        state = run(live, 0.01)
+        state = run(live, 0.01, c.GamepadInput((0, 0, -1, 0, 0, 0), frozenset()))
     moved = at(live, "delta4", "platform") - begin
     assert moved[2] < -0.5 * 0.2 * state.settings.linear_speed
     assert np.abs(moved[:2]).max() < 1e-6
