@@ -31,6 +31,8 @@ def test_each_save_is_seen_and_errors_stand_over_the_scene(tmp_path, text_file, 
     _, page = opened(setup=setup, files=files)
     before = page.evaluate("cockpit.view.pose('arm', 'tip').position.toArray()")
     length, camera = page.evaluate("[cockpit.hello.robots[0].length, cockpit.view.cameraNumbers()]")
+    rows = page.locator("#section-sensors .body > *")
+    count = rows.count()
     page.evaluate("cockpit.select('arm', 'tip')")
     page.click("#pin")
     assert becomes(page, "cockpit.state.tasks.length === 1")
@@ -39,6 +41,7 @@ def test_each_save_is_seen_and_errors_stand_over_the_scene(tmp_path, text_file, 
     os.replace(tmp_path / "arm.new", path)  # as vim saves
     assert becomes(page, f"cockpit.hello.robots[0].length > {length} && cockpit.report")
     assert becomes(page, f"{drawn('tip')} && {drawn('link3')}")
+    assert rows.count() == count > 0
     assert page.evaluate("cockpit.state.tasks.map((task) => task.node)") == ["tip"]
     # the pin holds it
     assert becomes(page, f"Math.abs(cockpit.view.pose('arm', 'tip').position.x - {before[0]}) < 1e-3")

@@ -23,7 +23,7 @@ from raff2urdf import shipped
 from raff2urdf.cli import main as main_of_raff2urdf
 
 
-def test_info_as_json_agrees_with_the_mechanism(root, robot, run):
+def test_info_agrees_with_the_mechanism_also_as_json(root, robot, run):
     _, said, _ = run("info", root / "robots/two_arms.raff", root / "robots/delta4.raff", "--json")
     reports = json.loads(said)
     assert [report["name"] for report in reports] == ["two_arms.left", "two_arms.right", "delta4"]
@@ -33,6 +33,10 @@ def test_info_as_json_agrees_with_the_mechanism(root, robot, run):
     assert reports[2]["closure_at_home"] <= 1e-12
     homes = [delta.q_home[delta.q_index(joint)] for joint in delta.joints]
     assert [joint["home"] for joint in reports[2]["joints"]] == homes
+    _, said, _ = run("info", root / "robots/delta4.raff")
+    for words in ("mobility 3, 15 joints (3 actuated)", "12 rows of rank 12", "link5-link17: rigid", "at home"):
+        assert words in said
+    assert re.search(r"joint6 +revolute +\S+ +-85 +80 .*actuated", said)
 
 
 @pytest.mark.usefixtures("session_in_a_thread")

@@ -112,6 +112,13 @@ def test_line_endings_are_no_change(run):
         assert Path(name).read_bytes() == made
 
 
+def test_another_name_keeps_a_changed_file(run):
+    assert run("raff2urdf four_bar.raff -o ./")[0] == 0
+    edited = edit(Path("four_bar.constraints.json"))
+    assert run("raff2urdf four_bar.raff -o other.urdf")[0] == 0
+    assert Path("four_bar.constraints.json").read_bytes() == edited
+
+
 def test_files_of_older_versions_have_no_digest_and_are_replaced(run):
     assert run("raff2urdf four_bar.raff -o ./")[0] == 0
     urdf, constraints = Path("four_bar.urdf"), Path("four_bar.constraints.json")

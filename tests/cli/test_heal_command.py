@@ -29,6 +29,10 @@ def test_each_number_that_changes_is_listed(tilted, tmp_path, typed, capsys):
     healed = cinegen.load(out)  # without a warning
     assert healed.mobility == 1
     assert healed.closure(healed.q_home) < 1e-12
+    assert raff2urdf(["--check", str(tilted)]) == 0
+    said = capsys.readouterr().err
+    assert said.startswith("warning: ")
+    assert "healed: placements changed by up to" in said
     # what fails by rounding names this command, which helps
     assert raff2urdf(["--check", "--exact", str(tilted)]) == 1
     assert "`cinegen heal` writes exact ones" in capsys.readouterr().err

@@ -13,6 +13,8 @@ def test_limits_that_are_exceeded_are_named(printed):
     said = printed("ik", "five_bar", "--at", "x=0.01", "--all")
     assert "4 inverse solutions, 1 within the limits" in said
     assert "joint1 15.9 < 60 deg, 1 more" in said
+    assert "These are all. 1 pair of bodies on three hinges" in said
+    assert max(map(len, said.splitlines())) <= 100
 
 
 def test_one_solution_within_limits_nearest_home(robot, printed):

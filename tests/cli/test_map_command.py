@@ -11,7 +11,7 @@ from cinegen.cli import app
 from cinegen.workspace import open_map
 
 
-def test_the_answer_as_json_has_all_numbers_in_si(printed):
+def test_the_answer_as_json_has_all_numbers_in_si_and_the_text_the_same(printed, tmp_path):
     options = "--over", "x=-500..500mm:8,y=-0.5..0.5:8", "--at", "z=-1800mm", "--json"
     report = json.loads(printed("map", "delta4", *options))
     assert report["over"]["x"] == [-0.5, 0.5, 8]
@@ -20,6 +20,12 @@ def test_the_answer_as_json_has_all_numbers_in_si(printed):
     assert report["extent"] == {"value": pytest.approx(1.0), "error": pytest.approx(0.0), "unit": "m^2"}
     assert set(report["quantities"]) == {"sigma_1", "sigma_2"}
     assert sum(report["status"].values()) == 64
+    sigma = report["quantities"]["sigma_1"]
+    assert sigma["min"] == float(open_map("delta4-map.zarr").sigma_1.min())
+    said = printed("map", "delta4", *options[:-1], "--plot", "delta.png")
+    assert "  reachable       1 m^2, 100 % of the region" in said
+    assert "min {min:.3g}, median {median:.3g}, max {max:.3g}".format(**sigma) in said
+    assert (tmp_path / "delta.png").stat().st_size > 10_000
 
 
 @pytest.mark.parametrize(("allowed", "least"), [([], (-1.0, 1.0)), (["base", "link2", "link3"], (5.0, 20.0))])
@@ -84,6 +90,14 @@ def test_ctrl_c_is_no_traceback(printed, monkeypatch):
 
     monkeypatch.setattr("cinegen.workspace.make_map", stopped)
     assert "finished cells are kept; the same command continues" in printed("map", "five_bar", code=130)
+
+
+def test_more_is_reached_without_limits(printed):
+    for name, more in (("a", ()), ("b", ("--no-limits",))):
+        printed("map", "five_bar", "--over", "x=-0.4..0.4:8,y=-0.7..0.7:8", "-o", f"{name}.zarr", *more)
+    extents = json.loads(printed("compare", "a.zarr", "b.zarr", "--json"))["extents"]
+    assert extents["only_first"]["value"] == 0.0 < extents["only_second"]["value"]
+    assert "only b" in printed("compare", "a.zarr", "b.zarr")
 
 
 def test_a_folder_of_something_else_stays_as_it_is(printed, tmp_path):

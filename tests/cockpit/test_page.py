@@ -77,9 +77,12 @@ def test_a_geometry_of_many_objects_is_sent_once_and_whole_to_who_comes_after_th
         place[names[0]].delete()
 
 
-def test_every_part_is_drawn(robot):
-    page = Page()
-    RobotScene(page, {"delta": robot("delta4")})
+def test_every_part_is_drawn_at_home(robot):
+    page, delta = Page(), robot("delta4")
+    RobotScene(page, {"delta": delta})
+    sent = umsgpack.unpackb(page.scene()["/meshcat/cinegen/:delta/:platform", "set_transform", ""])
+    home = delta.placement(delta.q_home, "platform").homogeneous
+    assert pytest.approx(home) == np.reshape(sent["matrix"], (4, 4)).T
     paths = [path for path, kind, _ in page.scene() if kind == "set_object"]
     drawn = {path.split("/")[4] for path in paths if "/:delta/" in path}
     assert {":base", ":link1", ":link8", ":link14", ":platform"} <= drawn

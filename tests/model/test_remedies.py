@@ -746,7 +746,10 @@ def drawing(folder: Path, mesh: str) -> Path:
 
 
 DRAWN = urdf(AB, BC).replace('<link name="a"/>', '<link name="a"><visual>{}</visual></link>')
-TWO_PASSIVE = raff(TWO.replace("pred 1", "actuated 0 pred 1").replace("pred 0", "actuated 1 pred 0"))
+TWO_PASSIVE = raff(
+    TWO.replace("pred 1", "actuated 0 pred 1").replace("pred 0", "actuated 1 pred 0")
+    + " link 3 { type 2 actuated 0 pred 2 parameters { d 100 } }"
+)
 
 DRIVEN = URDF_BARS.replace("</robot>", transmissions("drive", "elbow") + "</robot>")
 WEIGHED = raff('link 1 { type 2 pred 0 filename { "gone.stl" } inertial { density 2700 } }')
@@ -841,10 +844,10 @@ OF_CALLS: list[tuple[Callable[[Path], object], str, Callable[[Path, re.Match[str
      lambda folder, said: cinegen.load(saved(folder, "r.urdf", UNREAD,
      **{f"r{said[1]}": CONSTRAINTS}))),
     (lambda _: cinegen.load(TWO_PASSIVE),
-     r"let joint2 be actuated too; load\(\.\.\., (actuated)=\[\.\.\.\]\) declares that",
-     lambda _, said: cinegen.load(TWO_PASSIVE, **{said[1]: ["joint1", "joint2"]})),
+     r"let joint2, joint3 be actuated too; load\(\.\.\., (actuated)=\[\.\.\.\]\) declares that",
+     lambda _, said: cinegen.load(TWO_PASSIVE, **{said[1]: ["joint1", "joint2", "joint3"]})),
     (lambda folder: cinegen.load(saved(folder, "r.raff", TWO_PASSIVE)),
-     "let (joint2) be actuated too; '(actuated 1)' in its link declares that",
+     "let (joint2, joint3) be actuated too; '(actuated 1)' in its link declares that",
      lambda folder, said: cinegen.load(saved(folder, "r.raff", TWO_PASSIVE.replace("actuated 0", said[2])))),
     (lambda _: cinegen.load(DRIVEN), r"elbow is passive; .*\(in Python (actuated)=\[\.\.\.\]\) names others",
      lambda _, said: cinegen.load(DRIVEN, **{said[1]: ["drive"]})),

@@ -48,7 +48,6 @@ ARM = """<robot name="arm">
     (('<limit', '<dynamics damping="thick"/><limit'), r"x:10: the damping 'thick' of joint 'turn' must be a"),
     (('<limit', '<dynamics friction="-1"/><limit'), r"x:10: the friction '-1' of joint 'turn' .* not negative"),
     (('xyz="0.1 0 1"', 'xyz="0 1e308 1"'), r"x:8: .* must be three numbers \(none beyond 1e\+13\)"),
-    (('xyz="0.1 0 1"', 'xyz="0,1 0 1,0"'), r'xyz="0,1 0 1,0" of <origin> must be three numbers'),  # decimal commas
 ])  # fmt: skip
 def test_what_is_wrong_is_told_by_its_line(change, says):
     assert len(joints(parse(ARM, "x"))) == 2
@@ -98,6 +97,11 @@ def test_a_speed_or_an_effort_of_less_one_is_no_limit():
     arm = cinegen.load(ARM.replace('effort="1" velocity="3"', 'effort="-1" velocity="-1.0"'))
     assert arm.limits["turn"] == (-1.0, 2.0, float("inf"), float("inf"))
     assert arm.source.notes == ('velocity="-1.0" of <limit> on line 10 and 1 more: -1 is read as no limit',)
+
+
+def test_commas_may_be_decimal_ones():
+    with pytest.raises(cinegen.CinegenError, match=r'xyz="0,1 0 1,0" of <origin> must be three numbers'):
+        cinegen.load(ARM.replace('xyz="0.1 0 1"', 'xyz="0,1 0 1,0"'))
 
 
 # --- ignored ----------------------------------------------------------------------------------------------------------
