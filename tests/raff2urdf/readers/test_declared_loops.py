@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 import warnings
+from pathlib import Path
 
 import pytest
 from urdf_text import BARS
@@ -63,6 +64,8 @@ def test_each_is_refused_at_its_line_with_a_remedy(dialect, bars):
     with pytest.warns(RaffWarning, match=r"requested; every joint moves independently: .*\(line [67]\)") as seen:
         assert readers.read(path, ignore_loops=True).constraints is None
     assert len(seen) == 1
+    with pytest.warns(RaffWarning, match="<text>: left out, as requested"):
+        assert readers.read(Path("<text>"), ignore_loops=True, text=path.read_text()).constraints is None
 
 
 @pytest.mark.parametrize("dialect", ["another constraint", "Gazebo plugin with other words", "MuJoCo"])
