@@ -100,6 +100,14 @@ def test_a_motor_beyond_the_limits_of_the_file_comes_to_these_with_loops_closed(
     assert other.closure(state.q) < 1e-10
 
 
+def test_where_loops_can_not_be_closed_the_robot_is_at_home_and_says_so(arm, monkeypatch):
+    move(arm, joint1=0.4)
+    monkeypatch.setattr("cinegen.session.robot.carried_over", lambda *_: None)
+    state = exchanged(arm, cinegen.load(ARM))
+    assert state.robots["arm"].q == pytest.approx(np.zeros(3))
+    assert state.notices[-1].text == "arm is at home: its loops can't be closed within its limits where it was"
+
+
 def test_pins_hold_their_place_and_those_of_lost_nodes_are_named(arm):
     move(arm, joint1=0.3, joint2=0.6, joint3=-0.8)
     for node in ("bend", "tip"):
