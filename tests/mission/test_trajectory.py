@@ -19,7 +19,7 @@ from cinegen.mission.recording import between
 from cinegen.mission.trajectory import Trajectory, curve_through
 from cinegen.model import ForwardKinematics
 from cinegen.model.motion_limits import DEFAULT_ACCELERATION, motion_limits
-from cinegen.singularities.crossing import Rows, crossings, of_end, of_passive_joints
+from cinegen.singularities.crossing import crossings, of_end, of_passive_joints
 
 ROBOTS = ["planar_3r", "rx90", "four_bar", "five_bar", "delta4", "gough", "hybrid", "sr400"]
 seeds = st.integers(0, 2**32 - 1)
@@ -107,20 +107,6 @@ def test_it_is_near_what_was_recorded(robot, tmp_path):
 
 
 # --- limits ----------------------------------------------------------------------------------------------------------
-
-
-def test_a_leap_becomes_a_motion_at_the_limit(robot, tmp_path):
-    arm = robot("planar_3r")
-    still, goal = np.array([0.1, 0.4, 0.3]), np.array([0.1, 1.4, 0.3])
-    q = [still] * 50 + [goal] * 50
-    motion = resampled(record(tmp_path / "run.jsonl", arm, np.arange(100) / 100, q))
-    fastest = arm.model.upperVelocityLimit[1]
-    angular = DEFAULT_ACCELERATION[0]  # from rest to rest, at the limits of acceleration and velocity
-    ramps = fastest / angular + 1.0 / fastest if fastest**2 < angular else 2.0 / math.sqrt(angular)
-    assert motion.passes[-1, 0] == pytest.approx(0.98 + ramps, rel=0.05)
-    assert _accelerations(motion).max() == pytest.approx(1.0, abs=0.05)
-    assert np.diff(motion.q[:, 1]).min() >= 0.0
-    assert motion.recorded(motion.passes[60, 0]) == pytest.approx(0.6)
 
 
 def test_joints_without_motors_obey_their_limits_too(tmp_path):
@@ -253,7 +239,7 @@ def test_singularities_far_apart_from_samples():
     assert set(counts) == {0, 1}
 
 
-@pytest.mark.parametrize("samples", [36, 720])
+@pytest.mark.parametrize("samples", [36, 180])
 def test_dead_centres_between_two_samples_are_passed(raff, samples):
     """A piston turns back where its crank and its rod are in line. It moves in one direction of three: its Jacobian
     has rank 1."""
@@ -276,20 +262,6 @@ robot slider_crank {
         for crossing in crossings(of_end(mechanism), partial(between, mechanism, a, b))
     ]
     assert angles == pytest.approx([math.pi, 2.0 * math.pi], abs=1e-6)
-
-
-@pytest.mark.parametrize("turn", [0.0, 1.0, 1.8, 2.6])
-@pytest.mark.parametrize("zero", [-1.0, 0.1, 0.37])
-def test_a_matrix_that_turns_between_two_samples(robot, turn, zero):
-    """Its singular vectors turn by so much (rad) that from sample to sample they may seem to have turned round."""
-    arm = robot("planar_3r")
-
-    def matrix(q):
-        cos, sin = math.cos(turn * q[0]), math.sin(turn * q[0])
-        return np.array([[cos, -sin], [sin, cos]]) @ np.diag([4.0, q[0] - zero])
-
-    zeros = [crossing.x for crossing in crossings(Rows(matrix, 2), partial(between, arm, np.zeros(3), np.ones(3)))]
-    assert zeros == pytest.approx([zero] if 0.0 < zero < 1.0 else [], abs=1e-8)
 
 
 def test_a_motion_near_a_type_2_singularity_is_noted_where_it_is_nearest_and_one_that_ends_there_is_serious(
