@@ -19,7 +19,7 @@ from cinegen.mission.recording import between
 from cinegen.mission.trajectory import Trajectory, curve_through
 from cinegen.model import ForwardKinematics
 from cinegen.model.motion_limits import DEFAULT_ACCELERATION, motion_limits
-from cinegen.singularities.crossing import crossings, of_end, of_passive_joints
+from cinegen.singularities.crossing import Rows, crossings, of_end, of_passive_joints
 
 ROBOTS = ["planar_3r", "rx90", "four_bar", "five_bar", "delta4", "gough", "hybrid", "sr400"]
 seeds = st.integers(0, 2**32 - 1)
@@ -262,6 +262,20 @@ robot slider_crank {
         for crossing in crossings(of_end(mechanism), partial(between, mechanism, a, b))
     ]
     assert angles == pytest.approx([math.pi, 2.0 * math.pi], abs=1e-6)
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.0, 1.8, 2.6])
+@pytest.mark.parametrize("zero", [-1.0, 0.1, 0.37])
+def test_a_matrix_that_turns_between_two_samples(robot, turn, zero):
+    """Its singular vectors turn by so much (rad) that from sample to sample they may seem to have turned round."""
+    arm = robot("planar_3r")
+
+    def matrix(q):
+        cos, sin = math.cos(turn * q[0]), math.sin(turn * q[0])
+        return np.array([[cos, -sin], [sin, cos]]) @ np.diag([4.0, q[0] - zero])
+
+    zeros = [crossing.x for crossing in crossings(Rows(matrix, 2), partial(between, arm, np.zeros(3), np.ones(3)))]
+    assert zeros == pytest.approx([zero] if 0.0 < zero < 1.0 else [], abs=1e-8)
 
 
 def test_a_motion_near_a_type_2_singularity_is_noted_where_it_is_nearest_and_one_that_ends_there_is_serious(

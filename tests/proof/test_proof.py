@@ -31,6 +31,8 @@ from cinegen.proof.checker.tube import Tube
 from cinegen.proof.equations import Equations
 from cinegen.proof.prover import Prover
 from cinegen.proof.result import read_proof
+from cinegen.proof.singular import SingularValues
+from cinegen.proof.tubes import Tubes
 from cinegen.singularities import singularity
 from cinegen.singularities.slice import POSE, Coordinates, SliceError
 
@@ -478,6 +480,29 @@ def test_the_largest_singular_value_of_a_sum_of_matrices_is_below_its_bound(scal
     largest = np.linalg.norm(sums, 2, axis=(1, 2)).max()
     assert largest <= bound
     assert bound < np.linalg.norm(at, 2) + np.linalg.norm(changes, 2, axis=(1, 2)).sum() or scales[0] == scales[1]
+
+
+def test_singular_values_of_the_equations_are_those_of_maps(robot):
+    """K of both types at points, by the kernel alone."""
+    belt, shaft = "link 1 link 11 ratio 0.333333333333333333 }", "link 13 link 11 ratio 5 }"
+    text = (ROBOTS / "belt_five_bar.raff").read_text().replace(belt, f"{shaft} coupling {{ link 1 link 13 ratio 0.1 }}")
+    train = cinegen.load(text.replace("frame 20 {", "link 13 { type 2 pred 0 } frame 20 {", 1))
+    for name, mechanism in [*((name, robot(name)) for name in CENTRES), ("train", train)]:
+        names = CENTRES.get(name, ("x", "y"))
+        proof = prove(mechanism, around(mechanism, names, 1e-7), sigma=1e-6, limits=name == "gough", boxes=1)
+        document = proof.certificate
+        equations = Equations(document)
+        equations.rows = np.array(document["rows"])
+        values = SingularValues(equations, document)
+        x, p = np.array(document["tree"][0]["x"]) / equations.units, np.array(document["start"]["pose"])
+        along = np.zeros((1, len(x) + len(p), len(names) * (len(names) + 3) // 2))
+        nothing, none = np.zeros((1, len(x))), np.zeros(1, dtype=int)
+        at, change = equations.at(x[None], p[None]), equations.change(x[None], p[None], along, nothing)
+        least, most = values.smallest(Tubes(x[None], p[None], along, nothing, none, nothing, at, change, none))
+        q = Coordinates(mechanism, list(names)).from_home(dict(zip(names, p, strict=True)), steps=2)
+        expected = singularity(mechanism, q).sigma
+        np.testing.assert_allclose(least[:, 0], expected[: len(least)], atol=1e-9)
+        np.testing.assert_allclose(most[:, 0], expected[: len(least)], atol=1e-9)
 
 
 def test_a_bound_that_no_pose_violates_by_half_is_proved_and_one_above_the_least_is_not(robot):
