@@ -77,7 +77,7 @@ check: .venv/test-installed ## run the linters of the Python code and of the pro
 # cache of its own. `cinegen compile` calls each kernel of assembly modes once.
 BOUNDED := tests/loops tests/jit/test_banded.py tests/model/test_couplings.py tests/ik/test_kernel.py tests/ik/test_levels.py tests/ik/test_weights.py tests/robots/test_evaluate.py \
 	tests/model/test_close.py tests/model/test_forward.py tests/assembly/test_modes_any.py tests/assembly/test_modes_coupled.py tests/collision/test_clearance.py \
-	tests/planning/test_vortex_kernel.py tests/papers/test_elliptical_potential.py tests/dynamics/test_inverse_dynamics.py \
+	tests/planning/test_vortex_kernel.py tests/papers/test_enclosing_potentials.py tests/dynamics/test_inverse_dynamics.py \
 	tests/design/test_design_parameters.py
 bounds: export NUMBA_BOUNDSCHECK := 1
 bounds: export NUMBA_CACHE_DIR := $(CURDIR)/build/bounds

@@ -38,7 +38,7 @@ def results(robot):
     yield Hexapod(base, platform).modes(np.full(6, 3.0))
 
 
-def test_results_print_as_words(robot):
+def test_results_print_as_words_and_those_that_are_data_do_not_change(robot):
     for result in results(robot):
         text = repr(result)
         assert text.startswith(f"<{type(result).__name__}") or text.startswith("<"), text
@@ -46,27 +46,12 @@ def test_results_print_as_words(robot):
         assert " object at 0x" not in text, text
         assert "\n" not in text, text
         assert len(text) < 500, text
-
-
-def test_results_that_are_data_do_not_change(robot):
-    for result in filter(is_dataclass, results(robot)):
-        with pytest.raises(FrozenInstanceError):
-            setattr(result, fields(result)[0].name, None)
+        if is_dataclass(result):
+            with pytest.raises(FrozenInstanceError):
+                setattr(result, fields(result)[0].name, None)
 
 
 def test_a_singularity_prints_its_description(robot):
     singularity = cinegen.singularity(robot("planar_3r"), np.zeros(3))
     assert repr(singularity) == f"<Singularity: {singularity.message}; of tool>"
     assert "tool loses, or nearly, a translation along (1, 0, 0)" in repr(singularity)
-
-
-@pytest.mark.parametrize(
-    ("thing", "text"),
-    [
-        (PlueckerLine.along([0, 0, 1], [1, 0, 0]), "<PlueckerLine through (0, 0, 1) along (1, 0, 0)>"),
-        (ProjectivePoint(np.array([0.0, 0.0, 1.0]), True), "<ProjectivePoint at infinity, towards (0, 0, 1)>"),
-        (LinePlane(np.array([0.0, -0.0, 1.0]), 0.25), "<LinePlane with normal (0, 0, 1) at 0.25 from the origin>"),
-    ],
-)
-def test_geometry_prints_its_numbers(thing, text):
-    assert repr(thing) == text

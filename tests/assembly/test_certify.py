@@ -75,9 +75,6 @@ def residual(mechanism, values):
         columns = {LoopKind.BALL: (), LoopKind.REVOLUTE: (2,)}.get(loop.kind, (0, 1, 2))
         rows += [relative[i, j] - int(i == j) for j in columns for i in range(3)]
         rows += [relative[i, 3] for i in range(2 if loop.kind is LoopKind.PRISMATIC else 3)]
-    for coupling in mechanism.couplings:
-        terms = (c * values[name] ** k for name, cs in coupling.terms.items() for k, c in enumerate(cs, 1))
-        rows.append(sum(terms) - coupling.constant)
     return mp.matrix(rows)
 
 
@@ -225,67 +222,7 @@ def test_equations_that_depend_by_design_are_bounded_and_counted(built, axes, co
     assert "independent equations" in modes.certification
 
 
-def test_closed_forms_are_in_the_boxes(robot):
-    """Where the circles about both knees of a five-bar meet, in mpmath."""
-    m = robot("five_bar")
-    for actuated in ([2.0, 1.0], [2.5, 0.3], [1.8, 1.4]):
-        modes = assembly_modes(m, actuated)
-        assert modes.certified == len(modes) == 2
-        assert all((cert.others, cert.gap) == (0, 0.0) for cert in modes.certificates)
-        with mpmath.workdps(DIGITS):
-            first, third = map(mp.mpf, actuated)
-            feet, near, far = [mp.mpf(-0.15), mp.mpf(0.15)], mp.mpf(0.25), mp.mpf(0.4)
-            a, b = (mp.mpc(foot) + near * mp.expj(angle) for foot, angle in zip(feet, (first, third), strict=True))
-            height = mp.sqrt(far**2 - abs(b - a) ** 2 / 4) * (b - a) / abs(b - a)
-            expected = []
-            for side in (1j, -1j):
-                tip = (a + b) / 2 + side * height
-                second, fourth = mp.arg(tip - a) - first, mp.arg(tip - b) - third
-                expected.append({"joint2": second, "joint4": fourth, "joint5": first + second - third - fourth})
-            for q, certificate in zip(modes, modes.certificates, strict=True):
-                assert min(distance(m, q, exact) for exact in expected) <= certificate.error
-
-
 # --- what is not ----------------------------------------------------------------------------------------------------
-
-
-def test_nearly_double_modes_are_distinguished_or_not_certified_and_never_wrong(robot):
-    """At (pi, 0) both elbows of the five-bar coincide; the modes there are about 0.8 e apart at (pi - e, 0)."""
-    m = robot("five_bar")
-    for exponent in range(1, 17, 3):
-        actuated = [math.pi - 10.0**-exponent, 0.0]
-        modes = assembly_modes(m, actuated)
-        assert modes.certified in (0, 2)
-        assert modes.certified == 2 or exponent > 4
-        assert_enclosed(modes)
-        if modes.certified == 2:
-            with mpmath.workdps(DIGITS):
-                first, second = (refined(m, modes.actuated, q)[0] for q in modes)
-                assert max(abs(first[name] - second[name]) for name in first) > 10.0 ** -(exponent + 1)
-
-
-def test_modes_that_have_just_become_complex_are_not_certified(built):
-    """Between two neighbouring doubles a pair of modes becomes complex, with an imaginary part of about 1e-8: closed to
-    1e-12 it looks real."""
-    m = built(five_bar(rng(3)))
-    real, away = home(m), np.array([1.0, 0.0])
-    assert len(assembly_modes(m, real)) == 2
-    step = next(s for s in np.linspace(0.1, 3.0, 30) if not len(assembly_modes(m, real + s * away)))
-    below, beyond = 0.0, float(step)
-    last = assembly_modes(m, real)
-    while beyond - below > 1e-16 and below < (middle := 0.5 * (below + beyond)) < beyond:
-        modes = assembly_modes(m, real + middle * away)
-        if len(modes):
-            below, last = middle, modes
-        else:
-            beyond = middle
-    for steps in range(60):
-        actuated = real + beyond * (1.0 + 2.2e-16 * steps) * away
-        fake = replace(last, actuated=actuated, coincident=(1,) * len(last))
-        with mpmath.workdps(DIGITS):
-            for q, certificate in zip(fake, fake.certificates, strict=True):
-                if certificate is not None:  # then it is real
-                    assert refined(m, actuated, q)[1] < 1e-40
 
 
 def test_what_is_no_mode_is_not_certified(robot):

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from assembled import apart, closings, home, places, sound
-from linkages import delta, hinge, legged, ring, slide, spherical_legs, universal
+from linkages import delta, hexapod, hinge, legged, points, ring, slide, spherical_legs, universal
 from numpy.random import default_rng as rng
 
 import cinegen
@@ -170,3 +170,66 @@ def test_what_is_called_complete_leaves_nothing_to_random_closings(built, kind):
             assert not unlisted(modes)
         elif not modes.trace_test and modes.self_motions:
             assert on_self_motions(modes, [q for q, alone in zip(modes, modes.isolated, strict=True) if not alone])
+
+
+# --- known self-motions -----------------------------------------------------------------------------------------------
+# Self-motions that the literature knows: each is found, is the one that is known, and nothing is called complete.
+
+
+HALF_TURN = np.diag([-1.0, -1.0, 1.0])  # about z
+
+
+def moved(m: cinegen.Mechanism, q: np.ndarray) -> np.ndarray:
+    """(4, 4) the displacement of the tool from home to q, in the world."""
+    return (m.placement(q, "tool") * m.placement(m.q_home, "tool").inverse()).homogeneous
+
+
+# --- platforms on six legs ------------------------------------------------------------------------------------------
+
+
+def test_a_platform_moves_as_the_half_turn_of_its_base_about_a_line(built):
+    """E. Borel and R. Bricard, "Mémoire sur les déplacements à trajectoires sphériques", 1908 and 1906; M. Gallet,
+    G. Nawratil, J. Schicho, J. Selig, "Mobile icosapods", 2017. A half-turn about any line brings M as near to m as m
+    to M: three pairs of legs constrain its line, of four parameters, three times."""
+    base, platform = rng(0).uniform(-1.0, 1.0, (2, 3, 3))
+    platform[:, 2] += 1.0
+    feet, heads = np.vstack([base, platform]), np.vstack([platform, base]) @ HALF_TURN
+    m = built(hexapod(rng(1), "UpS", feet, heads))
+    modes = assembly_modes(m)
+    assert moves(modes) == [(1, 12)]
+    assert not modes.complete
+    turned = moved(m, modes.self_motions[0].configuration) @ np.diag([-1.0, -1.0, 1.0, 1.0])
+    assert turned @ turned == pytest.approx(np.eye(4), abs=1e-9)
+    assert np.trace(turned) == pytest.approx(0.0, abs=1e-9)  # a half-turn about another line
+    assert np.abs(turned - np.diag([-1.0, -1.0, 1.0, 1.0])).max() > 0.01
+
+
+def test_bricards_plane_symmetric_octahedron_is_flexible(built):
+    """R. Bricard, "Mémoire sur la théorie de l'octaèdre articulé", J. math. pures et appliquées 3, 1897. One face is
+    the base, the opposite one the platform, and Merlet's determinant vanishes."""
+    r = rng(0)
+    base = r.uniform(-1.0, 1.0, (3, 3))
+    base[2, 0] = 0.0  # two pairs of vertices are mirrored, and two vertices are in the plane
+    platform = np.vstack([base[:2] * [-1.0, 1.0, 1.0], [0.0, *r.uniform(-1.0, 1.0, 2)]])
+    pairs = [(i, j) for i in range(3) for j in range(3) if i != j]
+    m = built(hexapod(rng(1), "UpS", np.array([base[i] for i, _ in pairs]), np.array([platform[j] for _, j in pairs])))
+    modes = assembly_modes(m)
+    assert moves(modes) == [(1, 12)]
+    assert not modes.complete
+    known = [places(m, q, ["tool"]) for q in modes]  # the isolated ones, too, though no root shows them
+    assert on_self_motions(modes, [q for q in closings(modes, 25) if apart(places(m, q, ["tool"]), known) > 1e-5])
+    motion = moved(m, modes.self_motions[0].configuration)
+    corners = platform @ motion[:3, :3].T + motion[:3, 3]
+    assert np.abs(corners - platform).max() > 0.01
+    middle, across = 0.5 * (base + corners), corners - base
+    normal = across[0] / np.linalg.norm(across[0])
+    assert np.cross(across[1], normal) == pytest.approx(np.zeros(3), abs=1e-9)
+    in_plane = np.array([middle[1], base[2], corners[2]]) - middle[0]
+    assert in_plane @ normal == pytest.approx(np.zeros(3), abs=1e-9)
+
+
+def test_a_platform_that_is_as_its_base_is_controlled_although_its_legs_are_parallel_at_home(built, recwarn):
+    """Rotated, the lines of its legs are independent."""
+    feet = points(rng(0))[0]
+    m = built(hexapod(rng(0), feet=feet, heads=np.add(feet, [0.1, -0.2, 0.9])))
+    assert (m.uncontrolled, m.dependent, [str(each.message) for each in recwarn]) == ((), (), [])

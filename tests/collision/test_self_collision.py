@@ -146,20 +146,6 @@ def test_all_pairs_of_links_that_an_srdf_watches_are_watched(name, srdf):
     assert watched <= ours
 
 
-# --- links that touch, that stand in the world, that never meet ----------------------------------------------------
-
-
-def test_what_stands_in_the_world_may_be_hit_by_a_link_further_out():
-    arm = load("planar_3r")
-    _, bodies, pairs = pairs_of("planar_3r")
-    with_base = {bodies[k].name for i, k in pairs if bodies[i].joint == 0}
-    assert with_base == {"link2", "link3"} & {body.name for body in bodies}
-    last = bodies[max(k for i, k in pairs if bodies[i].joint == 0)]
-    folded = arm.configuration(dict(zip(arm.joints, (0.0, np.pi, 0.0), strict=True)))
-    at = poses(arm, bodies, folded)
-    assert min(distance(bodies, at, i, k) for i, k in pairs if bodies[i].joint == 0) < 0.0, last.name
-
-
 # --- srdf -------------------------------------------------------------------------------------------------------------
 # Pairs of links that an SRDF disables.
 

@@ -139,14 +139,11 @@ def test_errors_out_of_the_plane_open_a_planar_linkage():
     parameters = Parameters("five_bar")
     design = Design(parameters)
     assert len(design.evaluate().opening) == 18
-    for name in ("link2.alpha", "link3.r"):
-        assert name in design.evaluate().opening
-        p = parameters.values.copy()
-        p[parameters.index(name)] += 1e-3
-        with pytest.raises(ClosureError):
-            design.close(p)
-        with pytest.raises(ClosureError):
-            parameters.mechanism_with(p)
+    p = parameters.with_changed({"link3.r": "1mm"})
+    with pytest.raises(ClosureError):
+        design.close(p)
+    with pytest.raises(ClosureError):
+        parameters.mechanism_with(p)
 
 
 def test_a_healed_mechanism_is_evaluated_as_it_was_healed(tmp_path):
@@ -254,7 +251,7 @@ def test_edited_documents(name: str) -> None:
     by_p = at_q.amplification_derivative(node)[0]
     if name == "rssr":
         assert at_q.opening == ()
-    for k, unit, step, changed in sampled(source, at_q.opening, 3, 100 if name == "rssr" else 6):
+    for k, unit, step, changed in sampled(source, at_q.opening, 3, 6):
         open_poses = [pin.log6(nominal.actInv(m.placement(at_q.q[0], node))).vector * scale for m in changed]
         moved = at_q.node_parameters(node)[0, :, k] * scale
         np.testing.assert_allclose(unit * moved, unit * difference(open_poses, step), atol=1e-8)
@@ -353,31 +350,6 @@ def test_random_trees(seed: int, size: int):
     np.testing.assert_allclose(at_p.pose_derivative(node)[0, :, k], (moved[0] - moved[1]) / (2.0 * step), atol=1e-7)
     by_p = (ahead.amplification(node)[0] - behind.amplification(node)[0]) / (2.0 * step)
     np.testing.assert_allclose(at_p.amplification_derivative(node)[0, ..., k], by_p, atol=1e-6)
-
-
-@settings(max_examples=40)
-@given(st.integers(0, 10**6))
-def test_own_variables_are_offsets_of_encoders(seed: int):
-    """A joint whose encoder is off by some value is where it would be with that much more in its reading."""
-    rng = np.random.default_rng(seed)
-    document = random_robot(rng, 5)
-    variables = [variable for variable in Parameters(document).all if variable.joint]
-    if not variables:
-        return
-    variable = variables[int(rng.integers(len(variables)))]
-    parameters = Parameters(document, variable.name)
-    design, mechanism = Design(parameters), parameters.mechanism
-    q = mechanism.q_home.copy()
-    q[mechanism.q_index(variable.joint)] += 0.1
-    off = design.evaluate(parameters.values + 0.1)
-    for node in mechanism.nodes:
-        np.testing.assert_allclose(off.placements(node)[0], mechanism.placement(q, node).homogeneous, atol=1e-12)
-    node = mechanism.end
-    np.testing.assert_allclose(
-        design.evaluate().pose_derivative(node)[0, :, 0],
-        mechanism.jacobian(mechanism.q_home, node)[:, mechanism.v_index(variable.joint)],
-        atol=1e-12,
-    )
 
 
 @pytest.mark.parametrize("name", ["five_bar", "differential_wrist", "belt_five_bar", "cam"])

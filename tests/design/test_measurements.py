@@ -68,7 +68,6 @@ def test_written_files_are_read_again(mark):
         ("pose,tool.distance(5000 0 0)\n", "is in m, which can't be meant: write the unit, such as 5000mm"),
         ("pose,tool.x [deg]\n", "line 1, column 2: tool.x: [deg] is an angle: a length is wanted"),
         ("pose,tool.x (mm)\n", "line 1, column 2: 'tool.x (mm)': write the unit in square brackets: tool.x [mm]"),
-        ("pose,joint1(deg)\n", "write the unit in square brackets: joint1 [deg]"),
         ("pose,tool.distance(1 0 0) (mm)\n", "in square brackets: tool.distance(1 0 0) [mm]"),
         ("pose,tool.x (ball)\n", "'tool.x (ball)' is neither a joint"),
         ("pose,joint1,tool.x [mm]\na,1\n", "line 2: 2 cells, but the header has 3 columns"),

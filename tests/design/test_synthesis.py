@@ -9,7 +9,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from clearings import apart, at
-from five_bar import FiveBar
 from orthoglide import orthoglide
 from small_robots import two_bars
 from variants import slow
@@ -38,13 +37,6 @@ def changed(**values: object) -> dict[str, object]:
 NEAR = {"axes": ["x", "y"], "points": [[0.0, 0.4], [0.05, 0.42]]}
 
 
-@pytest.fixture(scope="module")
-def best_orthoglide(tmp_path_factory):
-    path = tmp_path_factory.mktemp("glide") / "orthoglide.raff"
-    path.write_text(orthoglide(), encoding="utf-8")
-    return synthesize(path, ORTHOGLIDE)
-
-
 ORTHOGLIDE = {
     "parameters": {"link4.d": "250..800mm", "frame20.d": "-100..100mm"},
     "ties": ["link4.d = link9.d = link15.d", "frame20.r = -1*frame20.d", "frame20.d = frame20.epsilon"],
@@ -55,8 +47,8 @@ ORTHOGLIDE = {
 }
 
 
-def test_orthoglide(best_orthoglide):
-    best = best_orthoglide
+def test_orthoglide(text_file):
+    best = synthesize(text_file("orthoglide.raff", orthoglide()), ORTHOGLIDE)
     # along the diagonal the amplification is 1 / (1 + 2 f) and 1 / (1 - f), f = t / sqrt(L^2 - 2 t^2)
     t = np.array([1.0 / np.sqrt(6.0), -np.sqrt(2.0) / 6.0])
     length = 0.2 / (t[0] - t[1])
@@ -65,20 +57,6 @@ def test_orthoglide(best_orthoglide):
     np.testing.assert_allclose(abs(best.p[1]), length * t.sum() / 2.0, rtol=1e-5)
     assert best.check.reached == best.check.points == 512
     assert 0.5 <= best.check.sigma[0] < best.check.sigma[1] <= 2.0
-
-
-def test_amplification_of_the_orthoglide_by_its_equations(best_orthoglide, tmp_path):
-    path = tmp_path / "best.raff"
-    path.write_text(best_orthoglide.raff, encoding="utf-8")
-    length, offset = (Parameters(path, [name]).values[0] for name in ("link4.d", "frame20.d"))
-    corners = np.array(np.meshgrid(*[[-0.1, 0.1]] * 3)).reshape(3, -1).T
-    factors = []
-    for corner in corners + offset:  # of the platform from where bars are along the slides
-        rows = np.diag(np.sqrt(length**2 - (corner @ corner - corner**2)))
-        rows = np.where(np.eye(3) > 0, -rows, corner)
-        factors.append(1.0 / np.linalg.svd(rows / np.diag(rows)[:, None], compute_uv=False))
-    assert np.min(factors) == pytest.approx(0.5, abs=1e-6)
-    assert np.max(factors) == pytest.approx(2.0, abs=1e-5)
 
 
 EVERYTHING = {
@@ -133,17 +111,18 @@ def test_derivatives_of_all_quantities(robot):
 
 def test_state_continues(tmp_path):
     state = tmp_path / "state.json"
-    first = synthesize("five_bar", FIVE_BAR, state=state)
+    task = changed(reach=NEAR)
+    first = synthesize("five_bar", task, state=state)
     values = json.loads(state.read_text(encoding="utf-8"))
     values["starts"] = values["starts"][:1]
     state.write_text(json.dumps(values), encoding="utf-8")
     reported: list[int] = []
-    again = synthesize("five_bar", FIVE_BAR, state=state, report=lambda text, done, total: reported.append(done))
+    again = synthesize("five_bar", task, state=state, report=lambda text, done, total: reported.append(done))
     assert reported == [1]
     np.testing.assert_array_equal(first.p, again.p)
     assert len(again.starts) == 2
     with pytest.raises(DesignError, match="belongs to another task"):
-        synthesize("five_bar", changed(starts=3), state=state)
+        synthesize("five_bar", changed(reach=NEAR, starts=3), state=state)
 
 
 @pytest.mark.slow
@@ -318,10 +297,6 @@ def test_a_region_is_proved_with_the_result_or_the_task_is_not_done(monkeypatch)
         (changed(reach={"x": "-150..150mm"}), "which is 1 coordinates, but 2 actuated joints move it"),
         (changed(parameters={"link2.d": "150..500mm", "link5.theta": "-170..-10deg"}), "is the variable of joint5"),
         (changed(parameters={"link2.alpha": "-5..5deg"}, ties=[]), "link2.alpha: a change opens the loops"),
-        (
-            changed(ties=["link2.d = link4.d", "link4.d = 2*link2.d"]),
-            "contradictory or circular ties .*: 'link2.d = link4.d' and 'link4.d = 2\\*link2.d'",
-        ),
         (changed(parameters={"link2.d": "150..500mm", "base.r": "-1..1m"}, ties=[]), "base.r: without any effect"),
         (changed(objective=[{"minimise": "accuracy"}]), "tolerances is missing"),
         (changed(tolerances={"sigma": {"link*.d": "0.05mm"}}), "of no use without accuracy"),
@@ -331,7 +306,6 @@ def test_a_region_is_proved_with_the_result_or_the_task_is_not_done(monkeypatch)
         (changed(objectiv=[]), "unknown key 'objectiv': did you mean 'objective'"),
         (changed(objective=[{"maximise": "condition"}]), "better in the opposite direction: write minimise"),
         (changed(constraints={"singular_values": "0..2"}), "must begin above 0"),
-        (changed(parameters={"link2.d": "300..500mm"}), "outside its bounds"),
     ],
 )  # fmt: skip
 def test_bad_tasks(values, message):
@@ -390,7 +364,7 @@ def values_of(linkage) -> dict[str, float]:
     return dict(zip(linkage.parameters.names, linkage.p, strict=True))
 
 
-@pytest.mark.parametrize(("points", "starts"), [(NINE[:8:2], 4), *slow((NINE, 24))], ids=["four", "nine"])
+@pytest.mark.parametrize(("points", "starts"), [(NINE[:8:2], 2), *slow((NINE, 24))], ids=["four", "nine"])
 def test_path(points, starts):
     linkage = synthesize("four_bar", {"parameters": RANGES, "path": {"points": points}, "starts": starts})
     assert linkage.error.max() < 1e-9
@@ -407,7 +381,7 @@ def test_path(points, starts):
 
 def test_guidance():
     poses = [[0.2, 0.4, 10.0], [0.3, 0.45, 30.0], [0.35, 0.42, 55.0]]
-    linkage = synthesize("four_bar", {"parameters": RANGES, "guidance": {"poses": poses}, "starts": 4})
+    linkage = synthesize("four_bar", {"parameters": RANGES, "guidance": {"poses": poses}, "starts": 2})
     assert linkage.error.max() < 1e-9
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", cinegen.CinegenWarning)  # home is outside of the limits of joint3
@@ -422,7 +396,7 @@ def test_guidance():
 def test_function():
     ranges = {name: RANGES[name] for name in ("link2.d", "frame4.d", "frame5.d")} | {"link2.d": "50mm..0.8m"}
     pairs = [[40.0, 95.0], [65.0, 103.0], [90.0, 115.0]]
-    task = {"parameters": ranges, "function": {"input": "joint1", "output": "joint3", "pairs": pairs}, "starts": 2}
+    task = {"parameters": ranges, "function": {"input": "joint1", "output": "joint3", "pairs": pairs}, "starts": 1}
     linkage = synthesize("four_bar", task)
     assert linkage.error.max() < 1e-9
     p, fixed = values_of(linkage), Parameters("four_bar").values[Parameters("four_bar").index("link3.d")]
@@ -437,7 +411,6 @@ def test_function():
         ("five_bar", {"parameters": {"link2.d": "0.1..1m"}, "path": {"points": NINE}}, "has mobility 2"),
         ("four_bar", {"parameters": RANGES, "path": {"points": NINE[:1]}}, "must be two or more"),
         ("four_bar", {"parameters": RANGES, "path": {"points": [[100, 50], [120, 60]]}}, "did you mean 120 mm"),
-        ("four_bar", {"parameters": RANGES, "path": {"points": NINE, "pionts": 1}}, "did you mean 'points'"),
         ("four_bar", {"parameters": RANGES, "path": {"points": [[1, 2, 3]]}}, "rows of 2 numbers"),
         ("four_bar", {"parameters": RANGES, "path": {"points": NINE}, "guidance": {"poses": []}}, "cannot be combined"),
         (
@@ -464,7 +437,7 @@ def test_bad_precision_points(robot, values, message):
 
 
 # --- five bar circle --------------------------------------------------------------------------------------------------
-# Five-bars by plane geometry (`tests/helpers/five_bar.py`): synthesis against elementary optima.
+# A five-bar against an elementary optimum.
 #
 # With coincident base joints, at a distance r from them and with the half angle b between the outer bars, the singular
 # values are r / sqrt(2) and r tan(b) / sqrt(2). So the condition number depends on r alone. By the law of cosines its
@@ -476,32 +449,14 @@ WIDE = changed(parameters={"link2.d": "150..500mm", "link5.d": "200..700mm"}, st
 RECTANGLE = np.stack(np.meshgrid(np.linspace(-0.15, 0.15, 61), np.linspace(0.3, 0.5, 41)), -1).reshape(-1, 2)
 
 
-def optimum_with_coincident_base_joints() -> tuple[float, float, float]:
-    """Return inner bar, outer bar and condition number."""
-    nearest, farthest = np.linalg.norm(RECTANGLE, axis=1).min(), np.linalg.norm(RECTANGLE, axis=1).max()
-    inner = (nearest + farthest) / 2.0
-    return inner, float(np.sqrt(inner**2 + nearest * farthest)), float(inner / np.sqrt(nearest * farthest))
-
-
-def test_condition_of_the_written_five_bar():
-    result = synthesize("five_bar", WIDE)
-    inner, outer = result.p
-    best = FiveBar(inner, outer, 0.15).condition(RECTANGLE).max()
-    assert result.before[0] == pytest.approx(FiveBar(0.25, 0.4, 0.15).condition(RECTANGLE).max(), rel=1e-6)
-    assert best == pytest.approx(result.values[0], rel=2e-4)  # on a grid that is finer than the optimiser's
-    assert result.check.condition <= best
-    nearby = np.stack(np.meshgrid(*[np.linspace(-0.02, 0.02, 9)] * 2), -1).reshape(-1, 2)
-    anywhere = np.stack(np.meshgrid(np.linspace(0.15, 0.5, 11), np.linspace(0.2, 0.7, 11)), -1).reshape(-1, 2)
-    for a, b in [*(nearby + result.p), *anywhere]:
-        assert FiveBar(a, b, 0.15).condition(RECTANGLE).max() >= best * (1.0 - 2e-4)
-
-
 def test_five_bar_with_coincident_base_joints(tmp_path):
     path = tmp_path / "coincident.raff"
     path.write_text(Parameters("five_bar", "link3.d", "link1.d = -1*link3.d").with_values([0.0]), encoding="utf-8")
     assert np.linalg.norm(cinegen.load(path).placement(cinegen.load(path).q_home, "link1").translation) < 1e-12
     result = synthesize(path, WIDE)
-    inner, outer, worst = optimum_with_coincident_base_joints()
+    nearest, farthest = np.linalg.norm(RECTANGLE, axis=1).min(), np.linalg.norm(RECTANGLE, axis=1).max()
+    inner = (nearest + farthest) / 2.0
+    outer, worst = np.sqrt(inner**2 + nearest * farthest), inner / np.sqrt(nearest * farthest)
     np.testing.assert_allclose(result.p, [inner, outer], rtol=1e-5)  # the grid has no point at sqrt(r0 r1)
     assert worst * (1.0 - 1e-5) < result.values[0] <= worst  # of fewer points
     assert result.check.condition <= worst * (1.0 + 1e-5)

@@ -257,7 +257,6 @@ def test_dimensions_of_one_set_up_err_alike():
         ({"sigma": {"lnk2.d": 0.1, "link2.q": 0.1}}, "link2 has no parameter 'q'"),
         ({"play": [("joint2", 0.1), ("joint2.x", 0.2)]}, "the play of joint2 along x is given twice"),
         ({"encoder": {"joint1": "0.1mm"}}, "encoder of joint1: '0.1mm' is a length"),
-        ({"sigma": {"link2.d": 0.1}, "interval": 1.5}, "narrower than any normal distribution"),
         ({"sigma": {"link2.d": 0.1}, "interval": 1.73206}, "narrower than any normal distribution"),
         ({"source": UNIVERSAL, "encoder": {"joint1_Y": 0.1}}, "joint1_Y: the offset of its encoder is no parameter"),
         ({"source": "delta4", "play": {"link5-link11": 1e-4}}, "is rigid: it has no play"),

@@ -330,40 +330,6 @@ def missed(base, platform, lengths, placements, rng, starts=80) -> int:
     return int((far > 1e-3).sum())
 
 
-def regular(rng):
-    """Three symmetries, and equal lengths."""
-    base, platform = circle([70, 110, 190, 230, 310, 350], 2.0), circle([90, 210, 330], rng.uniform(0.5, 1.5))
-    return Hexapod(base, np.repeat(platform, 2, axis=0)), np.full(6, rng.uniform(1.0, 3.0))
-
-
-def parallel(rng):
-    """Circles in parallel planes: some solutions are at infinity."""
-    base = rng.normal(size=(6, 3)) * [1.0, 1.0, rng.choice([0.0, 1.0])]
-    base[1::2] = base[::2] + rng.uniform(0.5, 1.5, (3, 1)) * [1.0, 0.0, 0.0]
-    hexapod = Hexapod(base, np.repeat(rng.normal(size=(3, 3)), 2, axis=0))
-    return hexapod, reach(base, hexapod.platform, pose(rng, 1.0))
-
-
-def general(rng):
-    """Base points in a plane or not, the legs in any order."""
-    base = rng.normal(size=(6, 3)) * [1.0, 1.0, rng.choice([0.0, 0.7])]
-    hexapod = Hexapod(base, rng.normal(size=(3, 3))[rng.permutation([0, 0, 1, 1, 2, 2])])
-    return hexapod, reach(base, hexapod.platform, pose(rng, 1.0))
-
-
-@pytest.mark.parametrize("kind", [general, regular, parallel])
-@pytest.mark.parametrize("seed", range(12))
-def test_newtons_method_finds_no_other_mode_of_pairs_of_legs(seed, kind):
-    rng = np.random.default_rng(seed)
-    hexapod, lengths = kind(rng)
-    modes = hexapod.modes(lengths)
-    assert modes.complete, modes.method
-    assert modes.proved == (kind is not parallel)
-    assert modes.counts.total == 16
-    assert (modes.counts.infinite > 0) == (kind is parallel)
-    assert not missed(hexapod.base, hexapod.platform, lengths, modes.placements, rng, starts=1000)
-
-
 def six_legs(rng):
     base = hexagons(rng)
     return base, [hexagons(rng), base.copy(), 0.5 * base, base[rng.permutation(6)]][rng.integers(4)]
@@ -375,7 +341,7 @@ def pairs_of_legs(rng):
 
 
 @pytest.mark.parametrize("kind", [six_legs, pairs_of_legs])
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(5))
 def test_what_is_called_complete_has_the_pose_of_the_lengths_and_all_that_newtons_method_finds(seed, kind):
     rng = np.random.default_rng(seed)
     base, platform = kind(rng)

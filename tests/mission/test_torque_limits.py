@@ -19,16 +19,16 @@ from small_robots import four_bar, parallelogram
 from urdf_text import UrdfJoint, urdf_text
 
 import cinegen
-from cinegen.dynamics import InverseDynamics, Payload
+from cinegen.dynamics import InverseDynamics
 from cinegen.dynamics.errors import MassError
 from cinegen.dynamics.trajectory import torques_along
 from cinegen.errors import CinegenError, UnknownNameError
 from cinegen.mission import Recording, resampled
-from cinegen.planning.singular_crossing import CrossingDynamics, guided
+from cinegen.planning.singular_crossing import guided
 from cinegen.planning.timing import TimingError
 from cinegen.planning.torque_limits import TorqueLimits
 
-MASS, FORCE, GRAVITY = 2.0, 30.0, 9.81
+MASS, FORCE = 2.0, 30.0
 NEVER = 1e4  # a limit of acceleration that is not reached
 
 
@@ -44,25 +44,6 @@ def slid(tmp_path: Path):
         return mechanism, record(tmp_path / "run.jsonl", mechanism, [0.0, 9.0], [[0.0], [1.0]])
 
     return make
-
-
-def shortest(up: float, down: float, distance: float = 1.0) -> float:
-    """The time from rest to rest with limits of acceleration and deceleration."""
-    speed = math.sqrt(2.0 * distance * up * down / (up + down))
-    return speed / up + speed / down
-
-
-@pytest.mark.parametrize(("axis", "pull", "load"), [("1 0 0", 0.0, 0.0), ("0 0 1", GRAVITY, 0.5)])
-def test_a_mass_on_a_rail_moves_as_fast_as_the_textbook_has_it(slid, axis, pull, load):
-    mechanism, recording = slid(axis)
-    torques = TorqueLimits(mechanism, [Payload("cart", load)])
-    motion = resampled(recording, rate=1000.0, speed=math.inf, acceleration=NEVER, torques=lambda _: torques)
-    strength = FORCE / (MASS + load)
-    wanted = shortest(strength - pull, strength + pull)
-    assert wanted <= motion.seconds <= 1.02 * wanted + 0.002
-    forces = (MASS + load) * (np.diff(np.pad(motion.q[:, 0], 1, mode="edge"), 2) * 1e6 + pull)
-    assert np.abs(forces).max() <= FORCE
-    assert np.median(np.abs(forces)) > 0.97 * FORCE  # one limit or the other is reached nearly always
 
 
 def test_what_cannot_be_held_is_refused(slid):
@@ -115,7 +96,7 @@ def test_limits_that_are_missing_or_wrong(robot, slid):
     assert TorqueLimits(heavy, efforts={"joint6": 3.0}).joints == ("joint6",)
 
 
-@pytest.mark.parametrize(("damping", "dry"), [(0.0, 6.0), (12.0, 0.0), (40.0, 6.0)])
+@pytest.mark.parametrize(("damping", "dry"), [(0.0, 0.0), (0.0, 6.0), (40.0, 6.0)])
 def test_a_cart_with_friction_moves_as_fast_as_its_equation_has_it(slid, damping, dry):
     """Full force until it must brake, and then full force back: m a = F - d v - f, and m a = -F - d v - f."""
     mechanism, recording = slid("1 0 0", friction=f'<dynamics damping="{damping}" friction="{dry}"/>')
@@ -259,37 +240,6 @@ def test_a_path_all_along_which_no_joint_moves_must_be_divided():
     assert guided(bars, np.array(path[:2])).actuated == ("joint3",)
     with pytest.raises(CinegenError, match="no choice of 1 joint determines its motion all along this path: divide"):
         guided(bars, np.array(path))
-
-
-def test_the_condition_at_the_singularity(five_bar):
-    """With all actuated joints locked, gravity and inertia do no work on the motion that remains."""
-    path = straight(five_bar, (0.02, 0.30), (0.02, 0.10), 9)
-    driven = guided(five_bar, path)
-    dynamics = CrossingDynamics(InverseDynamics(five_bar, gravity=DOWN), driven)
-    height = brentq(lambda y: in_line(straight(five_bar, (0.02, y), (0.02, y), 1)[0]), 0.10, 0.30, xtol=1e-14)
-    singular_q = straight(five_bar, (0.02, height), (0.02, height), 1)[0]
-    tangent, bend = np.array([1.0, -0.4]), np.array([0.3, 0.2])
-    inertial, centrifugal, static, weight = dynamics.terms(singular_q, tangent, bend)
-    assert weight < 1e-9
-    square = 3.0
-    growth = -(centrifugal[0] * square + static[0]) / inertial[0]
-    zero = inertial * growth + centrifugal * square + static
-    assert zero == pytest.approx([0.0, 0.0], abs=1e-9 * np.abs(static).max())
-    guide = [five_bar.joints.index(name) for name in driven.actuated]
-    body = InverseDynamics(driven, gravity=DOWN)
-    v, a = body.motion(
-        singular_q,
-        dict(zip(driven.actuated, (math.sqrt(square) * tangent).tolist(), strict=True)),
-        dict(zip(driven.actuated, (growth * tangent + square * bend).tolist(), strict=True)),
-    )
-    assert v[guide] == pytest.approx(math.sqrt(square) * tangent)
-    model = pin.Model(five_bar.model)
-    model.gravity.linear = np.array(DOWN)
-    tree = pin.rnea(model, model.createData(), singular_q, v, a)
-    free = free_motions(five_bar, singular_q)
-    locked = free @ np.linalg.svd(free[[0, 2]])[2][-1]  # hardly moves joint1 and joint3
-    assert np.abs(locked[[0, 2]]).max() < 1e-9
-    assert locked @ tree == pytest.approx(0.0, abs=1e-8 * np.abs(tree).max())
 
 
 def test_without_the_option_and_where_there_is_no_pace_it_is_refused(five_bar, fall, tmp_path):

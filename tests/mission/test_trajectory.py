@@ -109,20 +109,6 @@ def test_it_is_near_what_was_recorded(robot, tmp_path):
 # --- limits ----------------------------------------------------------------------------------------------------------
 
 
-def test_a_leap_becomes_a_motion_at_the_limit(robot, tmp_path):
-    arm = robot("planar_3r")
-    still, goal = np.array([0.1, 0.4, 0.3]), np.array([0.1, 1.4, 0.3])
-    q = [still] * 50 + [goal] * 50
-    motion = resampled(record(tmp_path / "run.jsonl", arm, np.arange(100) / 100, q))
-    fastest = arm.model.upperVelocityLimit[1]
-    angular = DEFAULT_ACCELERATION[0]  # from rest to rest, at the limits of acceleration and velocity
-    ramps = fastest / angular + 1.0 / fastest if fastest**2 < angular else 2.0 / math.sqrt(angular)
-    assert motion.passes[-1, 0] == pytest.approx(0.98 + ramps, rel=0.05)
-    assert _accelerations(motion).max() == pytest.approx(1.0, abs=0.05)
-    assert np.diff(motion.q[:, 1]).min() >= 0.0
-    assert motion.recorded(motion.passes[60, 0]) == pytest.approx(0.6)
-
-
 def test_joints_without_motors_obey_their_limits_too(tmp_path):
     slow = cinegen.load(four_bar(words=("velocity 720 actuated 1", "", "velocity 20")))
     forward, begin = ForwardKinematics(slow), slow.q_home[0]
@@ -253,7 +239,7 @@ def test_singularities_far_apart_from_samples():
     assert set(counts) == {0, 1}
 
 
-@pytest.mark.parametrize("samples", [36, 720])
+@pytest.mark.parametrize("samples", [36, 180])
 def test_dead_centres_between_two_samples_are_passed(raff, samples):
     """A piston turns back where its crank and its rod are in line. It moves in one direction of three: its Jacobian
     has rank 1."""

@@ -9,12 +9,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from descents import ROBOTS, apart, attraction, bodies, figure, moved, slopes, slopes_at
+from elliptical_potential import Elliptical
 from enclosing_potentials import EllipticalPotential, Gains, Spherical, SphericalPotential, spherical
 from enclosures import Enclosure
 from firas import CONTACT
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from scipy.spatial.transform import Rotation
 from surfaces import placed, shapes, surface
 
 from cinegen.collision.body import Body
@@ -31,17 +33,6 @@ around_start = st.lists(st.floats(-0.25, 0.25), min_size=3, max_size=3)
 def test_at_contact_it_is_infinite_and_has_no_gradient(d):
     assert Spherical(1.0).value(d) == math.inf
     assert np.isnan(Spherical(1.0).gradient(d, [1.0, 0.0, 0.0])).all()
-
-
-@given(points, points, st.floats(0.0, 1.0), st.floats(0.3, 3.0))
-def test_spherical_is_equation_2_measured_from_the_ball(centre, point, radius, gamma):
-    away = np.linalg.norm(point - centre)
-    assume(away - radius > 0.1)
-    field = Spherical(0.7, gamma)
-    assert field.value(away - radius) == pytest.approx(0.7 / (away - radius) ** (2.0 * gamma))
-    got = field.gradient(away - radius, (point - centre) / away)
-    wanted = slopes_at(lambda p: field.value(np.linalg.norm(p - centre) - radius), point, 1e-6)
-    assert got == pytest.approx(wanted, rel=1e-4, abs=1e-4 * (1.0 + np.linalg.norm(got)))
 
 
 # --- the total potential -----------------------------------------------------------------------------------------
@@ -151,3 +142,46 @@ def test_ball_and_box_hold_what_they_stand_for(shape, turn, where):
         assert abs(axes[:, 2] @ plane) == pytest.approx(1.0)
     away = np.linalg.norm(off, axis=1)
     assert (away <= radius + 1e-9).all()
+
+
+# --- elliptical potential ---------------------------------------------------------------------------------------------
+# The elliptical potential against its definition and finite differences.
+
+
+halves = arrays(float, 3, elements=st.floats(0.02, 0.6))
+
+
+@given(halves, points, st.floats(0.3, 1.7), st.integers(0, 2**32 - 1))
+def test_the_elliptical_gradient_is_that_of_its_value(half, point, rounding, seed):
+    axes = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
+    field = Elliptical([0.1, -0.2, 0.3], half, 0.4, 0.8, rounding, axes)
+    assume(field.pseudo_distance(point) > 0.05)
+    got = field.gradient(point)
+    assert got == pytest.approx(slopes_at(field.value, point, 1e-6), abs=1e-4 * (1e-3 + np.linalg.norm(got)))
+
+
+@given(halves, points, st.floats(0.3, 1.7))
+def test_a_point_lies_on_the_contour_of_its_pseudo_distance(half, point, rounding):
+    """The published equation, with the root put in."""
+    field = Elliptical([0, 0, 0], half, rounding=rounding)
+    k = float(field.pseudo_distance(point))
+    if (np.abs(point) <= half).all():
+        assert k == 0.0
+        return
+    assume(k > 0.01)
+    n, longest = 1.0 / (1.0 - math.exp(-rounding * k)), half.max()
+    norm = sum((h / longest) ** 2 * (abs(x) / h / (1.0 + k)) ** (2.0 * n) for x, h in zip(point, half, strict=True))
+    assert norm == pytest.approx(1.0, rel=1e-6)
+
+
+def test_contours_are_the_box_near_it_and_spheres_far_away():
+    half = np.array([0.1, 0.2, 0.4])
+    field = Elliptical([0, 0, 0], half)
+    corner = half * (1.0 + 1e-9)
+    on_faces = [[0.1 + 1e-9, 0.15, -0.3], [0.02, 0.2 + 1e-9, 0.1], [0.09, 0.19, 0.4 + 1e-9]]
+    assert field.pseudo_distance([*on_faces, corner]) == pytest.approx(0.0, abs=1e-7)
+    way = Rotation.random(20, rng=np.random.default_rng(1)).apply([0.0, 0.0, 1.0])
+    far = field.pseudo_distance(1e3 * way)
+    assert far == pytest.approx(1e3 / 0.4 - 1.0, rel=1e-9)
+    gradients = field.gradient(20.0 * way)
+    assert gradients == pytest.approx(-np.linalg.norm(gradients, axis=1)[:, None] * way, abs=1e-12)

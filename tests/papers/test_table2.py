@@ -1,13 +1,18 @@
 """Table 2 of the paper: poses that satisfy a row are singular, for the reason that it gives; others are not."""
 
+import math
+
 import numpy as np
 import pytest
+import varieties
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from line_geometry import distance, mutual_moment, transversals
 from scipy.spatial.transform import Rotation
 from table2 import COORDINATES, ROWS, Geometry, concurrency
 
 from cinegen.singularities.grassmann import classify
+from cinegen.singularities.pluecker import LineAtInfinity, PlueckerLine
 
 # The paper's example (J-P. Merlet, "Symbolic computation for the determination of the minimal direct kinematics
 # polynomial and the singular configurations of parallel manipulators"): its geometry, identified from Table 1. With it
@@ -94,17 +99,6 @@ def test_a_pose_beside_a_row_is_not_in_it(row):
             assert dependence is None or (dependence.grassmann_class, dependence.lines) != reason
 
 
-@given(seeds)
-@settings(max_examples=50)
-def test_poses_at_random_satisfy_no_row(seed):
-    rng = np.random.default_rng(seed)
-    for tssm in _robots(rng):
-        pose = _any_pose(rng)
-        if abs(concurrency(tssm, pose)) > 1e-5:
-            assert min(row.residual(tssm, pose) for row in ROWS) > 1e-6
-            assert classify(tssm.lines(pose), tssm.length) is None
-
-
 # --- all singularities ------------------------------------------------------------------------------------------------
 
 
@@ -124,17 +118,6 @@ def test_concurrent_planes_are_the_determinant(seed):
 
 
 # --- what the rows say of themselves ----------------------------------------------------------------------------------
-
-
-def test_fichters_singularity_as_printed():
-    poses = [np.array([0.0, 0.0, 17.0, psi, 0.0, 0.0]) for psi in (np.pi / 2, -np.pi / 2)]
-    pitches = []
-    for pose in poses:
-        assert FICHTER.residual(PAPER, pose) < 1e-12
-        (screw,) = classify(PAPER.lines(pose), PAPER.length).uncontrolled
-        assert abs(screw.pitch) > 0.1
-        pitches.append(screw.pitch)
-    assert pitches[0] == pytest.approx(-pitches[1])  # one pose is the other in the robot's mirror
 
 
 def test_heights_are_all_those_at_which_the_determinant_changes_its_sign():
@@ -159,3 +142,60 @@ def test_heights_are_all_those_at_which_the_determinant_changes_its_sign():
 def test_rows_without_a_solution_have_no_poses():
     level = np.array([1.0, 2.0, 20.0, 0.3, 0.0, 0.2])  # a platform parallel to the base holds no point of it
     assert SECOND.complete(PAPER, level).shape == (0, 6)
+
+
+# --- line geometry ----------------------------------------------------------------------------------------------------
+# Elementary geometry of lines against points and planes, computed without moments.
+
+
+def _random(rng):
+    return PlueckerLine.through(*rng.normal(size=(2, 3)))
+
+
+def _closest(p, d, q, e):
+    """The points of two lines that are nearest to each other, by least squares over both parameters."""
+    s, t = np.linalg.lstsq(np.column_stack([d, -e]), q - p, rcond=None)[0]
+    return p + s * d, q + t * e
+
+
+def _apart(a, b):
+    p, q = _closest(a.point, a.direction, b.point, b.direction)
+    return np.linalg.norm(p - q)
+
+
+# --- two lines --------------------------------------------------------------------------------------------------------
+
+
+@given(seeds)
+def test_the_mutual_moment_is_distance_times_sine(seed):
+    rng = np.random.default_rng(seed)
+    a, b = _random(rng), _random(rng)
+    sine = math.sin(math.acos(min(1.0, abs(a.direction @ b.direction))))
+    assert abs(mutual_moment(a, b)) == pytest.approx(_apart(a, b) * sine, abs=1e-7)
+    assert mutual_moment(a, b) == pytest.approx(mutual_moment(b, a))
+    assert distance(a, b) == pytest.approx(_apart(a, b), abs=1e-9)
+
+
+# --- several lines ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("maker", "count"), [
+    (varieties.hyperbolic, 2),
+    (varieties.hyperbolic_one_far, 2),
+    (varieties.parabolic, 1),
+    (varieties.parabolic_far, 1),
+    (varieties.elliptic, 0),
+])  # fmt: skip
+def test_four_lines_of_a_congruence_are_met_by_its_directors(maker, count, seed):
+    variety = varieties.placed(maker, np.random.default_rng(seed), others=0)
+    across = transversals(variety.lines[:4], variety.length)
+    assert not across.infinitely_many
+    assert len(across.lines) == count
+    for line in across.lines:
+        if isinstance(line, LineAtInfinity):
+            assert abs(line.normal @ variety.turn @ variety.built.normals[0]) == pytest.approx(1.0)
+        else:
+            slack = (1e-8 if count == 2 else 1e-6) * variety.length  # a double root is half as accurate
+            assert min(_apart(line, variety.line(ends)) for ends in variety.built.directors) < slack
+            assert all(_apart(line, other) < slack for other in variety.lines[:4])

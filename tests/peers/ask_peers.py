@@ -3,7 +3,7 @@
     make .venv-bench/installed
     .venv/bin/python tests/peers/ask_peers.py
 
-They bring a Pinocchio of their own, so they can't stand beside ours in one environment: test_differential_ik.py
+They bring a Pinocchio of their own, so they can't stand beside ours in one environment: test_reference_robots.py
 compares with what is kept in data/differential_ik.json, and asks again where .venv-bench is there. The problems have
 one answer each: as many joints as the task has rows, and a robot that is not singular.
 """

@@ -7,10 +7,13 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from coupled_robots import CLOSED_TEXTS
 from urdf_text import UrdfJoint, urdf_text
+from variants import FEWER
 
 import cinegen
 import raff2urdf
+from raff2urdf.conversion import convert
 
 CASSIE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots/cassie_description/robots"
 
@@ -86,56 +89,6 @@ def test_it_closes_at_the_first_try(case, mechanism):
     assert len(mechanism.actuated) == driven
 
 
-@pytest.mark.parametrize("case", WRITTEN)
-def test_its_ends_lie_far_apart_at_neutral(mechanism):
-    neutral = pin.neutral(mechanism.model)
-    for loop in mechanism.loops:
-        first, second = (mechanism.placement(neutral, node) for node in (loop.first, loop.second))
-        assert np.linalg.norm(first.translation - second.translation) > 0.1 * mechanism.length
-    assert mechanism.gap_as_written > 0.5
-
-
-def test_constraint_jacobians_and_mobility_are_those_of_finite_differences(mechanism):
-    step, basis = 1e-6, np.eye(mechanism.model.nv)
-
-    def residual(q, direction):
-        return mechanism.loop_residual(pin.integrate(mechanism.model, q, direction))
-
-    for q in [mechanism.q_home, *mechanism.random_closed(3)]:
-        slopes = [(residual(q, step * way) - residual(q, -step * way)) / (2.0 * step) for way in basis]
-        assert np.allclose(np.column_stack(slopes), mechanism.loop_jacobian(q), atol=1e-8)
-        assert mechanism.mobility == mechanism.model.nv - np.linalg.matrix_rank(np.column_stack(slopes), tol=1e-7)
-
-
-@pytest.mark.parametrize("case", ["five_bar", "cassie_v2"])
-def test_dragged_about_it_does_not_tear(mechanism):
-    """Its end is pulled to and fro, further than it can go: loops closed in every tick, no joint leaps."""
-    solver = cinegen.Solver(mechanism, 1e-3)
-    end = mechanism.end
-    home = mechanism.placement(mechanism.q_home, end)
-    task = solver.add_task(end, home, rotation=0)
-    q = solver.q.copy()
-    worst = leap = 0.0
-    for tick in range(1000):
-        phase = 2.0 * np.pi * tick / 500
-        offset = mechanism.length * np.array([np.sin(phase), np.sin(2.0 * phase), np.cos(phase) - 1.0])
-        task.target = pin.SE3(home.rotation, home.translation + offset)
-        step = solver.step()
-        worst = max(worst, step.closure)
-        leap = max(leap, float(np.abs(pin.difference(mechanism.model, q, solver.q)).max()))
-        q = solver.q.copy()
-    assert worst <= 1e-10  # what the solver grants, at singularities too
-    assert leap < 0.2
-    assert np.linalg.norm(mechanism.placement(q, end).translation - home.translation) < 3.0 * mechanism.length
-
-
-def test_a_loop_that_is_cut_by_a_ball_leaves_it_free(file_of):
-    held = cinegen.load(file_of("five_bar"))
-    name = held.loops[0].name
-    ball = cinegen.load(file_of("five_bar"), loops={name: "ball"})
-    assert ball.mobility == held.mobility + 1  # both ends turn on their own then
-
-
 @pytest.mark.parametrize("case", ["five_bar", "spatial", "cassie_v2"])
 def test_it_can_be_said_in_raff(case, mechanism, file_of, tmp_path):
     original = mechanism
@@ -153,3 +106,62 @@ def test_it_can_be_said_in_raff(case, mechanism, file_of, tmp_path):
         for link, node in nodes.items():
             expected, pose = original.placement(q, link).homogeneous, ours.placement(p, node).homogeneous
             assert np.abs(expected - pose).max() < 1e-9
+
+
+# --- to simulators and back -------------------------------------------------------------------------------------------
+# RAFF -> MJCF or SDF -> `cinegen.load`: the same mobility, the same motion.
+
+
+ROBOTS = Path(__file__).resolve().parent.parent.parent / "robots"
+
+
+@pytest.fixture(params=[*sorted(FEWER), *CLOSED_TEXTS])
+def original(request, text_file):
+    """The RAFF file."""
+    if request.param in FEWER:
+        return ROBOTS / f"{request.param}.raff"
+    return text_file(f"{request.param}.raff", CLOSED_TEXTS[request.param])
+
+
+@pytest.mark.parametrize("format", ["mjcf", "sdf"])
+def test_what_comes_back_is_the_same_mechanism(original, format, tmp_path, recwarn):
+    orig = cinegen.load(original)
+    (made,) = convert(original, tmp_path / "made", format=format)
+    back = cinegen.load(made.file)
+    assert back.mobility == orig.mobility
+    assert {coupling.name for coupling in back.couplings} == {coupling.name for coupling in orig.couplings}
+    assert back.floating == orig.floating
+    if not any(loop.kind.name == "PRISMATIC" for loop in orig.loops):
+        assert [(loop.name, loop.kind) for loop in back.loops] == [(loop.name, loop.kind) for loop in orig.loops]
+    assert set(back.actuated) == set(orig.actuated)
+    assert set(orig.joints) <= set(back.joints)
+    assert set(orig.nodes) <= set(back.nodes)
+    added = set(back.joints) - set(orig.joints)
+    assert added or back.length == pytest.approx(orig.length, rel=1e-9)
+    assert len(added) == (format == "mjcf") * sum(loop.kind.name == "PRISMATIC" for loop in orig.loops)
+    for joint in orig.joints:
+        assert back.q_home[back.q_index(joint)] == pytest.approx(orig.q_home[orig.q_index(joint)], abs=1e-9)
+        for end in ("lowerPositionLimit", "upperPositionLimit"):
+            bound, other = getattr(orig.model, end)[orig.q_index(joint)], getattr(back.model, end)[back.q_index(joint)]
+            assert bound == other or bound == pytest.approx(other, abs=1e-9)
+
+    def carried(q, source, target):
+        """A configuration of one mechanism in the other."""
+        p = target.configuration({joint: q[source.q_index(joint)] for joint in orig.joints})
+        if orig.floating:
+            base = source.placement(q, "base")
+            free = target.placement(target.q_home, "base")
+            p = p.copy()
+            p[:7] = pin.SE3ToXYZQUAT(pin.XYZQUATToSE3(target.q_home[:7]) * free.inverse() * base)
+        return p
+
+    for q in [orig.q_home, *orig.random_closed(4)]:
+        p = carried(q, orig, back)
+        if added:
+            p = back.close(p, locked=orig.joints)
+        assert back.closure(p) < 1e-11
+        for node in orig.nodes:
+            wanted, stands = orig.placement(q, node), back.placement(p, node)
+            assert np.abs(wanted.homogeneous - stands.homogeneous).max() < 1e-9
+    for p in back.random_closed(4):  # and it can do nothing else
+        assert orig.closure(carried(p, back, orig)) < 1e-9

@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from cusp_platform import LEGS, LENGTHS, configuration, determinant, legs, pose_of, scene
+from cusp_platform import LEGS, LENGTHS, determinant, legs, pose_of, scene
 from paths import along
 
 from cinegen.collision import PlanningError, scene_of
@@ -55,15 +55,6 @@ def check_path(change, mechanism, sides):
     found_sides = np.array([determinant(mechanism, q) for q in along])
     assert set(np.sign(found_sides)) == sides
     return found_sides
-
-
-def test_the_modes_are_those_of_the_closed_form(root):
-    """Of numbers of the literature (robots/cusp_3rpr.raff), to the digits that the table has."""
-    robot = scene(root).mechanism
-    for (x, y, angle), sign in MODES.items():
-        pose = np.array([x / 100.0, y / 100.0, np.radians(angle)])
-        assert np.linalg.norm(legs(pose)[0], axis=1) == pytest.approx(LENGTHS, abs=1e-5)
-        assert np.sign(determinant(robot, configuration(robot, pose))) == sign
 
 
 def test_the_modes_are_those_of_the_actuated_joints(root):

@@ -1,20 +1,28 @@
 """`plan`: one entry with one time limit; goals of joints, locked joints, and paths that are shortened."""
 
+import contextlib
 import itertools
 import math
+import re
+import time
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from cusp_platform import configuration, determinant, scene
 from example_robots import PANDA, PANDA_READY, load
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 from paths import along
+from urdf_text import UrdfJoint, urdf_text
 
 import cinegen
 from cinegen.collision import PlanningError, SceneError, clearance_of, load_scene, scene_for, scene_of
-from cinegen.planning import PlanStatus, plan
+from cinegen.collision.clearance import Clearance
+from cinegen.planning import Planner, PlanStatus, plan
 from cinegen.planning.attraction import ConfigurationAttraction
 from cinegen.planning.clear_motion import clear_motion
+from cinegen.planning.sampling.path_sampler import PathSampler
 from cinegen.planning.sampling.shortcuts import shortened
 
 AIM = {**PANDA_READY, "panda_joint1": 1.9, "panda_joint4": -1.6}
@@ -265,3 +273,106 @@ def test_a_motion_ends_where_it_should_and_keeps_the_sign_of_the_determinant(roo
         assert len(signs) == 1
         assert max(mechanism.distance(a, b) for a, b in itertools.pairwise(motion)) < FURTHEST
     assert kept > 100
+
+
+# --- RRT-Connect ------------------------------------------------------------------------------------------------------
+# RRT-Connect: ways that are clear all along, where vortices find none too, and over what loops leave.
+
+
+# --- ways ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["rod", "generic"])
+def test_the_scenes_of_the_figures_are_solved(root, name):
+    scene = load_scene(root / f"robots/scenes/{name}.toml")
+    planned = plan(scene, planner=Planner.RRT_CONNECT)
+    assert planned.status is PlanStatus.REACHED
+    assert np.array_equal(planned.path[0], scene.start)
+    off = scene.mechanism.placement(planned.path[-1], scene.node).translation - scene.goal.translation
+    assert np.linalg.norm(off[: scene.translation]) < 1e-4
+    assert planned.clearance >= scene.safety
+    clearance = clearance_of(scene)
+    assert min(clearance.least(q) for q in along(scene.mechanism, planned.path, 2e-3)) >= planned.clearance
+    model = scene.mechanism.model
+    assert ((planned.path >= model.lowerPositionLimit) & (planned.path <= model.upperPositionLimit)).all()
+
+
+def test_a_joint_without_limits_goes_the_long_way_round(tmp_path):
+    bar = '<collision><origin xyz="0.5 0 0"/><geometry><box size="1 0.02 0.02"/></geometry></collision>'
+    turn = UrdfJoint("turn", "base", "arm", kind="continuous")
+    end = UrdfJoint("end", "arm", "tip", "1 0 0", kind="fixed")
+    (tmp_path / "hand.urdf").write_text(urdf_text([turn, end], {"arm": bar}))
+    post = {"kind": "disc", "radius": 0.1, "point": [0.5 * math.cos(1.0), 0.5 * math.sin(1.0)]}
+    aim = 2.5  # rad: the short way there leads through the post, the other is longer than half a turn
+    goal = {"point": [math.cos(aim), math.sin(aim)]}
+    scene = scene_of({"robot": "hand.urdf", "node": "tip", "goal": goal, "obstacle": [post]}, tmp_path)
+    planned = plan(scene, planner=Planner.RRT_CONNECT)
+    assert planned.status is PlanStatus.REACHED
+    assert planned.path[-1, 0] == pytest.approx(aim - 2.0 * math.pi, abs=1e-4)
+    assert planned.clearance >= scene.safety
+
+
+def test_methods_in_turn_find_the_same_path_whenever_they_are_interrupted():
+    scene = trap()
+    clearance, outcomes = clearance_of(scene), []
+    for turn in (600.0, 1e-4):
+        sampler = PathSampler(scene, clearance, [np.array([2.0, 0.0])], 0, is_alternating=True)
+        assert sampler.method == "RRT-Connect and LBKPIECE"
+        while not sampler.search(time.monotonic() + turn):
+            pass
+        outcomes.append((sampler.method, sampler.path))
+    (method, path), (other, again) = outcomes
+    assert method == other
+    assert np.array_equal(path, again)
+
+
+# --- edges -----------------------------------------------------------------------------------------------------------
+
+UNIT = st.floats(0.0, 1.0)
+
+
+@pytest.fixture(scope="module")
+def rod(root):
+    """A scene, and the clearance in it."""
+    scene = load_scene(root / "robots/scenes/rod.toml")
+    return scene, clearance_of(scene)
+
+
+@given(st.tuples(*6 * [UNIT]))
+@settings(max_examples=80)
+def test_an_edge_is_clear_all_along_and_none_is_where_something_is_too_near(rod, parts):
+    scene, clearance = rod
+    model = scene.mechanism.model
+    low, high = model.lowerPositionLimit, model.upperPositionLimit
+    begin, end = low + np.array(parts).reshape(2, 3) * (high - low)
+    assume(np.abs(end - begin).max() > 1e-3)
+    motion = clear_motion(clearance, begin, end, scene.safety)
+    least = min(clearance.least(q) for q in along(scene.mechanism, [begin, end], 2e-3))
+    assert (motion is None) == (clear_motion(clearance, end, begin, scene.safety) is None)
+    if motion is None:
+        assert least < scene.safety + 1e-3  # what it can't tell for sure within a hair's breadth, it refuses
+        return
+    assert least >= scene.safety
+    assert np.array_equal(motion[[0, -1]], [begin, end])
+    part = (motion - begin) @ (end - begin) / ((end - begin) @ (end - begin))
+    assert (np.diff(part) > 0.0).all()
+    assert motion == pytest.approx(begin + part[:, None] * (end - begin))
+
+
+def test_an_edge_never_leads_to_another_assembly_mode(root):
+    """Two modes with motors that stand alike: between them loops would have to open."""
+    text = (root / "robots/five_bar.raff").read_text()
+    mechanism, rng = cinegen.load(re.sub(r"limits \{.*?\}", "", text)), np.random.default_rng(0)
+    home, modes = mechanism.q_home, []
+    motors = {name: home[mechanism.q_index(name)] for name in mechanism.actuated}
+    while len(modes) < 10:
+        with contextlib.suppress(cinegen.ClosureError):
+            guess = mechanism.configuration(motors, rng.uniform(-math.pi, math.pi, len(home)))
+            modes.append(mechanism.close(guess, locked=mechanism.actuated))
+    other = max(modes, key=lambda q: np.abs(np.sin((q - home) / 2.0)).max())
+    other = home + np.remainder(other - home + math.pi, 2.0 * math.pi) - math.pi
+    assert mechanism.closure(other) < 1e-9
+    assert np.abs(other - home).max() > 1.0  # without motors, there is a way from one to the other
+    clearance = Clearance(mechanism, [], [])
+    assert clear_motion(clearance, home, other, 0.0) is None
+    assert clear_motion(clearance, home, mechanism.close(home + 0.05), 0.0) is not None

@@ -19,7 +19,7 @@ from cinegen.plotting.loci import TYPE_2
 from cinegen.plotting.map import draw_map
 from cinegen.plotting.plane import ROBOT
 from cinegen.plotting.solid import net
-from cinegen.singularities import SingularityType, singularity
+from cinegen.singularities import SingularityType
 from cinegen.workspace import MapError
 from cinegen.workspace.extent import extent
 from cinegen.workspace.loci import loci
@@ -62,37 +62,6 @@ def words(figure):
 
 
 # --- singular curves ---------------------------------------------------------------------------------------------
-
-
-def test_a_five_bars_curves_are_circles(five_bar, robot):
-    """Arms of 250 and 400 about (-150, 0) and (150, 0), stretched at 650 or folded at 150; and of type 2 those of 400
-    about (0, 200) and (0, -200), where the elbows fall together."""
-    curves = loci(five_bar)
-    first, second = points_of(curves, SingularityType.TYPE_1), points_of(curves, SingularityType.TYPE_2)
-    away = np.array([np.hypot(first[:, 0] - x, first[:, 1]) for x in (-0.15, 0.15)])
-    assert np.abs(away[:, :, None] - [0.65, 0.15]).min(axis=(0, 2)).max() < 1e-5
-    for x in (-0.15, 0.15):
-        for radius in (0.65, 0.15):
-            assert (np.abs(np.hypot(first[:, 0] - x, first[:, 1]) - radius) < 1e-5).sum() > 8
-    off = np.abs([np.hypot(second[:, 0], second[:, 1] - y) - 0.4 for y in (-0.2, 0.2)]).min(axis=0)
-    assert off.max() < 1e-6
-    assert len(second) > 10
-    for curve in curves:
-        for point, q in zip(curve.points[::5], curve.q[::5], strict=True):
-            np.testing.assert_allclose(robot("five_bar").placement(q, "tool").translation[:2], point, atol=1e-7)
-            assert singularity(robot("five_bar"), q, tolerance=0.01).kind in (curve.kind, SingularityType.BOTH)
-
-
-def test_an_arm_of_two_links_is_singular_where_its_elbow_is_straight(wrist):
-    """sin q2 = 0 on circles of 700 and 100 about (200, 0), all of them."""
-    curves = loci(wrist)
-    assert {curve.kind for curve in curves} == {SingularityType.TYPE_1}
-    points = points_of(curves, SingularityType.TYPE_1)
-    radii = np.hypot(points[:, 0] - 0.2, points[:, 1])
-    assert np.abs(radii[:, None] - [0.7, 0.1]).min(axis=1).max() < 1e-6
-    turned = np.sort(np.arctan2(points[:, 1], points[:, 0] - 0.2)[radii > 0.4])
-    assert np.diff(turned).max() < 0.1
-    assert (radii < 0.4).sum() >= 8
 
 
 def test_a_joints_limit_is_no_singularity(made, robot):

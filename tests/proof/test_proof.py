@@ -64,17 +64,6 @@ def poses_in(over, count, rng):
     return [dict(zip(over, values, strict=True)) for values in rng.uniform(low, high, (count, len(over)))]
 
 
-def test_a_rectangle_of_the_five_bar_is_proved(rectangle):
-    assert rectangle
-    assert (rectangle.proved, rectangle.refuted, rectangle.undecided) == (1.0, 0.0, 0.0)
-    assert rectangle.boxes < 100
-    assert rectangle.message.startswith("proved 100 % of the region, in ")
-    rng = np.random.default_rng(1)
-    for x, y in rng.uniform(*np.array(list(RECTANGLE.values())).T, (500, 2)):
-        for base in (-0.15, 0.15):  # bars of 250 and 400 mm, by plane geometry
-            assert 0.15 < math.hypot(x - base, y) < 0.65
-
-
 def test_beyond_the_reach_nothing_is_proved_and_most_is_refuted(robot):
     proof = prove(robot("five_bar"), {"x": (-0.02, 0.02), "y": (0.58, 0.66)}, boxes=300)
     assert not proof
@@ -199,22 +188,10 @@ def test_a_singularity_in_six_coordinates_has_a_witness_soon(robot):
     assert 0.4 < proof.proved < np.mean(determinants * determinants[0] > 0.0)  # where it has the sign of the start
 
 
-@pytest.mark.slow
-def test_ten_million_poses_of_a_proved_region_have_legs_of_allowed_length_and_are_not_singular(robot):
-    gough, turn = robot("gough"), math.radians(8.0)
-    over = dict(zip(POSE, [(-0.05, 0.05)] * 2 + [(0.85, 0.95)] + [(-turn, turn)] * 3, strict=True))
-    assert prove(gough, over, limits=True)
-    rng, sign = np.random.default_rng(1), np.sign(legs_of(gough, np.array([[0.0, 0.0, 0.9, 0.0, 0.0, 0.0]]))[1][0])
-    for _ in range(100):
-        lengths, determinants = legs_of(gough, rng.uniform(*np.array(list(over.values())).T, (100_000, 6)))
-        assert 0.7 < lengths.min() < lengths.max() < 1.3
-        assert (sign * determinants > 0.0).all()
-
-
 def test_mechanisms_whose_pose_is_not_enough_are_undecided(robot):
-    for name, over in (("arm7", {"x": 0.01}), ("planar_hybrid", {"x": 0.01})):
-        home = Coordinates(robot(name), ["x"]).home
-        proof = prove(robot(name), {key: (home[key], home[key] + width) for key, width in over.items()})
+    for name in ("arm7", "planar_hybrid"):
+        home = Coordinates(robot(name), ["x"]).home["x"]
+        proof = prove(robot(name), {"x": (home, home + 0.01)})
         assert proof.undecided == 1.0
         assert proof.reasons == {"the pose does not determine the configuration": 1}
 
@@ -257,7 +234,7 @@ def test_a_round_region_leaves_out_corners_that_are_out_of_reach(robot):
         ("five_bar", RECTANGLE, {"link*.d": "0.05mm"}),
         ("delta4", INSIDE["delta4"][0], {"link*.d": "0.05mm"}),
         pytest.param("delta4", INSIDE["delta4"][0], {"*": "0.05mm"}, marks=pytest.mark.slow),
-        ("gough", {"x": (0.02, 0.12), "y": (-0.1, 0.0)}, {"link1.*": "0.05mm", "link*.alpha": "0.02deg"}),
+        ("gough", {"x": (0.04, 0.08), "y": (-0.06, -0.02)}, {"link1.*": "0.05mm", "link*.alpha": "0.02deg"}),
     ],
 )
 def test_all_robots_within_tolerances(name, over, tolerances):
@@ -529,7 +506,7 @@ def test_singular_values_of_the_equations_are_those_of_maps(robot):
 
 
 def test_a_bound_that_no_pose_violates_by_half_is_proved_and_one_above_the_least_is_not(robot):
-    for name, over in (("five_bar", RECTANGLE), ("delta4", INSIDE["delta4"][0])):
+    for name, over in (("five_bar", RECTANGLE), ("delta4", NEAR["delta4"])):
         mechanism = robot(name)
         coordinates, ends = Coordinates(mechanism, list(over)), np.array(list(over.values())).T
         poses = [*itertools.product(*ends.T), *np.random.default_rng(3).uniform(*ends, (40, len(over)))]
@@ -552,19 +529,7 @@ def test_a_singular_value_below_its_bound_refutes_with_a_witness(robot):
         assert singularity(mechanism, q).sigma[0] < 0.24
 
 
-@pytest.mark.slow
-def test_a_gough_platform_in_six_coordinates_with_half_of_its_least_singular_value(robot):
-    turn = math.radians(10.0)
-    over = {"x": (-0.1, 0.1), "y": (-0.1, 0.1), "z": (0.8, 1.0)} | dict.fromkeys(("rx", "ry", "rz"), (-turn, turn))
-    proof = prove(robot("gough"), over, sigma=0.0514)
-    assert proof
-    assert proof.boxes < 300
-
-
 def test_what_has_no_bound_of_singular_values_says_why(robot):
-    home = Coordinates(robot("planar_hybrid"), ["x"]).home["x"]
-    proof = prove(robot("planar_hybrid"), {"x": (home, home + 0.01)}, sigma=0.01)
-    assert proof.reasons == {"the pose does not determine the configuration": 1}
     home = Coordinates(robot("ankle"), ["x"]).home["x"]
     proof = prove(robot("ankle"), {"x": (home, home + 0.01)}, sigma=0.01)
     assert proof.reasons == {"singular values are not bounded where coordinates follow from others: z": 1}
@@ -576,7 +541,7 @@ def test_what_has_no_bound_of_singular_values_says_why(robot):
 
 NEAR = {
     "five_bar": RECTANGLE,
-    "delta4": INSIDE["delta4"][0],
+    "delta4": {"x": (-0.03, 0.03), "y": (-0.03, 0.03), "z": (-2.52, -2.48)},
     "gough": {"x": (0.05, 0.09), "z": (0.88, 0.92), "rz": (0.18, 0.24)},
 }
 
@@ -603,8 +568,8 @@ def test_distances_are_above_a_clearance_just_below_the_least_one_at_poses(robot
 
     known = min(least(coordinates.from_home(pose, steps=4)) for pose in poses_in(over, 30, rng))
     assert known > 0.05  # m
-    assert prove(mechanism, over, limits=True, clearance=0.9 * known, boxes=100)
-    proof = prove(mechanism, over, limits=True, clearance=1.1 * known, boxes=100)
+    assert prove(mechanism, over, limits=True, clearance=0.9 * known, boxes=50)
+    proof = prove(mechanism, over, limits=True, clearance=1.1 * known, boxes=50)
     assert proof.refuted > 0.0
     assert {*proof.reasons} <= {f"{witness['clearance']} may be near" for witness in proof.witnesses}
     for witness in proof.witnesses[:5]:
@@ -622,8 +587,8 @@ def test_distances_with_tolerances_are_those_of_all_robots(name):
         other = parameters.mechanism_with(parameters.with_changed(changed))
         coordinates, least = Coordinates(other, list(over)), distances(other, parameters.mechanism)
         known = min(known, *(least(coordinates.from_home(pose, steps=4)) for pose in poses_in(over, 10, rng)))
-    assert prove(parameters.mechanism, over, clearance=0.9 * known, tolerances=within, boxes=100)
-    proof = prove(parameters.mechanism, over, clearance=1.1 * known, tolerances=within, boxes=100)
+    assert prove(parameters.mechanism, over, clearance=0.9 * known, tolerances=within, boxes=50)
+    proof = prove(parameters.mechanism, over, clearance=1.1 * known, tolerances=within, boxes=50)
     assert not proof
     assert proof.refuted > 0.0
     exact = distances(parameters.mechanism)
@@ -719,7 +684,7 @@ def mutate(certificate, mechanism, count):
 
 
 @pytest.mark.parametrize(("bounds", "count", "fewest", "most"), [
-    ({"limits": True}, 100, 5, 80), ({"limits": True, "sigma": 0.1}, 60, 5, 50), ({"clearance": 0.18}, 40, 5, 35),
+    ({"limits": True}, 50, 2, 40), ({"limits": True, "sigma": 0.1}, 30, 2, 25), ({"clearance": 0.18}, 20, 2, 17),
     *slow(({"limits": True}, 8_000, 0, 8_000), ({"limits": True, "sigma": 0.1}, 1_000, 0, 1_000),
           ({"clearance": 0.18}, 1_000, 0, 1_000)),
 ])  # fmt: skip

@@ -201,19 +201,6 @@ def test_more_lines_of_one_variety_are_one_set(maker, count):
     assert dependence.rank == size - 1
 
 
-def test_a_smaller_set_is_the_reason_though_all_are_in_a_larger_variety():
-    """Four lines through a point of a line that two others meet: all six meet it, but four are dependent already."""
-    rng = np.random.default_rng(1)
-    bundle = [PlueckerLine.along([0, 0, 1], rng.normal(size=3)) for _ in range(4)]
-    others = [PlueckerLine.along([0, 0, z], rng.normal(size=3)) for z in (3.0, -2.0)]
-    dependence = classify(bundle + others, 1.0)
-    assert dependence.grassmann_class is GrassmannClass.BUNDLE
-    assert dependence.lines == (0, 1, 2, 3)
-    assert dependence.rank == 5
-    assert dependence.uncontrolled[0].pitch == 0.0
-    assert dependence.uncontrolled[0].axis.nearest([0, 0, 0]) == pytest.approx(np.zeros(3), abs=1e-12)
-
-
 # --- words and errors ------------------------------------------------------------------------------------------------
 
 

@@ -70,7 +70,6 @@ def test_the_picture_and_the_numbers_say_the_same(five_bar):
 
 
 @pytest.mark.parametrize(("name", "axes", "fixed", "words"), [
-    ("five_bar", ("x", "w"), {}, "no coordinate 'w' here: there are x, y, z, rx, ry, rz"),
     ("delta4", ("x", "rz"), {}, "rz of platform can't be given independently of x, y, z"),
     ("gough", ("x", "y"), {"y": 0.0}, "given twice: x, y, y"),
 ])  # fmt: skip

@@ -6,14 +6,12 @@ import linkages
 import numpy as np
 import pinocchio as pin
 import pytest
-import varieties
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import minimize_scalar
 
 import cinegen
 from cinegen.singularities import SingularityType, leg_lines, singularity
-from cinegen.singularities.ball_joints import balls, counted
 from cinegen.singularities.line_varieties import GrassmannClass
 from cinegen.singularities.pluecker import PlueckerLine
 from cinegen.singularities.slice import Coordinates
@@ -242,27 +240,6 @@ def test_legs_that_meet_in_one_point_leave_all_rotations_about_it(raff):
     assert shown["dependence"]["rank"] == 3
 
 
-SIX_LINES = [
-    varieties.flat_pencil, varieties.hyperboloid, varieties.parallels, varieties.plane, varieties.elliptic,
-    varieties.hyperbolic_one_far, varieties.parabolic, varieties.general_complex, varieties.special_complex_far,
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("maker", SIX_LINES)
-def test_legs_in_any_variety_leave_six_motions_minus_their_rank(raff, maker):
-    rng = np.random.default_rng(0)
-    built, turn, shift = maker(rng, 6), varieties.rotation(rng), rng.normal(size=3)
-    feet, heads = (np.array([turn @ ends[k] + shift for ends in built.segments]) for k in (0, 1))
-    mechanism = raff(linkages.hexapod(rng, feet=feet, heads=heads).text(joint_digits=None))
-    report = singularity(mechanism, mechanism.q_home)
-    assert report.kind is SingularityType.TYPE_2
-    assert report.dependence.class_of_all is built.grassmann_class
-    assert report.dependence.rank == built.grassmann_class.rank == 6 - report.uncontrolled.order
-    assert report.dependence.motions.type == report.uncontrolled.type
-    assert report.grassmann_class is built.grassmann_class
-    assert_motions_keep_leg_lengths(mechanism, mechanism.q_home, report, feet, heads)
-
-
 @pytest.mark.parametrize(("straight", "lost"), [((), 0), (("joint5",), 1), (("joint3", "joint5"), 2)])
 def test_an_arm_loses_what_numpy_finds(robot, straight, lost):
     """rx90: its wrist straight, and its elbow too."""
@@ -305,23 +282,6 @@ def test_a_ball_joint_in_gimbal_lock_is_no_singularity(robot):
     report = singularity(mechanism, q)
     assert report.kind is SingularityType.NONE
     assert report.sigma[1] > 0.02
-
-
-@pytest.mark.parametrize("name", ["gough", "hybrid"])
-def test_a_ball_counted_as_one_joint_moves_what_its_three_joints_move(robot, name):
-    mechanism = robot(name)
-    q = mechanism.random_closed(1, 3)[0]
-    crosses = {mechanism.model.getJointId(joint) for names in balls(mechanism) for joint in names[:2]}
-    for end in mechanism.nodes:  # some are carried by no ball; what is between a ball's three joints is no body
-        if mechanism.model.frames[mechanism.frame_id(end)].parentJoint in crosses:
-            continue
-        matrices = counted(mechanism, q, end)
-        back = np.linalg.inv(matrices.joints)
-        placement = mechanism.placement(q, end)
-        local = mechanism.jacobian(q, end) * mechanism.scale
-        node = np.vstack([placement.rotation @ local[:3] / mechanism.length, placement.rotation @ local[3:]])
-        assert np.allclose(matrices.loops @ back, mechanism.structure.system.evaluate(q)[1], atol=1e-12)
-        assert np.allclose(matrices.node @ back, node, atol=1e-12)
 
 
 def test_open_loops_are_told(robot):

@@ -75,13 +75,6 @@ def hyperboloid(rng, count=4):
     return Built(GrassmannClass.REGULUS, segments)
 
 
-def paraboloid(rng, count=4):
-    """Points of two skew lines joined in proportion."""
-    p, d, q, e = np.zeros(3), np.array([1.0, 0.0, 0.3]), Z, np.array([0.2, 1.0, 0.0])
-    stations = np.linspace(-1.5, 1.5, count) + rng.uniform(-0.2, 0.2, count)
-    return Built(GrassmannClass.REGULUS, [(p + s * d, q + s * e) for s in stations])
-
-
 def two_pencils(rng, count=4):
     """The x axis is shared; its points 0 and P are the vertices."""
     far = np.array([rng.uniform(0.7, 1.5), 0.0, 0.0])
@@ -199,7 +192,7 @@ def special_complex_far(rng, count=6):
 
 
 ALL = [
-    one_line, flat_pencil, parallels_in_plane, hyperboloid, paraboloid, two_pencils, two_pencils_one_parallel, bundle,
+    one_line, flat_pencil, parallels_in_plane, hyperboloid, two_pencils, two_pencils_one_parallel, bundle,
     parallels, plane, elliptic, hyperbolic, hyperbolic_one_far, parabolic, parabolic_far, degenerate_three_through,
     degenerate_three_inside, degenerate_parallel, general_complex, special_complex, special_complex_far,
 ]  # fmt: skip

@@ -29,17 +29,6 @@ def five_bar(x, y, limits=True):
     return count
 
 
-def planar_3r(x, y, turned, limits=True):
-    """Links of 400, 300 and 200, the last one at a given angle."""
-    count = np.zeros(np.shape(x), dtype=int)
-    for elbow in (1, -1):
-        q1, q2, ok = two_bar_angles(x - 0.2 * cos(turned), y - 0.2 * sin(turned), 0.4, 0.3, elbow)
-        if limits:
-            ok = ok & within(q1, -170, 170) & within(q2, -160, 160) & within(turned - q1 - q2, -160, 160)
-        count += ok
-    return count
-
-
 def delta4(x, y, z, limits=True):
     """Base 1500, upper arms 2000, forearms 3500, platform 506.54: a product over the three arms."""
     count = np.ones(np.shape(x), dtype=int)

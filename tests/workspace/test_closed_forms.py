@@ -5,12 +5,17 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-from closed_forms import delta4, five_bar, planar_3r, rx90, within
+from closed_forms import delta4, five_bar, rx90, within
 from five_bar import two_bar_angles
 from mapped import mapped, middles, over
 from scipy.ndimage import label, maximum_filter, minimum_filter
+from urdf_text import UrdfJoint, urdf_text
 
-from cinegen.workspace import CellStatus, MapError, MapSpecification
+from cinegen.model.build import build
+from cinegen.singularities import SingularityType
+from cinegen.singularities.crossing import of_node
+from cinegen.workspace import CellStatus, MapError, MapSpecification, make_map
+from cinegen.workspace.loci import loci
 from cinegen.workspace.reach_bounds import ReachBounds
 
 
@@ -43,19 +48,6 @@ def test_five_bar_reaches_what_both_its_arms_reach_in_all_working_modes(robot, l
     agree(layers["solutions"], five_bar(*middles(region), limits))
     agree(layers["reachable"], five_bar(*middles(region), limits) > 0)
     searched(layers)
-
-
-@pytest.mark.parametrize(("turned", "limits"), [(0.5, True), (-2.0, False)])
-def test_planar_3r_reaches_an_annulus_about_where_its_last_link_begins(robot, limits, turned):
-    region = over(("x", -1.01, 1.02, 36), ("y", -1.01, 1.03, 36), at={"rz": turned})
-    layers = mapped(MapSpecification(robot("planar_3r"), region, ("solutions",), limits=limits))
-    agree(layers["solutions"], planar_3r(*middles(region), turned, limits))
-    agree(layers["reachable"], planar_3r(*middles(region), turned, limits) > 0)
-    searched(layers)
-    if not limits:
-        x, y = middles(region)
-        away = np.hypot(x - 0.2 * math.cos(turned), y - 0.2 * math.sin(turned))
-        np.testing.assert_array_equal(layers["reachable"], (away >= 0.1) & (away <= 0.7))
 
 
 @pytest.mark.parametrize(("counts", "most"), [((14, 13, 12), 60), ((7, 6, 5), 10**6)])
@@ -145,6 +137,8 @@ def test_what_is_too_far_is_so_by_chains_that_are_known(robot):
     elbow = [math.sqrt(0.25**2 + 0.4**2 + 0.2 * math.cos(math.radians(bent))) for bent in (170.0, 5.0)]
     np.testing.assert_allclose(np.c_[arms.inner, arms.outer], [elbow, elbow], atol=1e-8)
     np.testing.assert_allclose(sorted(arms.centres[:, 0]), [-0.15, 0.15], atol=1e-12)
+    assert arms.radius((0.0, 1.0, 0.0)) == pytest.approx(math.hypot(0.15, 1.0) + elbow[1], abs=1e-8)
+    assert arms.interval(0) == pytest.approx((0.15 - elbow[1], elbow[1] - 0.15), abs=1e-8)
     free = ReachBounds(robot("gough"), "platform", False, 3)
     assert np.isinf(free.outer).all()  # jacks without limits
 
@@ -217,3 +211,77 @@ def test_a_region_out_of_reach_is_a_map_without_a_cell(robot):
 def test_what_makes_no_sense_is_said_before_anything_is_done(robot, name, region, quantities, more, said):
     with pytest.raises(MapError, match=said):
         MapSpecification(robot(name), region, quantities, **more)
+
+
+# --- cells ------------------------------------------------------------------------------------------------------------
+# How cells come to their configurations: on home's branch, and none is lost for the way that was taken.
+
+
+FLOATING = urdf_text([
+    UrdfJoint("free", "world", "base", kind="floating"),
+    UrdfJoint("slide", "base", "a", axis="1 0 0", kind="prismatic", limit=(-1.0, 1.0)),
+    UrdfJoint("turn", "a", "tool", "0 0 0.3", "0 1 0", limit=(-1.0, 1.0)),
+])  # fmt: skip
+
+
+def test_over_motors_no_cell_is_lost_in_a_pocket_that_the_way_led_into(robot):
+    """Each cell on its own straight way from home is the least that a whole piece must hold."""
+    axes = (("joint1", -2.5, 2.5, 10), ("joint6", -2.5, 2.5, 10))
+    spec = MapSpecification(robot("delta4"), over(*axes), ("sigma_1",))
+    together, alone = mapped(spec), mapped(spec, most=1)
+    assert (together["reachable"] >= alone["reachable"]).all()
+    assert together["reachable"].sum() <= 1.1 * alone["reachable"].sum()
+    model, q = robot("delta4").model, together["configuration"][together["reachable"]]
+    assert (q >= model.lowerPositionLimit - 1e-8).all()
+    assert (q <= model.upperPositionLimit + 1e-8).all()
+
+
+@pytest.mark.parametrize("count", [35, 36])
+def test_a_wave_does_not_change_branches_in_a_cell_where_two_meet(robot, count):
+    """With odd counts a cell of this grid is exactly where both arms of the five-bar are folded."""
+    five_bar = robot("five_bar")
+    region = over(("x", -0.7, 0.7, count), ("y", -0.7, 0.7, count))
+    spec = MapSpecification(five_bar, region, ("sigma_1",), limits=False)
+    layers = mapped(spec)
+    q = layers["configuration"][layers["reachable"] & (layers["sigma_1"] > 1e-3)]
+    for joint in ("joint2", "joint4"):
+        at = five_bar.q_index(joint)
+        assert (np.sign(np.sin(q[:, at])) == np.sign(np.sin(five_bar.q_home[at]))).all()
+
+
+@pytest.mark.parametrize(("names", "count"), [(("joint1", "joint2"), 20), (("joint2", "joint3"), 21)])
+def test_a_curve_on_the_middles_or_the_borders_of_cells_is_one_line(robot, tmp_path, names, count):
+    """An arm whose elbow is straight, over a range with that in its middle: at a point of the grid, or between two."""
+    spec = MapSpecification(robot("planar_3r"), over(*((name, -1.0, 1.0, count) for name in names)), ("sigma_1",))
+    curves = loci(make_map(spec, tmp_path / "map.zarr", workers=1), spec)
+    (curve,) = [curve for curve in curves if curve.kind is SingularityType.TYPE_1]
+    assert len(curve.points) == count
+    np.testing.assert_allclose(curve.points[:, names.index("joint2")], 0.0, atol=1e-6)
+
+
+def test_a_base_that_floats_rests(tmp_path):
+    flying = build(FLOATING, None)
+    assert flying.floating
+    of_motors = mapped(MapSpecification(flying, over(("slide", -0.5, 0.5, 5), ("turn", -0.5, 0.5, 5)), node="tool"))
+    assert np.isfinite(of_motors["sigma_1"]).all()
+    region = over(("x", -1.5, 1.5, 9), ("ry", -0.5, 0.5, 3))
+    layers = mapped(MapSpecification(flying, region, ("solutions", "sigma_1"), node="tool"))
+    within = np.abs(region.axes[0].middles()) <= 1.0
+    np.testing.assert_array_equal(layers["solutions"], np.repeat(within[:, None], 3, axis=1).astype(int))
+    spec = MapSpecification(flying, over(("slide", -0.5, 0.5, 5), ("turn", -0.5, 0.5, 5)), ("sigma_1",), node="tool")
+    assert loci(make_map(spec, tmp_path / "map.zarr", workers=1), spec) == ()
+    rows = of_node(flying, "tool", 6)(flying.q_home)
+    assert np.linalg.matrix_rank(rows) == 2
+    with pytest.raises(MapError, match="can't move along y"):
+        MapSpecification(flying, over(("y", -1.0, 1.0, 3)), node="tool")
+
+
+def test_the_codes_of_stored_maps_stay():
+    """Maps on disk hold these numbers."""
+    codes = [
+        CellStatus.NOT_EVALUATED, CellStatus.REACHABLE, CellStatus.REACHABLE_BY_SEARCH, CellStatus.UNREACHABLE_PROVED,
+        CellStatus.UNREACHABLE_NOT_FOUND, CellStatus.LOOPS_OPEN, CellStatus.BEYOND_LIMITS,
+    ]  # fmt: skip
+    assert [int(code) for code in codes] == list(range(7)) == [int(code) for code in CellStatus]
+    assert [code.reachable for code in codes] == [False, True, True, False, False, False, False]
+    assert len({code.label for code in codes}) == 7

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gough_lines import lines_of
 from mapped import over
 from urdf_text import UrdfJoint, urdf_text
 
@@ -79,19 +78,6 @@ def test_an_arm_of_two_bars(arm, tip):
             softness = np.linalg.eigvals(np.diag([1.0 / k for k in SPRINGS.values()]) @ inertia(q, tip))
             wanted = 1.0 / (2.0 * math.pi * math.sqrt(softness.real.max()))
             assert values["frequency"] == pytest.approx(wanted, rel=1e-6)
-
-
-def test_a_platform_is_as_stiff_as_the_lines_of_its_legs(robot):
-    gough, springs = robot("gough"), np.linspace(1e6, 2e6, 6)
-    home = gough.placement(gough.q_home, gough.end).translation
-    region = over(*((axis, at - 0.05, at + 0.05, 2) for axis, at in zip("xyz", home, strict=True)), orientation="fixed")
-    names = ("stiffness", "rotational_stiffness")
-    spec = MapSpecification(gough, region, names, stiffness=dict(zip(gough.actuated, springs, strict=True)))
-    for q, values in cells(spec):
-        lines = lines_of(gough, q)
-        compliance = np.linalg.inv(lines.T @ np.diag(springs) @ lines)
-        for name, part in zip(names, (slice(3), slice(3, 6)), strict=True):
-            assert values[name] == pytest.approx(1.0 / np.linalg.eigvalsh(compliance[part, part])[-1], rel=1e-9)
 
 
 def test_an_upright_arm_holds_what_statics_gives_it(arm):

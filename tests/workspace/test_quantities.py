@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from loop_openings import jacobian_by
 from mapped import mapped, middles, over
 from scipy.optimize import linprog
-from small_robots import two_bars
 from urdf_text import UrdfJoint, urdf_text
 
 import cinegen
@@ -27,7 +26,6 @@ from cinegen.workspace.by_pose import fibonacci_sphere
 
 SPECIFICATIONS = {
     "five_bar": over(("x", -0.5, 0.5, 6), ("y", -0.5, 0.5, 6)),
-    "delta4": over(("x", -1.5, 1.4, 4), ("y", -1.5, 1.3, 4), ("z", -3.0, -1.0, 3)),
     "gough": over(("x", -0.3, 0.3, 5), ("rz", -0.3, 0.3, 5)),
     "rx90": over(("x", 0.2, 0.7, 4), ("z", -0.5, 0.6, 4), orientation="fixed"),
     "arm7": over(("x", -0.8, 0.8, 5), ("z", -0.4, 1.1, 5)),
@@ -80,24 +78,6 @@ def test_quantities_are_those_of_singularities_numpy_and_linear_programmes(robot
             margins = 1.0 - np.abs(q - 0.5 * (low + high)) / (0.5 * (high - low))
         assert values["margin"] == pytest.approx(np.nanmin(margins), abs=1e-6)
         assert -1e-6 <= values["margin"] <= 1.0
-
-
-def test_two_bars_have_the_manipulability_and_the_speeds_that_textbooks_give_them():
-    """|l1 l2 sin q2|; and speeds and forces by the Jacobian, written down."""
-    arm = cinegen.load(two_bars((30, 40), (500, 300), ("velocity 90", "velocity 180")))
-    region = over(("x", -0.8, 0.8, 12), ("y", -0.8, 0.8, 12))
-    quantities = ("manipulability", "velocity", "force", "sigma_1", "margin")
-    spec = MapSpecification(arm, region, quantities, along=(0.6, 0.8, 0.0))
-    speeds = np.radians([90.0, 180.0])
-    for q, values in cells(spec):
-        q1, both = q[0], q[0] + q[1]
-        j = np.array([[-0.5 * math.sin(q1) - 0.3 * math.sin(both), -0.3 * math.sin(both)],
-                      [0.5 * math.cos(q1) + 0.3 * math.cos(both), 0.3 * math.cos(both)]])  # fmt: skip
-        assert values["manipulability"] == pytest.approx(abs(0.15 * math.sin(q[1])) / arm.length**2, rel=1e-5)
-        assert values["sigma_1"] == pytest.approx(np.linalg.svd(j / arm.length)[1][-1], rel=1e-5)
-        assert values["velocity"] == pytest.approx(np.abs(j.T @ [0.6, 0.8]) @ speeds, rel=1e-5)
-        assert values["force"] == pytest.approx(1.0 / np.abs(j.T @ [0.6, 0.8]).max(), rel=1e-5)
-        assert values["margin"] == 1.0  # no limits
 
 
 # --- capability ------------------------------------------------------------------------------------------------------

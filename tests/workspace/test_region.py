@@ -3,7 +3,6 @@
 import json
 import math
 import time
-from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
@@ -19,7 +18,6 @@ from cinegen.workspace.chunks import chunk_cells, chunk_counts, chunk_shape
 from cinegen.workspace.default_range import default_range
 from cinegen.workspace.evaluator import estimate
 from cinegen.workspace.extent import Extent, bounds, extent, extent_of
-from cinegen.workspace.maps import chunk_size
 from cinegen.workspace.reach_bounds import _SPHERICAL, ReachBounds, _Connection, _prismatic_bounds, _revolute_bounds
 
 HOME = pin.SE3(pin.rpy.rpyToMatrix(0.1, -0.2, 0.3), np.array([0.4, 0.5, 0.6]))
@@ -120,11 +118,6 @@ def test_a_line_goes_from_one_point_to_the_other():
 # --- chunks -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("cells", "size"), [(10**6, 2000), (10**9, 10_000), (10**12, 200_000)])
-def test_a_chunk_is_larger_only_in_maps_of_very_many_cells(cells, size):
-    assert chunk_size(cells, 2000) == size
-
-
 def test_a_map_of_no_more_cells_than_an_estimate_tries_takes_no_longer_than_the_estimate(robot):
     begin = time.perf_counter()
     cost = estimate(MapSpecification(robot("planar_3r"), line_region((0.1, 0.0, 0.0), (0.3, 0.0, 0.0), 2), ()))
@@ -177,28 +170,6 @@ def test_what_has_no_limits_has_no_largest_distance():
     assert endless == pytest.approx((0.4, math.inf))
     ends = np.array([0.3, 0.0, 0.0]), np.array([0.0, 0.5, 0.0])
     assert _revolute_bounds(np.eye(3)[2], *ends, -math.inf, math.inf) == pytest.approx((0.2, 0.8))
-
-
-CARRIAGE = """
-robot carriage {
-  base { }
-  link 1 { parameters { r 400.0 } type 1 pred 0 limits { 200.0 700.0 } }
-  link 2 { parameters { d 300.0 theta 90.0 } type 2 pred 1 limits { 60.0 120.0 } }
-  frame 20 { name "tool" parameters { d 400.0 } pred 2 }
-}
-"""
-
-
-def test_a_slide_before_a_turn(raff):
-    """From the base's origin: 300 aside and 200 to 700 up to the second joint, then 400."""
-    bounds = ReachBounds(raff(CARRIAGE), "tool", True, 3)
-    assert bounds.outer[0] == pytest.approx(math.hypot(0.3, 0.7), abs=1e-8)
-    assert bounds.inner[0] == pytest.approx(math.hypot(0.3, 0.2), abs=1e-8)
-    radius = ReachBounds(raff(CARRIAGE), "tool").radius((0.0, 0.0, 0.0))
-    assert math.hypot(0.5, 0.7) <= radius <= math.hypot(0.3, 0.7) + 0.4 + 1e-8
-    assert ReachBounds(raff(CARRIAGE), "tool").radius((0.0, 1.0, 0.0)) == pytest.approx(1.0 + radius)
-    for axis in range(3):
-        assert ReachBounds(raff(CARRIAGE), "tool").interval(axis) == pytest.approx((-radius, radius))
 
 
 def test_the_base_stays_where_it_is(robot):
@@ -270,12 +241,6 @@ def test_a_disc_is_always_within_the_bound(radius, x, y, rows, columns):
     assert area.low <= math.pi * radius**2 <= area.high
     ring = math.hypot(*(axis.width for axis in region.axes))  # nothing is further from the border
     assert area.high - area.low <= 2.0 * math.pi * radius * 4.0 * ring
-
-
-def test_the_bound_shrinks_with_the_cells():
-    squares = [over(("x", -1.0, 1.0, n), ("y", -1.0, 1.0, n)) for n in (16, 32, 64, 128, 256)]
-    errors = [counted(square, np.hypot(*middles(square)) <= 0.77).error for square in squares]
-    assert all(0.35 < finer / coarser < 0.65 for coarser, finer in pairwise(errors))
 
 
 def test_a_full_region_is_exact():
