@@ -1,12 +1,14 @@
 """Many ticks of a solver in one line, and targets for it."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 import cinegen
-from cinegen.ik import Step
+from cinegen.ik import FrameTask, Step
 
 
 def ticked(solver: cinegen.Solver, count: int) -> Step:
@@ -16,9 +18,16 @@ def ticked(solver: cinegen.Solver, count: int) -> Step:
     return step
 
 
-def beside(pose: pin.SE3, way: Sequence[float], turn: Sequence[float] = (0.0, 0.0, 0.0)) -> pin.SE3:
+def beside(pose: pin.SE3, way: ArrayLike, turn: Sequence[float] = (0.0, 0.0, 0.0)) -> pin.SE3:
     """Return a pose that is moved along the world's axes, and turned about its own."""
     return pin.SE3(pose.rotation @ pin.exp3(np.array(turn)), pose.translation + np.asarray(way))
+
+
+def pull(solver: cinegen.Solver, node: str, way: ArrayLike, **options: Any) -> FrameTask:
+    """Return a new task, whose target is some way along the world's axes from where the node is."""
+    task = solver.add_task(node, **options)
+    task.target = beside(task.target, way)
+    return task
 
 
 def of_pinocchio(mechanism: cinegen.Mechanism, q: np.ndarray, node: str) -> pin.SE3:

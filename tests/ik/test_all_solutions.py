@@ -131,11 +131,9 @@ def calibrated(rng, off, written=UR):
     return denavit_hartenberg(*(np.array(numbers) + off * rng.normal(size=6) for numbers in written))
 
 
-@pytest.mark.parametrize(("seed", "off"), [(0, 1e-2), (2, 1e-7)])
-def test_all_solutions_of_a_calibrated_arm_are_proved_to_be_all(seed, off):
-    rng = np.random.default_rng(seed)
-    arm = calibrated(rng, off)
-    pose = random_pose(arm, seed)
+def test_all_solutions_of_a_calibrated_arm_are_proved_to_be_all():
+    arm = calibrated(np.random.default_rng(0), 1e-2)
+    pose = random_pose(arm, 0)
     solutions = solved(arm, pose)
     assert solutions.proved
     assert solutions.certified == len(solutions) == solutions.counts.real
@@ -263,13 +261,12 @@ def test_a_cylinder_between_ball_joints_has_two_lengths(raff):
     assert "a telescopic rod" in modes.method
 
 
-@pytest.mark.parametrize(("name", "starts"), [("rx90", 200), ("delta4", 100)])
-def test_newton_from_random_starts_finds_no_other_solution(robot, name, starts):
-    mechanism = robot(name)
+def test_newton_from_random_starts_finds_no_other_solution(robot):
+    mechanism = robot("delta4")
     node, q = mechanism.end, mechanism.random_closed(3, seed=2)[-1]
     pose = mechanism.placement(q, node)
     solutions = solved(mechanism, pose, node)
-    others = guessed(mechanism, pose, node, starts)
+    others = guessed(mechanism, pose, node, 100)
     assert len(others) >= len(solutions) / 2
     for other in others:
         assert min(apart(mechanism, other, solution) for solution in solutions) < 1e-5
@@ -358,24 +355,6 @@ def test_serial_arms_have_as_many_solutions_as_theory_allows(word, bound):
     assert solutions.counts.total == bound
 
 
-@pytest.mark.parametrize(
-    ("word", "said"),
-    [
-        ("P", "1 prismatic joint: 1 complex solution,"),
-        ("R", "1 revolute joint about one direction: 1 complex solution,"),
-        ("RRP", "2 revolute joints about one direction and 1 prismatic joint: 2 complex solutions,"),
-    ],
-)
-def test_revolute_and_prismatic_joints_of_a_part_are_counted(word, said):
-    """R: revolute about z, P: prismatic along x."""
-    kinds = {"R": "revolute", "P": "prismatic"}
-    joints = [(kinds[c], (0.2 * k, 0.0, 0.0), (0.0, RIGHT * (c == "P"), 0.0)) for k, c in enumerate(word)]
-    arm = chain(*joints, ("fixed", (0.1, 0.2, 0.3), (0.0, 0.0, 0.0)))
-    solutions = solved(arm, arm.placement(0.3 * np.ones(len(word)), "tool"))
-    assert solutions.method.startswith(said)
-    assert len(solutions) == int(said.split(": ")[1][0])
-
-
 def test_joints_are_brought_within_their_limits_by_whole_revolutions():
     first = ("revolute", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     arm = chain(first, ("fixed", (0.5, 0.0, 0.0), (0.0, 0.0, 0.0)))
@@ -411,31 +390,6 @@ def test_a_free_base_stays_where_it_is(robot):
     assert all(np.array_equal(solution[:7], q[:7]) for solution in solutions)
     assert max(map(max, solutions.errors)) < 1e-12
     assert "the base stays where it is" in solutions.method
-
-
-def test_a_joint_that_follows_another_one_keeps_the_tool_upright():
-    """With q3 = -q2 the bars 1 and 3 are parallel: two bars, of lengths 0.4 + 0.1 and 0.3."""
-    text = """RAFF Lamp
-    robot lamp {
-      link 1 { parameters { theta 20 } type 2 pred 0 }
-      link 2 { parameters { theta 60 d 400 } type 2 pred 1 }
-      link 3 { parameters { theta -60 d 300 } type 2 pred 2 }
-      frame 20 { name "tool" parameters { d 100 } pred 3 }
-      coupling { link 3 link 2 ratio RATIO }
-    }
-    """
-    lamp = cinegen.load(text.replace("RATIO", "-1"))
-    pose = lamp.placement(lamp.q_home, "tool")
-    solutions = solved(lamp, pose, rotation=0)
-    assert len(solutions) == 2
-    x, y, _ = pose.translation
-    two = math.acos((x * x + y * y - 0.5**2 - 0.3**2) / (2.0 * 0.5 * 0.3))
-    for q, bend in zip(solutions, (two, -two), strict=True):
-        first = math.atan2(y, x) - math.atan2(0.3 * math.sin(bend), 0.5 + 0.3 * math.cos(bend))
-        assert np.allclose(q, [first, bend, -bend])
-    assert len(solved(lamp, pose)) == 1
-    with pytest.raises(IKError, match="ratio of 1 or -1, not for 'joint3-joint2'"):
-        solved(cinegen.load(text.replace("RATIO", "-0.7 offset -18")), pose, rotation=0)
 
 
 @pytest.mark.parametrize("locked", [{}, {"joint6": RIGHT}])
@@ -509,26 +463,33 @@ robot gears {
   link 6 { parameters { d 500 } type 2 pred 0 } link 7 { parameters { d 600 } type 2 pred 0 }
   link 8 { parameters { d 700 } type 2 pred 0 }
   coupling { link 3 link 2 ratio -1 }
-  coupling { link 6 link 1 ratio 2 } coupling { link 7 link 6 ratio 2 } coupling { link 8 link 7 ratio 2 } LAST
+  coupling { link 6 link 1 ratio 2 } coupling { link 7 link 6 ratio 2 } coupling { link 8 link 7 ratio 2 }
 }
 """
 
 
-def test_couplings_one_after_another_are_followed_to_their_end():
-    """By a train of gears to joint 2 the tool has 1 DoF, for two coordinates; without its last pair of wheels they only
-    drive wheels: theta8 = 8 theta1."""
-    gears = cinegen.load(GEARS.replace("LAST", ""))
+def test_a_joint_that_follows_another_one_keeps_the_tool_upright():
+    """With q3 = -q2 the bars 1 and 3 are parallel: two bars, of lengths 0.4 + 0.1 and 0.3. Other wheels only turn:
+    theta8 = 8 theta1."""
+    gears = cinegen.load(GEARS)
     pose = gears.placement(gears.q_home, "tool")
     solutions = solved(gears, pose, rotation=0)
     assert (len(solutions), solutions.certified) == (2, 2)
     x, y, _ = pose.translation
-    bends = sorted(q[gears.q_index("joint2")] for q in solutions)
     two = math.acos((x * x + y * y - 0.5**2 - 0.3**2) / (2.0 * 0.5 * 0.3))
-    assert np.allclose(bends, [-two, two])
-    assert all(abs(q[gears.q_index("joint8")] - 8.0 * q[gears.q_index("joint1")]) < 1e-12 for q in solutions)
-    train = cinegen.load(GEARS.replace("LAST", "coupling { link 2 link 8 ratio 0.375 }"))
+    for q, bend in zip(solutions, (two, -two), strict=True):
+        first = math.atan2(y, x) - math.atan2(0.3 * math.sin(bend), 0.5 + 0.3 * math.cos(bend))
+        assert np.allclose([q[gears.q_index(f"joint{k}")] for k in (1, 2, 3, 8)], [first, bend, -bend, 8.0 * first])
+    assert len(solved(gears, pose)) == 1
+    with pytest.raises(IKError, match="ratio of 1 or -1, not for 'joint3-joint2'"):
+        solved(cinegen.load(GEARS.replace("ratio -1", "ratio -0.7 offset -18")), pose, rotation=0)
+
+
+def test_couplings_one_after_another_are_followed_to_their_end():
+    """By a last pair of wheels, on joint 2, the tool has 1 DoF, for two coordinates."""
+    train = cinegen.load(GEARS.replace("\n}", " coupling { link 2 link 8 ratio 0.375 }\n}"))
     with pytest.raises(IKError, match=r"\('joint3-joint2', .*'joint8-joint7', 'joint2-joint8'\) relate joints"):
-        solved(train, pose, rotation=0)
+        solved(train, train.placement(train.q_home, "tool"), rotation=0)
 
 
 TURN = """RAFF Turn
@@ -542,17 +503,14 @@ robot turn {
 """
 
 
-@pytest.mark.parametrize(
-    ("kind", "limits", "coupling", "named"),
-    [
-        (1, "", "link 6 link 1 lead 20", True),
-        (1, "limits { -180 180 }", "link 6 link 1 lead 20", False),
-        (1, "limits { -181 180 }", "link 6 link 1 lead 20", True),
-        (2, "", "link 6 link 1 ratio 2 link 2 ratio -3", False),
-        (2, "", "link 6 link 1 ratio 0.5 link 2 ratio -3", True),
-        (2, "", "link 6 link 1 polynomial ( 2 0.01 )", True),
-    ],
-)
+@pytest.mark.parametrize(("kind", "limits", "coupling", "named"), [
+    (1, "", "link 6 link 1 lead 20", True),
+    (1, "limits { -180 180 }", "link 6 link 1 lead 20", False),
+    (1, "limits { -181 180 }", "link 6 link 1 lead 20", True),
+    (2, "", "link 6 link 1 ratio 2 link 2 ratio -3", False),
+    (2, "", "link 6 link 1 ratio 0.5 link 2 ratio -3", True),
+    (2, "", "link 6 link 1 polynomial ( 2 0.01 )", True),
+])  # fmt: skip
 def test_whole_revolutions_that_place_driven_joints_elsewhere_are_named(kind, limits, coupling, named):
     """And with the first joint a revolution further, the tool is where it was, and link 6 is not, by Pinocchio."""
     text = TURN.replace("KIND", str(kind)).replace("LIMITS", limits).replace("COUPLING", f"coupling {{ {coupling} }}")
@@ -613,9 +571,6 @@ def test_solutions_of_which_a_part_is_complete_with_probability_one_are_not_call
 # Certificates of inverse solutions: what is certified is reached, and what is not a solution is not certified.
 
 
-ROBOTS = ["scara", "delta4", "belt_five_bar"]
-
-
 def exact(placement):
     """(4, 4) of a placement, with a rotation that is exactly one."""
     x, _, z = (mp.matrix(column.tolist()) for column in placement.rotation.T)
@@ -662,18 +617,11 @@ def test_solutions_of_arms_are_in_their_boxes():
             assert (certificate.equations, certificate.others) == (6, 0)
 
 
-@pytest.mark.parametrize("name", ROBOTS)
-def test_solutions_of_our_robots_are_certified(robot, name):
-    m = robot(name)
-    solutions = cinegen.inverse_kinematics(m, {m.end: m.placement(m.random_closed(2, 1)[-1], m.end)}, all=True)
-    assert solutions.certified == sum(count == 1 for count in solutions.coincident) > 0
-    assert all(certificate.gap < 1e-12 for certificate in solutions.certificates if certificate)
-
-
 def test_what_is_no_solution_is_not_certified(robot):
-    for name in ("rx90", "five_bar", "delta4"):
+    for name in ("rx90", "scara", "five_bar", "delta4"):
         m = robot(name)
         solutions = cinegen.inverse_kinematics(m, {m.end: m.placement(m.random_closed(2, 1)[-1], m.end)}, all=True)
+        assert solutions.certified == sum(count == 1 for count in solutions.coincident) > 0
         for seed in range(3):
             off = 1e-3 * rng(seed).normal(size=m.model.nq)
             assert replace(solutions, configurations=tuple(q + off for q in solutions)).certified == 0

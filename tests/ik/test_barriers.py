@@ -215,12 +215,6 @@ def test_what_a_barrier_does_to_what_it_is_shown_changes_nothing(robot):
 # --- barriers that make no sense -----------------------------------------------------------------------------------
 
 
-def test_bounds_that_only_fit_together_do_not_fit(robot):
-    solver, _ = pulled(robot("planar_3r"), np.random.default_rng(0))
-    solver.barriers = [linear(np.zeros((2, 3)), np.ones(3)), linear(np.zeros((3, 3)), np.ones(2))]
-    assert not solver.step().v.any()
-
-
 @pytest.mark.parametrize("name", ["planar_3r", "arm7", "delta4"])
 def test_bounds_that_contradict_each_other_hold_it_there(robot, name):
     mechanism = robot(name)

@@ -67,15 +67,11 @@ def test_a_fading_pull_gives_way_smoothly_and_ends(robot):
     solver.remove_task(fading)  # is let go already
 
 
-@pytest.mark.parametrize(
-    "take_over",
-    [
-        lambda solver, task: setattr(task, "target", beside(task.target, [0.01, 0.0, 0.0])),
-        lambda solver, task: task.target.translation.__iadd__(np.array([0.01, 0.0, 0.0])),
-        lambda solver, task: solver.remove_task(task),
-    ],
-    ids=["another target", "moved in place", "let go"],
-)
+@pytest.mark.parametrize("take_over", [
+    lambda solver, task: setattr(task, "target", beside(task.target, [0.01, 0.0, 0.0])),
+    lambda solver, task: task.target.translation.__iadd__(np.array([0.01, 0.0, 0.0])),
+    lambda solver, task: solver.remove_task(task),
+], ids=["another target", "moved in place", "let go"])  # fmt: skip
 def test_who_changes_the_target_meanwhile_takes_over(platform, take_over):
     solver, task = platform
     solver.blend(task, beside(task.target, [0.0, 0.0, -0.1]), seconds=0.5)

@@ -14,6 +14,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from test_barriers import Barrier, Objective
+from ticking import pull
 
 import cinegen
 from cinegen import CinegenError, FrameTask, Solver, Status
@@ -93,19 +94,15 @@ def test_an_objective_that_raises_sometimes_is_used_in_all_other_ticks(robot, ca
     assert solver.exception_log.messages[0] == f"objective 0 (Objective) of {mechanism.name}: RuntimeError: tick 3"
 
 
-@pytest.mark.parametrize(
-    ("answer", "text"),
-    [
-        (lambda nv: np.zeros(nv - 1), "returned shape ({less},): return ({nv},)"),
-        (lambda nv: np.zeros((1, nv)), "returned shape (1, {nv}): return ({nv},)"),
-        (lambda nv: None, "returned shape (): return ({nv},)"),
-        (lambda nv: "fast", "could not convert string to float"),
-        (lambda nv: [0.0, 0.0, np.nan] + [0.0] * (nv - 3), "velocity(state)[2] is nan: return finite rad/s and m/s"),
-        (lambda nv: [np.inf] * nv, "velocity(state)[0] is inf"),
-        (lambda nv: [-1e300] * nv, "velocity(state)[0] is -1e+300"),
-    ],
-    ids=["a column less", "two dimensions", "nothing", "text", "NaN", "infinite", "too fast"],
-)
+@pytest.mark.parametrize(("answer", "text"), [
+    (lambda nv: np.zeros(nv - 1), "returned shape ({less},): return ({nv},)"),
+    (lambda nv: np.zeros((1, nv)), "returned shape (1, {nv}): return ({nv},)"),
+    (lambda nv: None, "returned shape (): return ({nv},)"),
+    (lambda nv: "fast", "could not convert string to float"),
+    (lambda nv: [0.0, 0.0, np.nan] + [0.0] * (nv - 3), "velocity(state)[2] is nan: return finite rad/s and m/s"),
+    (lambda nv: [np.inf] * nv, "velocity(state)[0] is inf"),
+    (lambda nv: [-1e300] * nv, "velocity(state)[0] is -1e+300"),
+], ids=["a column less", "two dimensions", "nothing", "text", "NaN", "infinite", "too fast"])  # fmt: skip
 def test_what_an_objective_returns_that_makes_no_sense_is_an_exception_of_the_step(robot, caplog, answer, text):
     mechanism = robot("delta4")
     nv = mechanism.model.nv
@@ -142,7 +139,6 @@ WRONG_PARTS = {
     "nan": (lambda: NAN, "returned nan: return a number from 0 to 1"),
     "negative": (lambda: -0.5, "returned -0.5"),
     "nothing": (lambda: None, ""),
-    "text": (lambda: "x", ""),
     "several": (lambda: np.zeros(3), ""),
 }
 
@@ -277,8 +273,7 @@ class Meeting(Barrier):
 
 def _pulled(mechanism):
     solver = Solver(mechanism, TICK)
-    task = solver.add_task(mechanism.end, rotation=0)
-    task.target = pin.SE3(task.target.rotation, task.target.translation + np.array([0.0, 0.01, -0.01]))
+    pull(solver, mechanism.end, [0.0, 0.01, -0.01], rotation=0)
     return solver
 
 
@@ -306,23 +301,19 @@ VALUES = {
 PROPERTIES = [name for name, value in inspect.getmembers(Solver) if getattr(value, "fset", None)]
 
 
-@pytest.mark.parametrize(
-    "use",
-    [
-        *(
-            partial(lambda name, solver: setattr(solver, name, VALUES.get(name, lambda _: 0.1)(solver)), name)
-            for name in PROPERTIES
-        ),
-        lambda solver: solver.step(),
-        lambda solver: solver.lift_limits(position=True),
-        lambda solver: solver.copy_state(Solver(solver.mechanism, TICK)),
-        lambda solver: LookAhead(solver.mechanism, TICK).copy(solver),
-        lambda solver: solver.add_task(solver.mechanism.end),
-        lambda solver: solver.remove_task(solver.tasks[0]),
-        lambda solver: solver.blend(solver.tasks[0], weight=0.0),
-    ],
-    ids=[*PROPERTIES, "step", "limits", "copy_to", "copy_from", "add", "remove", "blend"],
-)
+@pytest.mark.parametrize("use", [
+    *(
+        partial(lambda name, solver: setattr(solver, name, VALUES.get(name, lambda _: 0.1)(solver)), name)
+        for name in PROPERTIES
+    ),
+    lambda solver: solver.step(),
+    lambda solver: solver.lift_limits(position=True),
+    lambda solver: solver.copy_state(Solver(solver.mechanism, TICK)),
+    lambda solver: LookAhead(solver.mechanism, TICK).copy(solver),
+    lambda solver: solver.add_task(solver.mechanism.end),
+    lambda solver: solver.remove_task(solver.tasks[0]),
+    lambda solver: solver.blend(solver.tasks[0], weight=0.0),
+], ids=[*PROPERTIES, "step", "limits", "copy_to", "copy_from", "add", "remove", "blend"])  # fmt: skip
 def test_a_second_thread_gets_an_error_and_leaves_the_first_unharmed(robot, use):
     mechanism = robot("delta4")
     solver, alone = _pulled(mechanism), _pulled(mechanism)

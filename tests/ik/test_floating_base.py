@@ -24,9 +24,8 @@ def loaded(folder, form="urdf", **options):
     return cinegen.load(path, **options)
 
 
-@formats
-def test_a_hand_takes_the_base_along_where_nothing_holds_it(tmp_path, form):
-    mechanism = loaded(tmp_path, form)
+def test_a_hand_takes_the_base_along_where_nothing_holds_it(tmp_path):
+    mechanism = loaded(tmp_path)
     solver = Solver(mechanism, DT)
     goal = beside(of_pinocchio(mechanism, mechanism.q_home, "hand"), np.array([2.0, 0.0, 1.0]))
     task = solver.add_task("hand", goal)

@@ -3,6 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from ticking import pull
 
 import cinegen
 from cinegen import Solver, Status
@@ -19,10 +20,11 @@ QUILL = """robot arm {{ base {{ }}
   coupling {{ link 4 link 3 lead {lead} offset 100 }} }}"""
 
 
-@pytest.mark.parametrize(("unit", "factor"), [("um", 1e-3), ("m", 1e3)])
+@pytest.mark.parametrize(("unit", "factor", "wishes", "to"), [
+    ("um", 1e-3, (Posture, LimitMargin, Manipulability), 1e-7), ("m", 1e3, (), 1e-11),
+])  # fmt: skip
 @pytest.mark.parametrize("name", ["scara", "gough", "hybrid"])
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize(("wishes", "to"), [((), 1e-11), ((Posture, LimitMargin, Manipulability), 1e-7)])
 def test_micro_and_giant_robots_move_alike(root, name, unit, factor, wishes, to):
     """The same numbers in another unit."""
     text = (root / f"robots/{name}.raff").read_text()
@@ -52,8 +54,7 @@ def test_a_screw_of_any_pitch_lifts_the_tool_on_its_axis(raff, lead):
     arm, reference = raff(QUILL.format(lead=lead, frame="d 0")), raff(QUILL.format(lead=1.0, frame="d 0"))
     solvers = Solver(arm, DT), Solver(reference, DT)
     for solver in solvers:
-        task = solver.add_task("tool", rotation=0)
-        task.target = pin.SE3(task.target.rotation, task.target.translation + np.array([0.01, -0.02, 0.05]))
+        pull(solver, "tool", [0.01, -0.02, 0.05], rotation=0)
     for _ in range(100):
         step, expected = (solver.step() for solver in solvers)
         assert step.status is expected.status

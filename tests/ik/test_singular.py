@@ -11,7 +11,7 @@ from loop_openings import Openings
 from planar import ROCKER, two_r
 from scipy.linalg import qr
 from small_robots import four_bar, two_bars
-from ticking import ticked
+from ticking import pull, ticked
 
 import cinegen
 from cinegen import FrameTask, PersistentSolver, Solver, Status, inverse_kinematics
@@ -297,8 +297,7 @@ def test_where_no_toggle_is_near_a_kept_branch_changes_nothing(robot, name):
     mechanism = robot(name)
     solver, other = Solver(mechanism, TICK, keep_branch=True), Solver(mechanism, TICK)
     for twin in (solver, other):
-        task = twin.add_task(mechanism.end, rotation=0)
-        task.target = pin.SE3(task.target.rotation, task.target.translation + 0.03 * mechanism.length)
+        pull(twin, mechanism.end, 0.03 * mechanism.length, rotation=0)
     for _ in range(20):
         step = solver.step()
         assert (step.q == other.step().q).all()

@@ -35,14 +35,6 @@ def test_a_target_within_reach_is_reached_exactly(robot, name):
         assert step.closure <= 1e-12
 
 
-def test_a_stretched_arm_comes_to_rest_without_jitter(robot):
-    arm = robot("planar_3r")
-    solver = Solver(arm, DT)
-    solver.add_task("tool", pin.SE3(np.eye(3), np.array([20.0, 3.0, 0.0])), rotation=0)
-    assert {len(solver.step().singular_values) for _ in range(3000)} == {2}
-    assert max(np.abs(solver.step().v).max() for _ in range(50)) < 1e-4
-
-
 # --- attributes -------------------------------------------------------------------------------------------------------
 # Attributes that are set between two ticks: they take effect at the next one, and misspelt ones are errors.
 
@@ -276,39 +268,30 @@ FAR = pin.SE3(np.eye(3), np.array([300.0, 0.0, 0.0]))
 DEGREES = [90.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
 
 
-@pytest.mark.parametrize(
-    ("mistake", "remedy"),
-    [
-        (lambda solver: Solver(solver.mechanism, 0.0), "dt"),
-        (lambda solver: Solver(solver.mechanism, DT, gain=0.0), "gain"),
-        (lambda solver: Solver(FOUR_BAR, DT, q=FOUR_BAR.q_home + 0.1), "open"),
-        (lambda solver: solver.add_task("tol"), "did you mean 'tool'"),
-        (lambda solver: solver.add_task("tool", translation=4), "0 to 3"),
-        (lambda solver: solver.add_task("tool", np.eye(4)), "SE3"),
-        (lambda solver: Solver(solver.mechanism, 240), "1/240"),
-        (lambda solver: setattr(solver, "dt", 240.0), "1/240"),
-        (lambda solver: setattr(solver, "q", DEGREES), "90 degrees, which are 1.571 rad"),
-        (lambda solver: Solver(solver.mechanism, 0.01, DEGREES), "90 degrees, which are 1.571 rad"),
-        (lambda solver: solver.add_task("tool", offset=FAR), "300 mm"),
-        (lambda solver: solver.add_task("tool", FAR), "300 mm"),
-        (lambda solver: solver.add_task("tool", rotation=True), "0 to 3 translations and rotations, not 3 and True"),
-        (lambda solver: solver.remove_task("tool"), "a task that add_task returned"),
-        (lambda solver: inverse_kinematics(solver.mechanism, {"tool": FAR}), "300 mm"),
-        (
-            lambda solver: inverse_kinematics(solver.mechanism, {"tool": pin.SE3.Identity()}, DEGREES),
-            "90 degrees, which are 1.571 rad",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("mistake", "remedy"), [
+    (lambda solver: Solver(solver.mechanism, 0.0), "dt"),
+    (lambda solver: Solver(solver.mechanism, DT, gain=0.0), "gain"),
+    (lambda solver: Solver(FOUR_BAR, DT, q=FOUR_BAR.q_home + 0.1), "open"),
+    (lambda solver: solver.add_task("tol"), "did you mean 'tool'"),
+    (lambda solver: solver.add_task("tool", translation=4), "0 to 3"),
+    (lambda solver: solver.add_task("tool", np.eye(4)), "SE3"),
+    (lambda solver: Solver(solver.mechanism, 240), "1/240"),
+    (lambda solver: setattr(solver, "dt", 240.0), "1/240"),
+    (lambda solver: setattr(solver, "q", DEGREES), "90 degrees, which are 1.571 rad"),
+    (lambda solver: Solver(solver.mechanism, 0.01, DEGREES), "90 degrees, which are 1.571 rad"),
+    (lambda solver: solver.add_task("tool", offset=FAR), "300 mm"),
+    (lambda solver: solver.add_task("tool", FAR), "300 mm"),
+    (lambda solver: solver.add_task("tool", rotation=True), "0 to 3 translations and rotations, not 3 and True"),
+    (lambda solver: solver.remove_task("tool"), "a task that add_task returned"),
+    (lambda solver: inverse_kinematics(solver.mechanism, {"tool": FAR}), "300 mm"),
+    (
+        lambda solver: inverse_kinematics(solver.mechanism, {"tool": pin.SE3.Identity()}, DEGREES),
+        "90 degrees, which are 1.571 rad",
+    ),
+])  # fmt: skip
 def test_what_cannot_be_meant_is_an_error_with_the_remedy(robot, mistake, remedy):
     solver = Solver(robot("arm7"), 1 / 240)
     with pytest.raises(CinegenError, match=remedy):
         mistake(solver)
     assert not solver.tasks
     assert np.array_equal(solver.q, solver.mechanism.q_home)
-
-
-def test_remedies_are_accepted(robot):
-    solver = Solver(robot("arm7"), 1 / 240, np.radians(DEGREES))
-    solver.add_task("tool", pin.SE3(FAR.rotation, FAR.translation / 1000.0), offset=FAR.translation / 1000.0)
-    assert solver.step().status.name != "BAD_TARGET"

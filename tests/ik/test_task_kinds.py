@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from test_kernel import load
-from ticking import ticked
+from ticking import pull, ticked
 from variants import FEWER
 
 import cinegen
@@ -110,8 +110,7 @@ def test_the_centre_of_mass_stays_over_a_point():
     stack = tower(6)
     solver = Solver(stack, 0.01)
     solver.add_task(CenterOfMass((0.0, 0.0, 0.0), "xy"))
-    hand = solver.add_task("l5", rotation=0, priority=1)
-    hand.target = pin.SE3(hand.target.rotation, hand.target.translation + np.array([0.4, 0.3, -0.4]))
+    pull(solver, "l5", [0.4, 0.3, -0.4], rotation=0, priority=1)
     for _ in range(300):
         step = solver.step()
         assert step.errors[0][0] < 1e-9

@@ -25,32 +25,26 @@ DT = 1.0 / 240.0
 UNIT = np.eye(3)
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "says"),
-    [
-        ("target", None, "target of the task of 'tool' is None: give a pinocchio.SE3"),
-        ("target", pin.SE3(UNIT, np.array([0.0, np.nan, 0.0])), r"has the position \[0.0, nan, 0.0\]: give three"),
-        ("target", pin.SE3(2.0 * UNIT, np.zeros(3)), "that is no rotation, by 3: give an orthonormal matrix"),
-        ("target", pin.SE3(-UNIT, np.zeros(3)), "orientation that is a reflection"),
-        ("target", pin.SE3(1e200 * UNIT, np.zeros(3)), "orientation that is no rotation, by inf"),
-        ("twist", [math.inf] * 6, r"target of the task of 'tool' is \[inf, .* as a twist six finite numbers"),
-        ("weight", 0.0, "weight of the task of 'tool' is 0.0: give a positive, finite number"),
-        ("weights", [1, 1], r"weights of the task of 'tool' is \[1, 1\]: give six finite numbers"),
-        ("translation", 7, "translation of the task of 'tool' is 7: give a number of constrained axes, 0 to 3"),
-        ("rotation", "all", "rotation of the task of 'tool' is 'all': give a number of constrained axes"),
-        *(("rotation", value, "give a number of constrained axes") for value in (-1, True)),
-        *(("weight", value, "give a positive, finite number") for value in ("a", np.inf)),
-        ("weights", np.full(6, np.nan), "give six finite numbers"),
-        ("node", None, "give the name"),
-        ("axes", np.zeros(3), "give target, world, or the name"),
-        ("offset", "here", "give a point of three finite numbers"),
-        ("node", "thumb", "node of the task of 'tool' is 'thumb': give the name of a base, link or frame"),
-        ("node", [], r"node of the task of 'tool' is \[\]: give the name"),
-        ("axes", "thumb", "axes of the task of 'tool' is 'thumb': give target, world, or the name"),
-        ("offset", (0.0, np.nan, 0.0), "give a point of three finite numbers"),
-        ("offset", [1.0], r"offset of the task of 'tool' is \[1.0\]: give a point of three finite numbers"),
-    ],
-)
+@pytest.mark.parametrize(("name", "value", "says"), [
+    ("target", None, "target of the task of 'tool' is None: give a pinocchio.SE3"),
+    ("target", pin.SE3(UNIT, np.array([0.0, np.nan, 0.0])), r"has the position \[0.0, nan, 0.0\]: give three"),
+    ("target", pin.SE3(2.0 * UNIT, np.zeros(3)), "that is no rotation, by 3: give an orthonormal matrix"),
+    ("target", pin.SE3(-UNIT, np.zeros(3)), "orientation that is a reflection"),
+    ("target", pin.SE3(1e200 * UNIT, np.zeros(3)), "orientation that is no rotation, by inf"),
+    ("twist", [math.inf] * 6, r"target of the task of 'tool' is \[inf, .* as a twist six finite numbers"),
+    ("weight", 0.0, "weight of the task of 'tool' is 0.0: give a positive, finite number"),
+    ("weights", [1, 1], r"weights of the task of 'tool' is \[1, 1\]: give six finite numbers"),
+    ("translation", 7, "translation of the task of 'tool' is 7: give a number of constrained axes, 0 to 3"),
+    ("rotation", "all", "rotation of the task of 'tool' is 'all': give a number of constrained axes"),
+    *(("rotation", value, "give a number of constrained axes") for value in (-1, True)),
+    ("weight", np.inf, "give a positive, finite number"),
+    ("weights", np.full(6, np.nan), "give six finite numbers"),
+    ("node", "thumb", "node of the task of 'tool' is 'thumb': give the name of a base, link or frame"),
+    ("node", [], r"node of the task of 'tool' is \[\]: give the name"),
+    ("axes", "thumb", "axes of the task of 'tool' is 'thumb': give target, world, or the name"),
+    ("offset", (0.0, np.nan, 0.0), "give a point of three finite numbers"),
+    ("offset", [1.0], r"offset of the task of 'tool' is \[1.0\]: give a point of three finite numbers"),
+])  # fmt: skip
 def test_a_bad_value_is_named_and_what_it_must_be(robot, name, value, says):
     arm = robot("arm7")
     solver = Solver(arm, DT)

@@ -67,20 +67,6 @@ def test_so_it_is_below_several_levels(robot):
     assert np.abs(moved[1] - expected).max() > 0.01 * np.abs(expected).max()
 
 
-UNIFORM = [(name, weight, None) for name in ("arm7", "gough", "hybrid") for weight in (1.0, 7.0)]
-WITHOUT_REDUNDANCY = [(name, 1e4, 1) for name in ("delta4", "five_bar", "scara")]
-
-
-@pytest.mark.parametrize(("name", "weight", "count"), [*UNIFORM, *WITHOUT_REDUNDANCY])
-def test_uniform_weights_and_those_of_a_mechanism_without_redundancy_change_nothing(robot, name, weight, count):
-    mechanism = robot(name)
-    rotation = 3 if name == "scara" else 0
-    solver, other = aimed(mechanism, 0.1, rotation=rotation), aimed(mechanism, 0.1, rotation=rotation)
-    solver.joint_weights = dict.fromkeys(mechanism.actuated[:count], weight)
-    for _ in range(30):
-        assert (solver.step().q == other.step().q).all()
-
-
 def test_a_heavy_joint_changes_neither_singular_values_nor_statuses_nor_what_is_reached(robot):
     mechanism = robot("arm7")
     for seed in range(5):

@@ -4,8 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from quick_kernels import quick
 
 from cinegen.jit import banded
+
+factor_blocks, from_motions, to_motions, newton_step = map(
+    quick, (banded.factor_blocks, banded.from_motions, banded.to_motions, banded.newton_step)
+)
 
 
 def blocks(seed: int, dependent: bool) -> tuple[np.ndarray, dict, int]:
@@ -43,23 +48,23 @@ def test_motions_and_steps_are_those_of_the_whole_matrix(seed, dependent, scale)
     j, tables, rank = blocks(seed, dependent)
     j *= scale
     f, n = j.copy(), j.shape[1]
-    assert 0.0 < banded.factor_blocks(f, rank, *tables.values()) <= 1.0
+    assert 0.0 < factor_blocks(f, rank, *tables.values()) <= 1.0
     for row, (begin, end) in zip(f, tables["filled"], strict=True):
         assert not row[:begin].any()
         assert not row[end:].any()
     q = np.eye(n)
     for row in q:
-        banded.from_motions(row, rank, tables["tau"], tables["h"], tables["reach"])
+        from_motions(row, rank, tables["tau"], tables["h"], tables["reach"])
     assert q @ q.T == pytest.approx(np.eye(n), abs=1e-12)
     assert j @ q[rank:].T == pytest.approx(np.zeros((len(j), n - rank)), abs=1e-11 * np.linalg.norm(j))
     motions = np.eye(n)
     for row in motions:
-        banded.to_motions(row, rank, tables["tau"], tables["h"], tables["reach"])
+        to_motions(row, rank, tables["tau"], tables["h"], tables["reach"])
     assert motions == pytest.approx(q.T, abs=1e-12)
     x = np.random.default_rng(seed).normal(size=n)
     out = np.zeros(n)
     arguments = (f, rank, tables["order"], tables["tau"], tables["h"], tables["reach"], j @ x)
-    banded.newton_step(*arguments, 0.0, out)
+    newton_step(*arguments, 0.0, out)
     shortest = np.linalg.lstsq(j, j @ x, rcond=1e-9)[0]
     condition = np.linalg.cond(j[tables["order"][:rank]])
     assert out == pytest.approx(shortest, abs=1e-13 * max(condition, 1e3) ** 2)
@@ -68,9 +73,9 @@ def test_motions_and_steps_are_those_of_the_whole_matrix(seed, dependent, scale)
 def test_a_rank_that_is_not_reached_leaves_pivots_out():
     j, tables, rank = blocks(3, True)
     f = j.copy()
-    assert banded.factor_blocks(f, rank + 1, *tables.values()) == 0.0
+    assert factor_blocks(f, rank + 1, *tables.values()) == 0.0
     assert tables["tau"][rank] == 0.0
     out = np.zeros(j.shape[1])
     x = np.random.default_rng(0).normal(size=j.shape[1])
-    banded.newton_step(f, rank + 1, tables["order"], tables["tau"], tables["h"], tables["reach"], j @ x, 0.0, out)
+    newton_step(f, rank + 1, tables["order"], tables["tau"], tables["h"], tables["reach"], j @ x, 0.0, out)
     assert j @ out == pytest.approx(j @ x, abs=1e-9)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from variants import ONE_OF_EACH_KIND, slow
+from variants import FEWER, slow
 
 import cinegen
 from cinegen.devices import fit_path
@@ -24,7 +24,7 @@ from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.loops.setup import set_up
 
 ROOT = Path(__file__).resolve().parents[2]
-ROBOTS = [path if path.stem in ONE_OF_EACH_KIND else slow(path)[0] for path in sorted((ROOT / "robots").glob("*.raff"))]
+ROBOTS = [path if path.stem in FEWER else slow(path)[0] for path in sorted((ROOT / "robots").glob("*.raff"))]
 every_robot = pytest.mark.parametrize("path", ROBOTS, ids=lambda path: path.stem)
 JACOBIANS = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_int64] * 3)
 

@@ -4,20 +4,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numba import njit
+from quick_kernels import quick
 
 from cinegen.ik.batch import BatchEvaluator
 from cinegen.jit.smallest import smallest_singular_value
 
 
-@njit
-def _of(a, x, y):
-    return smallest_singular_value(a, a.shape[0], a.shape[1], x, y)
-
-
 def smallest(a):
-    n = a.shape[1]
-    return _of(np.array(a, order="C"), np.zeros(n), np.zeros(n))
+    rows, n = a.shape
+    return quick(smallest_singular_value)(np.array(a, order="C"), rows, n, np.zeros(n), np.zeros(n))
 
 
 def with_values(rng, rows, values):

@@ -10,7 +10,6 @@ import cinegen
 from cinegen.errors import ClosureError
 from cinegen.loops.clusters import clusters, subsystems
 from cinegen.loops.motions import free_motions
-from cinegen.loops.setup import null_space
 
 large = module_of("benchmarks/large.py")
 FAMILIES = ("chain", "snake", "star", "train", "girder")
@@ -48,29 +47,13 @@ def test_mobility_is_as_counted_by_hand_and_loops_stay_closed(family):
     dragged(mechanism, ticks=100)
 
 
-@pytest.mark.slow
-def test_a_thousand_joints_with_a_hundred_loops():
-    mechanism = made("snake", 1000)
-    assert (mechanism.model.nv, len(mechanism.loops), mechanism.mobility) == (1000, 100, 800)
-    assert mechanism.cluster_ranks == (2,) * 100
-    rng = np.random.default_rng(0)
-    for size in (1e-6, 1e-2, 0.3):
-        q = mechanism.close(mechanism.q_home + size * rng.uniform(-1.0, 1.0, 1000))
-        assert mechanism.closure(q) <= 1e-12
-    solver, left = dragged(mechanism, wait=130)
-    assert left < 1e-5 * mechanism.length
-    motions = null_space(solver._memory)
-    assert motions.shape == (800, 1100)  # of the joints, and of those that were cut
-    assert motions @ motions.T == pytest.approx(np.eye(800), abs=1e-12)
-
-
 def test_loops_of_a_large_cluster_stay_closed():
     dragged(made("girder", 120), ticks=20, radius=0.001, wait=0)
 
 
 def test_modes_of_many_loops_are_refused():
-    with pytest.raises(cinegen.CinegenError, match="200 independent equations"):
-        cinegen.assembly_modes(made("snake", 1000))
+    with pytest.raises(cinegen.CinegenError, match="120 independent equations"):
+        cinegen.assembly_modes(made("snake", 600))
 
 
 # --- clusters ------------------------------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from elementary import document
+from quick_kernels import quick
 from repository import EVERY, load
 from variants import others_slow
 
@@ -23,6 +24,9 @@ from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.loops.setup import set_up
 from raff2urdf.raff.document import LoopKind
 
+evaluate, integrate, difference, evaluate_loops = map(
+    quick, (kinematics.evaluate, kinematics.integrate, kinematics.difference, residual.evaluate_loops)
+)
 KINDS = ("RX", "PY", "RZ", "PX", "RY", "PZ", "Spherical", "FreeFlyer", "RevoluteUnaligned", "PrismaticUnaligned")
 
 
@@ -78,14 +82,15 @@ def check(model: pin.Model, q: np.ndarray, step: np.ndarray, fixed: int = 0) -> 
     """Frames, screws and steps are Pinocchio's; a base of some DoF stays, and has no columns."""
     memory, data = memory_of(model, fixed), model.createData()
     pin.computeJointJacobians(model, data, q)
-    kinematics.evaluate(memory, q)
+    evaluate(memory, q)
     assert memory.screws == pytest.approx(np.reshape(data.J, (6, -1)).T[fixed:], abs=1e-12)
     assert memory.frames == pytest.approx(np.array([frame_of(placement) for placement in data.oMi]), abs=1e-12)
     moved, back, whole = np.zeros(model.nq), np.zeros(model.nv - fixed), np.concatenate([np.zeros(fixed), step])
-    kinematics.integrate(memory, q, step, moved)
+    integrate(memory, q, step, moved)
     assert moved == pytest.approx(pin.integrate(model, q, whole), abs=1e-12)
     assert step.any() or moved.tobytes() == q.tobytes()  # what does not move stays bit by bit
-    kinematics.difference(memory, q, moved, back)
+    assert fixed == 0 or moved[:7].tobytes() == q[:7].tobytes()
+    difference(memory, q, moved, back)
     assert back == pytest.approx(pin.difference(model, q, moved)[fixed:], abs=1e-11)
 
 
@@ -151,7 +156,7 @@ def check_other_lengths(kinds) -> None:
         end = joint.idx_q + joint.nq
         longer[end - UNIT_VECTORS.get(kind, 0) : end] *= rng.uniform(0.5, 2.0)
     argument = longer.copy()
-    kinematics.evaluate(memory, argument)
+    evaluate(memory, argument)
     assert memory.screws == pytest.approx(data.J.T, abs=1e-12)
     assert np.array_equal(argument, longer)
 
@@ -258,8 +263,8 @@ def pinocchio_rows(system: ClosedLoops, q: np.ndarray) -> list[np.ndarray]:
 
 def check_constraints(system: ClosedLoops, ranks: tuple[int, ...], q: np.ndarray) -> None:
     memory = set_up(LoopMemory(), system, ranks)
-    kinematics.evaluate(memory, q)
-    assert residual.evaluate_loops(memory, True) <= 1e-11
+    evaluate(memory, q)
+    assert evaluate_loops(memory, True) <= 1e-11
     for i, (kind, rows) in enumerate(zip(system.kinds, pinocchio_rows(system, q), strict=True)):
         rows = -rows * system.scale / np.repeat([system.length, 1.0], 3)[:, None]  # of the second end, dimensionless
         if kind is LoopKind.BALL:  # the angular velocity is in the world's axes

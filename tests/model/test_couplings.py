@@ -5,6 +5,7 @@ import pytest
 from coupled_robots import random_text, seeds
 from hypothesis import example, given, settings
 from numpy.polynomial import Polynomial
+from quick_kernels import quick
 
 import cinegen
 import raff2urdf
@@ -44,8 +45,8 @@ def test_random_couplings_on_random_mechanisms(seed):
     jacobian = mechanism.loop_jacobian(q)
     assert jacobian == pytest.approx(np.array(differences).T, rel=1e-6, abs=1e-6 * max(1.0, np.abs(jacobian).max()))
     c, rows = mechanism.structure.system.evaluate(q)
-    kinematics.evaluate(memory, q)
-    residual.evaluate_loops(memory, True)
+    quick(kinematics.evaluate)(memory, q)
+    quick(residual.evaluate_loops)(memory, True)
     assert memory.residual == pytest.approx(c, abs=1e-13 * max(1.0, np.abs(c).max()))
     assert memory.jacobian == pytest.approx(rows, abs=1e-13 * max(1.0, np.abs(rows).max()))
 

