@@ -40,8 +40,8 @@ def clear_motion(
 
     With loops, each middle is closed with its actuated joints locked. Closing must not move it by more than
     `_MOST_CURVATURE`, and twice that motion is added to how far things can move: an estimate, no bound, of how far the
-    closed loops lead from the straight motion. A motion that passes a singularity of type 2
-    is refused: the smallest singular value of the passive joints must not change its sign (`passes_type_2`).
+    closed loops lead from the straight motion. A motion that may pass a singularity of type 2 is refused
+    (`passes_type_2`).
 
     Args:
         clearance: distances of the mechanism.

@@ -17,9 +17,11 @@ from raff2urdf.closure import rank
 
 _SURE = 0.7  # product of the cosines between singular vectors that belong together
 _DEPTH = 7  # times a path is halved until they do
+_EXCLUDED = 12  # times a path is halved until it is excluded that a value vanishes
 _HALVES = 30  # of a path, to where the sign changes
 _ZERO = 1e-12  # of a matrix: a smaller singular value is 0, and its vectors are arbitrary
 _CURVED = 1.05  # length of a path between two matrices, of their distance
+_BENT = 3.0  # likewise, of a path that may change its direction where branches cross
 _ASIDE = 0.47  # part of a path where it is halved: singularities of symmetric robots lie in the middle
 
 
@@ -37,6 +39,10 @@ class Rows(NamedTuple):
     def sigma(self, matrices: Array) -> Array:
         """Return the smallest of these singular values (n,), of matrices (n, rows, columns)."""
         return np.asarray(np.linalg.svd(matrices, compute_uv=False)[:, self.rank - 1])
+
+    def is_singular(self, matrix: Array) -> bool:
+        """Return whether a matrix (rows, columns) is singular to rounding: its vectors have no sign there."""
+        return bool(self.sigma(matrix[None])[0] <= _ZERO * np.linalg.norm(matrix))
 
 
 class Crossing(NamedTuple):
@@ -116,7 +122,7 @@ def crossings(rows: Rows, path: Callable[[float], Array]) -> Iterator[Crossing]:
         for _ in range(_HALVES):
             middle = 0.5 * (low + high)
             at_middle = matrix(middle)
-            if rows.sigma(at_middle[None])[0] <= _ZERO * np.linalg.norm(at_middle):
+            if rows.is_singular(at_middle):
                 low = middle
                 break
             if _alignment(at_low, at_middle, rows.rank)[0] < 0.0:
@@ -147,38 +153,41 @@ def turned(rows: Rows, a: Array, b: Array) -> bool:
 
 
 def passes_type_2(mechanism: Mechanism, path: Array) -> bool:
-    """Return whether a path passes a singularity of type 2, to another side of which no actuated joint leads.
+    """Return whether a path may pass a singularity of type 2, where the actuated joints lose control.
 
-    The smallest singular value of the passive joints changes its sign there. The path is divided where that is
-    possible, down to its configurations, then between two of them by `crossings`. Parts at whose ends the sign is
-    surely the same are not: on these it may pass there and back.
+    The smallest singular value of the passive joints must not vanish: it can't between two matrices that are much
+    nearer to each other than to a singular one (Weyl's inequality). Where that does not exclude it, the path is
+    divided, first at its configurations. An unchanged sign would not do: where two branches cross, a path that goes
+    over to the other one keeps it. Ends that are singular themselves are not passed.
 
     Args:
         mechanism: robot.
         path: (n, nq) configurations, loops closed; the loops are closed between two, as near to straight as possible.
     """
-    if not mechanism.is_constrained or not mechanism.structure.passive_rank:
+    if not mechanism.is_constrained or not mechanism.structure.passive_rank or len(path) < 2:
         return False
     rows = of_passive_joints(mechanism)
 
-    def passes(part: Array) -> bool:
-        if len(part) < 2 or not may_cross(rows, rows.of(part[0]), rows.of(part[-1])):
+    def passes(part: Array, first: Array, last: Array, depth: int, at_end: tuple[bool, bool]) -> bool:
+        if rows.sigma(np.array([first, last])).sum() > _BENT * np.linalg.norm(last - first):
             return False
-        if len(part) > 2:
-            half = len(part) // 2
-            return passes(part[: half + 1]) or passes(part[half:])
+        if len(part) == 2:
+            if not depth or (any(at_end) and 2 * depth <= _EXCLUDED):
+                return not any(at_end)
+            depth -= 1
+            middle = mechanism.close(mechanism.interpolate(part[0], part[1], _ASIDE))
+            part = np.array([part[0], middle, part[1]])
+        half = len(part) // 2
+        between = rows.of(part[half])
+        return passes(part[: half + 1], first, between, depth, (at_end[0], False)) or passes(
+            part[half:], between, last, depth, (False, at_end[1])
+        )
 
-        def between(x: float) -> Array:
-            if x in (0.0, 1.0):
-                return np.asarray(part[int(x)])
-            return mechanism.close(mechanism.interpolate(part[0], part[1], x))
-
-        try:
-            return any(True for _ in crossings(rows, between))
-        except ClosureError:  # only at a singularity
-            return True
-
-    return passes(path)
+    first, last = rows.of(path[0]), rows.of(path[-1])
+    try:
+        return passes(path, first, last, _EXCLUDED, (rows.is_singular(first), rows.is_singular(last)))
+    except ClosureError:  # only at a singularity
+        return True
 
 
 def _alignment(a: Array, b: Array, rank: int) -> tuple[float, bool]:

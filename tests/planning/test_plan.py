@@ -14,6 +14,7 @@ from example_robots import PANDA, PANDA_READY, load
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from paths import along
+from small_robots import parallelogram
 from urdf_text import UrdfJoint, urdf_text
 
 import cinegen
@@ -251,6 +252,27 @@ def test_what_is_missing_or_given_twice_is_reported(arm):
 
 
 FURTHEST = 0.15  # rad and characteristic lengths: between two configurations of a motion
+
+
+@pytest.mark.parametrize(
+    ("begin", "end", "is_clear"), [(60, 80, True), (60, 119, False), (60, 120, False), (90, 120, True)]
+)
+def test_a_parallelogram_is_not_led_through_its_flat_configuration(begin, end, is_clear):
+    """All its bars are in line at 90 degrees, exactly in the middle of one motion; it may begin there."""
+    mechanism = cinegen.load(parallelogram())
+    ends = (mechanism.configuration({"drive": a, "pin": -a, "swing": a}) for a in np.radians([begin, end]))
+    assert (clear_motion(Clearance(mechanism, [], []), *ends, 0.0) is not None) == is_clear
+
+
+@pytest.mark.parametrize(("before", "after"), [(10.0, 10.0), (0.1, 3.0), (0.04, 0.06)])
+def test_a_parallelogram_is_not_led_to_its_other_branch(before, after):
+    """Where they cross, at 90 degrees, its determinant keeps its sign. With cranks of 1 and bars of 2, tan(b / 2) = -3
+    tan(a / 2) is the other branch."""
+    mechanism, a = cinegen.load(parallelogram()), math.radians(after)
+    b, flat = -2.0 * math.atan(3.0 * math.tan(0.5 * a)), np.array([0.5, -0.5, 0.5]) * math.pi
+    begin, end = flat - math.radians(before) * np.array([1.0, -1.0, 1.0]), flat + np.array([a, b, b])
+    assert mechanism.closure(end) < 1e-12
+    assert clear_motion(Clearance(mechanism, [], []), begin, end, 0.0) is None
 
 
 def test_a_motion_ends_where_it_should_and_keeps_the_sign_of_the_determinant(root):
