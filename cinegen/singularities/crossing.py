@@ -157,35 +157,36 @@ def passes_type_2(mechanism: Mechanism, path: Array) -> bool:
 
     The smallest singular value of the passive joints must not vanish: it can't between two matrices that are much
     nearer to each other than to a singular one (Weyl's inequality). Where that does not exclude it, the path is
-    divided, first at its configurations. An unchanged sign would not do: where two branches cross, a path that goes
-    over to the other one keeps it. Ends that are singular themselves are not passed.
+    divided. An unchanged sign would not do: where two branches cross, a path that goes over to the other one keeps it.
+    Ends that are singular themselves are not passed.
 
     Args:
         mechanism: robot.
         path: (n, nq) configurations, loops closed; the loops are closed between two, as near to straight as possible.
     """
-    if not mechanism.is_constrained or not mechanism.structure.passive_rank or len(path) < 2:
+    if not mechanism.is_constrained or not mechanism.structure.passive_rank:
         return False
     rows = of_passive_joints(mechanism)
 
-    def passes(part: Array, first: Array, last: Array, depth: int, at_end: tuple[bool, bool]) -> bool:
+    def passes(a: Array, b: Array, first: Array, last: Array, depth: int, at_end: tuple[bool, bool]) -> bool:
         if rows.sigma(np.array([first, last])).sum() > _BENT * np.linalg.norm(last - first):
             return False
-        if len(part) == 2:
-            if not depth or (any(at_end) and 2 * depth <= _EXCLUDED):
-                return not any(at_end)
-            depth -= 1
-            middle = mechanism.close(mechanism.interpolate(part[0], part[1], _ASIDE))
-            part = np.array([part[0], middle, part[1]])
-        half = len(part) // 2
-        between = rows.of(part[half])
-        return passes(part[: half + 1], first, between, depth, (at_end[0], False)) or passes(
-            part[half:], between, last, depth, (False, at_end[1])
+        if not depth or (any(at_end) and 2 * depth <= _EXCLUDED):
+            return not any(at_end)
+        middle = mechanism.close(mechanism.interpolate(a, b, _ASIDE))
+        between = rows.of(middle)
+        return passes(a, middle, first, between, depth - 1, (at_end[0], False)) or passes(
+            middle, b, between, last, depth - 1, (False, at_end[1])
         )
 
-    first, last = rows.of(path[0]), rows.of(path[-1])
+    def passes_step(k: int) -> bool:
+        first, last = matrices[k], matrices[k + 1]
+        at_end = k == 0 and rows.is_singular(first), k == len(path) - 2 and rows.is_singular(last)
+        return passes(path[k], path[k + 1], first, last, _EXCLUDED, at_end)
+
+    matrices = [rows.of(q) for q in path]
     try:
-        return passes(path, first, last, _EXCLUDED, (rows.is_singular(first), rows.is_singular(last)))
+        return any(passes_step(k) for k in range(len(path) - 1))
     except ClosureError:  # only at a singularity
         return True
 

@@ -255,10 +255,12 @@ FURTHEST = 0.15  # rad and characteristic lengths: between two configurations of
 
 
 @pytest.mark.parametrize(
-    ("begin", "end", "is_clear"), [(60, 80, True), (60, 119, False), (60, 120, False), (90, 120, True)]
+    ("begin", "end", "is_clear"),
+    [(60, 80, True), (60, 119, False), (60, 120, False), (60, 420, False), (90, 120, True)],
 )
 def test_a_parallelogram_is_not_led_through_its_flat_configuration(begin, end, is_clear):
-    """All its bars are in line at 90 degrees, exactly in the middle of one motion; it may begin there."""
+    """All its bars are in line at 90 degrees, exactly in the middle of one motion. It may begin there;
+    a whole revolution ends where it began."""
     mechanism = cinegen.load(parallelogram())
     ends = (mechanism.configuration({"drive": a, "pin": -a, "swing": a}) for a in np.radians([begin, end]))
     assert (clear_motion(Clearance(mechanism, [], []), *ends, 0.0) is not None) == is_clear
